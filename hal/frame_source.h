@@ -1,0 +1,36 @@
+// Frames in time order, from a camera, a folder or a recording.
+#pragma once
+
+#include <cstdint>
+
+#include "hal/camera_calibration.h"
+#include "hal/core/status.h"
+#include "hal/core/time.h"
+#include "hal/core/views.h"
+
+namespace haustra {
+
+struct Frame {
+  std::uint32_t index = 0;  // position in the source, counted after decimation; gaps are frames that were lost
+  TimePoint timestamp;      // capture time, strictly increasing
+  ImageView image;          // valid until the next call of Next() on its source
+};
+
+// thread-bound(the reader).
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+
+  // What the frames look like; constant over the life of the source.
+  virtual const CameraCalibration& calibration() const = 0;
+  // Number of frames, or 0 when it is not known (live camera).
+  virtual std::uint32_t num_frames() const = 0;
+  // 255 where the scope's window shows the scene, 0 elsewhere; empty view when there is no static mask.
+  virtual ImageView static_mask() const = 0;
+
+  // The next frame. kNotFound: the sequence is over. kDataLoss: this frame is damaged (the message says where); the
+  // next call goes on after it. kDeadlineExceeded, kUnavailable: none came, device gone.
+  virtual Result<Frame> Next(TimePoint deadline) = 0;
+};
+
+}  // namespace haustra

@@ -1,0 +1,206 @@
+// The accelerator as the engine sees it: SIFT extraction into feature sets that stay on the device, brute-force
+// matching and guided matching on them. Two implementations, kernels/cpu and kernels/cuda, and a scripted fake in
+// hal/fakes.
+//
+// Asynchronous by contract: Enqueue* checks its arguments, queues the work on a lane and returns a ticket; Wait blocks
+// until the work is done or the deadline is over. Work on one lane runs in order. Buffers named in a request (inputs
+// and outputs) belong to the caller and must stay as they are until Wait has returned ok for its ticket.
+//
+// A feature set is written once, by the extraction into it, and is immutable from then until its release; so any number
+// of matching requests on any lane may read it. Whoever releases a set makes sure that no queued work uses it. A stale
+// or invalid handle is refused by Enqueue* (kInvalidArgument); a stale DescriptorRef inside a list never matches.
+//
+// thread-safe: one thread a lane. rt-safe after construction: no allocation, no blocking but in Wait.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "hal/core/handle.h"
+#include "hal/core/status.h"
+#include "hal/core/time.h"
+#include "hal/core/views.h"
+
+namespace haustra {
+
+inline constexpr int kDescriptorBytes = 128;
+
+struct FeatureSetTag;
+using FeatureSetHandle = Handle<FeatureSetTag>;
+
+// A detected point, in pixels of the input image (pixel centres at integers).
+struct Keypoint {
+  float x_px = 0.0f;
+  float y_px = 0.0f;
+  float scale_px = 0.0f;    // SIFT scale: standard deviation of the blur at which the point was found, input pixels
+  float angle_rad = 0.0f;   // dominant orientation, [0, 2 pi)
+  float response = 0.0f;    // |DoG| at the refined extremum
+  std::int32_t octave = 0;  // 0: input resolution
+};
+
+// One descriptor inside a set.
+struct DescriptorRef {
+  FeatureSetHandle set;
+  std::int32_t feature_idx = -1;
+};
+
+// Descriptors to match: a whole set (set), a part of it (set and indices), or any mixture (refs).
+// In the results, positions count within the list: feature index for a whole set, position in the span otherwise.
+struct DescriptorList {
+  FeatureSetHandle set;
+  std::span<const std::int32_t> indices;  // empty: the whole set
+  std::span<const DescriptorRef> refs;    // not empty: used instead of set and indices
+  bool use_indices = false;               // true: `indices` holds even when it is empty
+
+  static DescriptorList Whole(FeatureSetHandle set) { return {set, {}, {}, false}; }
+  static DescriptorList Subset(FeatureSetHandle set, std::span<const std::int32_t> indices) {
+    return {set, indices, {}, true};
+  }
+  static DescriptorList Gather(std::span<const DescriptorRef> refs) { return {{}, {}, refs, false}; }
+};
+
+// Similarity is the cosine of the two descriptors, in [0, 1]. The ratio test is on angles:
+// acos(best) <= max_angle_ratio * acos(second), so one threshold means the same at every similarity.
+struct MatchOptions {
+  float min_similarity = 0.0f;
+  float max_angle_ratio = 1.0f;  // 1: no ratio test
+  bool mutual = false;           // keep only pairs that are each other's best (ties: lowest position)
+};
+
+// Only pairs whose keypoints are at most this far apart. Both lists must come from whole sets or subsets.
+struct DisparityWindow {
+  float max_dx_px = 0.0f;
+  float max_dy_px = 0.0f;
+};
+
+// Only pairs that satisfy the epipolar constraint, on unit bearings (x, y, z) of both lists, indexed by feature (not by
+// position in the list): |b_train . (E b_query)| / |E b_query| <= train_tolerance[train feature], and likewise for the
+// query with E^T and query_tolerance. Tolerances are sines of angles. E row-major.
+struct EpipolarGate {
+  std::array<float, 9> train_from_query_essential{};
+  std::span<const std::array<float, 3>> query_bearings;
+  std::span<const std::array<float, 3>> train_bearings;
+  std::span<const float> query_tolerance;
+  std::span<const float> train_tolerance;
+};
+
+struct Match {
+  std::int32_t query = -1;  // position in the query list
+  std::int32_t train = -1;  // position in the train list
+  float similarity = 0.0f;
+  float second_similarity = 0.0f;  // best similarity of any other admissible train descriptor, 0 if none
+};
+
+enum class Lane : std::uint8_t {
+  kTracking = 0,    // high priority
+  kBackground = 1,  // mapping and merging
+  kNumLanes = 2,
+};
+
+struct Ticket {
+  std::uint64_t value = 0;
+};
+
+struct ExtractRequest {
+  ImageView image;       // grey or BGR; size at most the plan's
+  FeatureSetHandle set;  // receives keypoints and descriptors
+  // Host copy of the keypoints, at least max_features long; sorted by (octave, y, x, angle).
+  std::span<Keypoint> keypoints;
+  std::int32_t* num_keypoints = nullptr;
+};
+
+struct MatchRequest {
+  DescriptorList query;
+  DescriptorList train;
+  MatchOptions options;
+  const DisparityWindow* disparity = nullptr;  // optional
+  const EpipolarGate* epipolar = nullptr;      // optional
+  // Accepted matches in order of query position; at least as long as the query list.
+  std::span<Match> matches;
+  std::int32_t* num_matches = nullptr;
+};
+
+// A projected map point: where in the image it should be, and what it should look like.
+struct GuidedQuery {
+  DescriptorRef descriptor;
+  float x_px = 0.0f;
+  float y_px = 0.0f;
+  float radius_px = 0.0f;
+  float min_scale_px = 0.0f;  // only keypoints with min <= scale <= max
+  float max_scale_px = 0.0f;
+};
+
+// Each query against the keypoints of `train` inside its window. The ratio test compares with the second best inside
+// the window. When several queries choose one keypoint, the most similar keeps it (ties: lowest query).
+struct GuidedMatchRequest {
+  std::span<const GuidedQuery> queries;
+  FeatureSetHandle train;
+  // Optional, indexed by feature of `train`: keypoints with a zero are left out.
+  std::span<const std::uint8_t> train_allowed;
+  MatchOptions options;  // mutual is ignored
+  std::span<Match> matches;
+  std::int32_t* num_matches = nullptr;
+};
+
+struct VisionPlan {
+  int max_width_px = 0;
+  int max_height_px = 0;
+  int max_features = 2000;  // per set
+  int max_feature_sets = 64;
+  int max_match_list = 8192;  // longest query or train list of refs, longest guided query list
+};
+
+// What the extractor does; one for the life of the device. Lowe 2004; system.md 2.
+struct ExtractOptions {
+  int num_features = 2000;          // [1, plan.max_features]
+  float contrast_threshold = 0.0f;  // minimum |DoG| response on intensities in [0, 1]; 0: the device's default
+  float edge_threshold = 10.0f;     // ratio of principal curvatures
+  int reflection_threshold = 245;   // grey values at or above are reflections; 256: none
+  int border_threshold = 12;        // the dark surround of the scope's window; 0: none
+  int mask_dilation_px = 4;         // at octave 0, doubled at each coarser octave
+  bool root_sift = false;           // Arandjelovic 2012
+};
+
+// thread-safe: one thread a lane (see above).
+class VisionDevice {
+ public:
+  virtual ~VisionDevice() = default;
+
+  virtual std::string_view name() const = 0;
+  virtual const VisionPlan& plan() const = 0;
+
+  // 255: scene, 0: outside; kept by the device and joined with the masks of each frame. Empty view: none.
+  // Not rt-safe; call before the first extraction. kInvalidArgument: larger than the plan.
+  virtual Status SetStaticMask(ImageView mask) = 0;
+
+  // An empty set. kCapacityExceeded when all are in use. thread-safe.
+  virtual Result<FeatureSetHandle> CreateFeatureSet() = 0;
+  // Stale handles are ignored. thread-safe.
+  virtual void ReleaseFeatureSet(FeatureSetHandle set) = 0;
+  virtual std::int32_t num_free_feature_sets() const = 0;
+
+  // kInvalidArgument: shape, size, stale handle. kCapacityExceeded: list too long. kUnavailable: device lost.
+  virtual Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) = 0;
+  virtual Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) = 0;
+  virtual Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) = 0;
+
+  // kDeadlineExceeded: not done yet (wait again before touching the buffers). kUnavailable: device lost.
+  virtual Status Wait(Ticket ticket, TimePoint deadline) = 0;
+
+  // Copies descriptors to the host (saving an atlas, tests). Blocks; not rt-safe. out: N x 128 u8, row-major.
+  virtual Status ReadDescriptors(FeatureSetHandle set, std::span<std::uint8_t> out) = 0;
+  // Fills an empty set from the host (loading an atlas, tests): N keypoints, N x 128 u8. Blocks; not rt-safe.
+  virtual Status WriteFeatures(FeatureSetHandle set, std::span<const Keypoint> keypoints,
+                               std::span<const std::uint8_t> descriptors) = 0;
+};
+
+// Shorthand for callers that have nothing to do meanwhile.
+Status ExtractAndWait(VisionDevice& device, Lane lane, const ExtractRequest& request, TimePoint deadline = kNoDeadline);
+Status MatchAndWait(VisionDevice& device, Lane lane, const MatchRequest& request, TimePoint deadline = kNoDeadline);
+Status GuidedMatchAndWait(VisionDevice& device, Lane lane, const GuidedMatchRequest& request,
+                          TimePoint deadline = kNoDeadline);
+
+}  // namespace haustra

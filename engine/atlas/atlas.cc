@@ -1,0 +1,256 @@
+#include "engine/atlas/atlas.h"
+
+#include <algorithm>
+
+namespace haustra {
+
+Atlas::Atlas(const Capacity& capacity)
+    : keyframes_(static_cast<std::uint32_t>(capacity.max_keyframes)),
+      points_(static_cast<std::uint32_t>(capacity.max_map_points)),
+      maps_(static_cast<std::uint32_t>(capacity.max_maps)),
+      traces_(static_cast<std::size_t>(capacity.max_keyframe_ids)),
+      max_features_(capacity.max_features),
+      shared_counts_(static_cast<std::size_t>(capacity.max_keyframes), 0) {}
+
+MapHandle Atlas::CreateMap() {
+  const MapHandle handle = maps_.Insert();
+  if (!handle) return handle;
+  Map& map = maps_.At(handle);
+  map = Map{};
+  map.id = next_map_id_++;
+  return handle;
+}
+
+void Atlas::DropMap(MapHandle handle, std::vector<FeatureSetHandle>* released) {
+  Map& map = maps_.At(handle);
+  points_.ForEach([&](MapPointHandle point, MapPoint& value) {
+    if (value.map == handle) points_.Release(point);
+  });
+  for (const KeyframeHandle keyframe : map.keyframes) {
+    released->push_back(keyframes_.At(keyframe).features.set);
+    traces_[keyframes_.At(keyframe).id].stand_in = kNoId;
+    keyframes_.Release(keyframe);
+  }
+  map.keyframes.clear();
+  map.num_points = 0;
+  map.status = MapStatus::kDropped;
+}
+
+KeyframeHandle Atlas::AddKeyframe(MapHandle map, std::uint32_t frame_index, TimePoint timestamp,
+                                  const SE3& cam_from_map, const FrameFeatures& features) {
+  HAUSTRA_CHECK(features.num <= max_features_);
+  if (next_keyframe_id_ >= traces_.size()) return {};
+  const KeyframeHandle handle = keyframes_.Insert();
+  if (!handle) return handle;
+  Keyframe& keyframe = keyframes_.At(handle);
+  if (keyframe.points.empty()) {
+    keyframe.features = FrameFeatures(max_features_);
+    keyframe.points.resize(static_cast<std::size_t>(max_features_));
+  }
+  keyframe.id = next_keyframe_id_++;
+  keyframe.frame_index = frame_index;
+  keyframe.timestamp = timestamp;
+  keyframe.map = map;
+  keyframe.cam_from_map = cam_from_map;
+  keyframe.features.set = features.set;
+  keyframe.features.num = features.num;
+  std::copy_n(features.keypoints.begin(), features.num, keyframe.features.keypoints.begin());
+  std::copy_n(features.bearings.begin(), features.num, keyframe.features.bearings.begin());
+  std::fill(keyframe.points.begin(), keyframe.points.end(), MapPointHandle{});
+  keyframe.num_points = 0;
+  traces_[keyframe.id] = KeyframeTrace{.frame_index = frame_index, .keyframe = handle};
+  maps_.At(map).keyframes.push_back(handle);
+  return handle;
+}
+
+FeatureSetHandle Atlas::RemoveKeyframe(KeyframeHandle handle, KeyframeHandle stand_in) {
+  Keyframe& keyframe = keyframes_.At(handle);
+  const Keyframe& other = keyframes_.At(stand_in);
+  for (int i = 0; i < keyframe.features.num; ++i) {
+    const MapPointHandle point = keyframe.points[i];
+    if (point && RemoveObservation(point, handle)) {
+      // The descriptor must not name a set that goes away.
+      if (points_.At(point).descriptor.set == keyframe.features.set) UpdatePoint(point);
+    }
+  }
+  KeyframeTrace& trace = traces_[keyframe.id];
+  trace.stand_in = other.id;
+  trace.cam_from_stand_in = keyframe.cam_from_map * other.cam_from_map.Inverse();
+  trace.stand_in_scale = traces_[other.id].scale;
+  std::vector<KeyframeHandle>& list = maps_.At(keyframe.map).keyframes;
+  list.erase(std::find(list.begin(), list.end(), handle));
+  const FeatureSetHandle set = keyframe.features.set;
+  keyframes_.Release(handle);
+  return set;
+}
+
+MapPointHandle Atlas::AddPoint(MapHandle map, const Eigen::Vector3d& position, KeyframeId made_by) {
+  const MapPointHandle handle = points_.Insert();
+  if (!handle) return handle;
+  MapPoint& point = points_.At(handle);
+  point.id = next_point_id_++;
+  point.map = map;
+  point.position = position;
+  point.normal.setZero();
+  point.scale_times_distance = 0.0;
+  point.descriptor = DescriptorRef{};
+  point.observations.Clear();
+  point.first_keyframe_id = made_by;
+  point.num_visible = 0;
+  ++maps_.At(map).num_points;
+  return handle;
+}
+
+void Atlas::RemovePoint(MapPointHandle handle) {
+  MapPoint& point = points_.At(handle);
+  for (const Observation& observation : point.observations) {
+    Keyframe& keyframe = keyframes_.At(observation.keyframe);
+    keyframe.points[observation.feature_idx] = MapPointHandle{};
+    --keyframe.num_points;
+  }
+  --maps_.At(point.map).num_points;
+  points_.Release(handle);
+}
+
+std::int32_t Atlas::FeatureOf(const MapPoint& point, KeyframeHandle keyframe) const {
+  for (const Observation& observation : point.observations) {
+    if (observation.keyframe == keyframe) return observation.feature_idx;
+  }
+  return -1;
+}
+
+bool Atlas::AddObservation(MapPointHandle handle, KeyframeHandle keyframe_handle, std::int32_t feature_idx) {
+  MapPoint& point = points_.At(handle);
+  Keyframe& keyframe = keyframes_.At(keyframe_handle);
+  if (keyframe.points[feature_idx] || FeatureOf(point, keyframe_handle) >= 0) return false;
+  if (!point.observations.PushBack({keyframe_handle, feature_idx})) {
+    ++num_refused_observations_;
+    return false;
+  }
+  keyframe.points[feature_idx] = handle;
+  ++keyframe.num_points;
+  return true;
+}
+
+bool Atlas::RemoveObservation(MapPointHandle handle, KeyframeHandle keyframe_handle) {
+  MapPoint& point = points_.At(handle);
+  for (std::size_t i = 0; i < point.observations.size(); ++i) {
+    if (point.observations[i].keyframe != keyframe_handle) continue;
+    Keyframe& keyframe = keyframes_.At(keyframe_handle);
+    keyframe.points[point.observations[i].feature_idx] = MapPointHandle{};
+    --keyframe.num_points;
+    point.observations.SwapErase(i);
+    break;
+  }
+  if (point.observations.size() < 2) {
+    RemovePoint(handle);
+    return false;
+  }
+  return true;
+}
+
+void Atlas::FusePoints(MapPointHandle from, MapPointHandle into) {
+  MapPoint& source = points_.At(from);
+  const FixedVector<Observation, kMaxObservations> observations = source.observations;
+  const int num_visible = source.num_visible;
+  RemovePoint(from);
+  for (const Observation& observation : observations) {
+    AddObservation(into, observation.keyframe, observation.feature_idx);
+  }
+  MapPoint& target = points_.At(into);
+  target.num_visible = std::max(target.num_visible, num_visible);
+  UpdatePoint(into);
+}
+
+void Atlas::UpdatePoint(MapPointHandle handle) {
+  MapPoint& point = points_.At(handle);
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  std::array<double, kMaxObservations> sizes;
+  std::size_t num = 0;
+  for (const Observation& observation : point.observations) {
+    const Keyframe& keyframe = keyframes_.At(observation.keyframe);
+    const Eigen::Vector3d to_camera = keyframe.cam_from_map.InverseTranslation() - point.position;
+    const double distance = to_camera.norm();
+    if (distance <= 0) continue;
+    sum += to_camera / distance;
+    sizes[num++] = keyframe.features.keypoints[observation.feature_idx].scale_px * distance;
+  }
+  if (num == 0) return;
+  if (sum.norm() > 0) point.normal = sum.normalized();
+  std::nth_element(sizes.begin(), sizes.begin() + num / 2, sizes.begin() + num);
+  point.scale_times_distance = sizes[num / 2];
+  // The newest view stands for the point: appearance under a moving light ages.
+  const Observation* newest = point.observations.begin();
+  for (const Observation& observation : point.observations) {
+    if (keyframes_.At(observation.keyframe).id > keyframes_.At(newest->keyframe).id) newest = &observation;
+  }
+  point.descriptor = {keyframes_.At(newest->keyframe).features.set, newest->feature_idx};
+}
+
+void Atlas::FindCovisible(KeyframeHandle handle, int min_shared, std::vector<Covisible>* out) const {
+  out->clear();
+  std::fill(shared_counts_.begin(), shared_counts_.end(), 0);
+  const Keyframe& keyframe = keyframes_.At(handle);
+  for (int i = 0; i < keyframe.features.num; ++i) {
+    if (!keyframe.points[i]) continue;
+    for (const Observation& observation : points_.At(keyframe.points[i]).observations) {
+      if (observation.keyframe == handle) continue;
+      if (shared_counts_[observation.keyframe.index]++ == 0) out->push_back({observation.keyframe, 0});
+    }
+  }
+  for (Covisible& covisible : *out) covisible.num_shared = shared_counts_[covisible.keyframe.index];
+  std::erase_if(*out, [&](const Covisible& c) { return c.num_shared < min_shared; });
+  std::sort(out->begin(), out->end(), [&](const Covisible& a, const Covisible& b) {
+    if (a.num_shared != b.num_shared) return a.num_shared > b.num_shared;
+    return keyframes_.At(a.keyframe).id < keyframes_.At(b.keyframe).id;
+  });
+}
+
+bool Atlas::Resolve(KeyframeId reference, const SE3& cam_from_reference, double reference_scale,
+                    ResolvedPose* out) const {
+  SE3 cam_from_keyframe = cam_from_reference;
+  double scale = reference_scale;
+  KeyframeId id = reference;
+  while (id != kNoId && id < next_keyframe_id_) {
+    const KeyframeTrace& trace = traces_[id];
+    if (const Keyframe* keyframe = keyframes_.Get(trace.keyframe); keyframe != nullptr && keyframe->id == id) {
+      cam_from_keyframe.translation *= trace.scale / scale;
+      out->map_id = maps_.At(keyframe->map).id;
+      out->cam_from_map = cam_from_keyframe * keyframe->cam_from_map;
+      return true;
+    }
+    // trace.scale of a culled keyframe stopped changing when it was culled, as stand_in_scale records.
+    cam_from_keyframe.translation *= trace.scale / scale;
+    cam_from_keyframe = cam_from_keyframe * trace.cam_from_stand_in;
+    scale = trace.stand_in_scale;
+    id = trace.stand_in;
+  }
+  return false;
+}
+
+KeyframeHandle Atlas::FindById(KeyframeId id) const {
+  while (id != kNoId && id < next_keyframe_id_) {
+    const KeyframeTrace& trace = traces_[id];
+    if (const Keyframe* keyframe = keyframes_.Get(trace.keyframe); keyframe != nullptr && keyframe->id == id) {
+      return trace.keyframe;
+    }
+    id = trace.stand_in;
+  }
+  return {};
+}
+
+void Atlas::TransformMap(MapHandle handle, const Sim3& new_from_old) {
+  for (const KeyframeHandle keyframe_handle : maps_.At(handle).keyframes) {
+    Keyframe& keyframe = keyframes_.At(keyframe_handle);
+    keyframe.cam_from_map = TransformPose(keyframe.cam_from_map, new_from_old);
+    traces_[keyframe.id].scale *= new_from_old.scale;
+  }
+  points_.ForEach([&](MapPointHandle, MapPoint& point) {
+    if (point.map != handle) return;
+    point.position = new_from_old * point.position;
+    point.normal = new_from_old.rotation * point.normal;
+    point.scale_times_distance *= new_from_old.scale;
+  });
+}
+
+}  // namespace haustra

@@ -1,0 +1,170 @@
+// The atlas: all maps with their keyframes and map points, in pools of fixed size, joined by handles.
+// Every connection is kept in both directions (keyframe.points and point.observations) by the methods of Atlas alone.
+// Covisibility is counted from the observations when it is asked for, so it can never be out of date.
+// thread-bound(mapping): the one writer; everybody else reads LocalMap snapshots (local_map.h).
+// Lengths are map units (monocular scale, no metric meaning). Source: Campos et al. 2021 for the entities,
+// system.md 10.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/atlas/frame_features.h"
+#include "engine/atlas/handles.h"
+#include "engine/geometry/sim3.h"
+#include "hal/core/fixed_vector.h"
+#include "hal/core/slot_pool.h"
+#include "hal/core/time.h"
+#include "hal/vision_device.h"
+
+namespace haustra {
+
+struct Observation {
+  KeyframeHandle keyframe;
+  std::int32_t feature_idx = -1;
+};
+
+// A full list refuses further observations (counted): forty views say where a point is.
+inline constexpr int kMaxObservations = 40;
+
+struct MapPoint {
+  std::uint32_t id = 0;
+  MapHandle map;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // map frame
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();    // mean direction from the point to its observers, unit
+  double scale_times_distance =
+      0.0;                   // keypoint scale (px) times distance: the size of what is seen, over the focal length
+  DescriptorRef descriptor;  // of the observation most like all others
+  FixedVector<Observation, kMaxObservations> observations;
+  KeyframeId first_keyframe_id = 0;  // keyframe whose insertion made it
+  int num_visible = 0;               // keyframes since then in which it should have been seen
+};
+
+struct Keyframe {
+  KeyframeId id = 0;
+  std::uint32_t frame_index = 0;
+  TimePoint timestamp;
+  MapHandle map;
+  SE3 cam_from_map;
+  FrameFeatures features;
+  std::vector<MapPointHandle> points;  // one a feature, invalid where there is none
+  int num_points = 0;
+};
+
+enum class MapStatus : std::uint8_t { kActive, kStored, kMerged, kDropped };
+
+// Stays in the table for the whole run; only active and stored maps hold keyframes.
+struct Map {
+  MapId id = 0;
+  MapStatus status = MapStatus::kActive;
+  MapId merged_into = kNoId;
+  std::vector<KeyframeHandle> keyframes;  // in order of insertion
+  int num_points = 0;
+};
+
+// Where a keyframe that was culled went: its pose relative to the neighbour that stands in for it.
+struct KeyframeTrace {
+  std::uint32_t frame_index = 0;
+  KeyframeHandle keyframe;      // alive, or stale and then:
+  KeyframeId stand_in = kNoId;  // follow this one (kNoId: its map was dropped)
+  SE3 cam_from_stand_in;
+  double stand_in_scale = 1.0;  // unit of that translation
+  double scale = 1.0;           // product of all scale changes of the keyframe's map so far (while alive)
+};
+
+struct ResolvedPose {
+  MapId map_id = kNoId;
+  SE3 cam_from_map;
+};
+
+struct Covisible {
+  KeyframeHandle keyframe;
+  int num_shared = 0;
+};
+
+class Atlas {
+ public:
+  struct Capacity {
+    int max_keyframes = 0;
+    int max_map_points = 0;
+    int max_maps = 0;
+    int max_keyframe_ids = 0;
+    int max_features = 0;
+  };
+
+  explicit Atlas(const Capacity& capacity);
+
+  // A new active map; an invalid handle when the pool is full.
+  MapHandle CreateMap();
+  // Removes all keyframes and points of the map; feature sets of its keyframes are appended to `released`.
+  void DropMap(MapHandle map, std::vector<FeatureSetHandle>* released);
+  Map& map(MapHandle handle) { return maps_.At(handle); }
+  const Map& map(MapHandle handle) const { return maps_.At(handle); }
+  const SlotPool<Map, MapTag>& maps() const { return maps_; }
+
+  // Copies features and takes over the feature set. Invalid handle when a pool is full.
+  KeyframeHandle AddKeyframe(MapHandle map, std::uint32_t frame_index, TimePoint timestamp, const SE3& cam_from_map,
+                             const FrameFeatures& features);
+  // Points that lose their last but one observation go too. `stand_in` takes over frames that refer to this keyframe.
+  // Returns the feature set, which the caller releases when no reader can hold a reference to it.
+  FeatureSetHandle RemoveKeyframe(KeyframeHandle handle, KeyframeHandle stand_in);
+  Keyframe* GetKeyframe(KeyframeHandle handle) { return keyframes_.Get(handle); }
+  const Keyframe* GetKeyframe(KeyframeHandle handle) const { return keyframes_.Get(handle); }
+  Keyframe& keyframe(KeyframeHandle handle) { return keyframes_.At(handle); }
+  const Keyframe& keyframe(KeyframeHandle handle) const { return keyframes_.At(handle); }
+  double KeyframeScale(KeyframeHandle handle) const { return traces_[keyframes_.At(handle).id].scale; }
+
+  // Invalid handle when the pool is full.
+  MapPointHandle AddPoint(MapHandle map, const Eigen::Vector3d& position, KeyframeId made_by);
+  void RemovePoint(MapPointHandle handle);
+  MapPoint* GetPoint(MapPointHandle handle) { return points_.Get(handle); }
+  const MapPoint* GetPoint(MapPointHandle handle) const { return points_.Get(handle); }
+  MapPoint& point(MapPointHandle handle) { return points_.At(handle); }
+  const MapPoint& point(MapPointHandle handle) const { return points_.At(handle); }
+
+  // False when the feature already has a point, the keyframe already observes the point, or the list is full.
+  bool AddObservation(MapPointHandle point, KeyframeHandle keyframe, std::int32_t feature_idx);
+  // Removes the connection; the point goes when fewer than two are left (returns false then).
+  bool RemoveObservation(MapPointHandle point, KeyframeHandle keyframe);
+  // Feature of the keyframe that observes the point, -1: none.
+  std::int32_t FeatureOf(const MapPoint& point, KeyframeHandle keyframe) const;
+  // Hands all observations of `from` to `into` (where the keyframe does not observe `into` yet) and removes `from`.
+  void FusePoints(MapPointHandle from, MapPointHandle into);
+  // Normal, size and descriptor from the observations; call after they or the poses changed.
+  void UpdatePoint(MapPointHandle handle);
+
+  // Keyframes that share at least `min_shared` points with this one, most first (ties: older first).
+  void FindCovisible(KeyframeHandle handle, int min_shared, std::vector<Covisible>* out) const;
+
+  // Final pose of a frame that was tracked relative to a keyframe: follows stand-ins and scale changes.
+  // False when its map was dropped.
+  bool Resolve(KeyframeId reference, const SE3& cam_from_reference, double reference_scale, ResolvedPose* out) const;
+  // Number of keyframe ids given so far, and the frame that each was made from.
+  KeyframeId num_keyframe_ids() const { return next_keyframe_id_; }
+  std::uint32_t FrameOfKeyframe(KeyframeId id) const { return traces_[id].frame_index; }
+  double ScaleOfKeyframe(KeyframeId id) const { return traces_[id].scale; }
+  // Handle of the keyframe with this id, or of the one that stands in for it; invalid when its map was dropped.
+  KeyframeHandle FindById(KeyframeId id) const;
+
+  // Moves a whole map into another frame of reference.
+  void TransformMap(MapHandle map, const Sim3& new_from_old);
+
+  const SlotPool<Keyframe, KeyframeTag>& keyframes() const { return keyframes_; }
+  const SlotPool<MapPoint, MapPointTag>& points() const { return points_; }
+  std::uint64_t num_refused_observations() const { return num_refused_observations_; }
+
+ private:
+  SlotPool<Keyframe, KeyframeTag> keyframes_;
+  SlotPool<MapPoint, MapPointTag> points_;
+  SlotPool<Map, MapTag> maps_;
+  std::vector<KeyframeTrace> traces_;  // by keyframe id
+  int max_features_;
+  KeyframeId next_keyframe_id_ = 0;
+  std::uint32_t next_point_id_ = 0;
+  MapId next_map_id_ = 0;
+  std::uint64_t num_refused_observations_ = 0;
+  mutable std::vector<int> shared_counts_;  // workspace of FindCovisible, by keyframe slot
+};
+
+}  // namespace haustra

@@ -1,0 +1,83 @@
+// An immutable picture of the part of the active map that tracking needs: the window of keyframes around the newest one
+// and their points. The mapper builds it (LocalMapBuilder) and publishes it through a LatestMailbox; the tracker reads
+// it without waiting. Fixed capacity. All poses and positions are in the frame of the map `map_id` as of `version`.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/atlas/atlas.h"
+#include "engine/atlas/handles.h"
+#include "engine/geometry/sim3.h"
+#include "hal/core/fixed_vector.h"
+
+namespace haustra {
+
+// As many as a point's mask has bits.
+inline constexpr int kMaxLocalKeyframes = 64;
+
+struct LocalKeyframe {
+  KeyframeHandle handle;
+  KeyframeId id = kNoId;
+  SE3 cam_from_map;
+  double scale = 1.0;                                  // of its map so far, see KeyframeTrace
+  int num_points = 0;                                  // in this snapshot
+  Eigen::Vector3d centroid = Eigen::Vector3d::Zero();  // of the points it sees, map frame
+};
+
+struct LocalPoint {
+  MapPointHandle handle;
+  Eigen::Vector3d position;
+  Eigen::Vector3d normal;
+  double scale_times_distance = 0.0;
+  DescriptorRef descriptor;
+  std::uint64_t keyframe_mask = 0;  // bit i: seen by keyframes[i]
+};
+
+// The map was moved: poses held in the old frame become TransformPose(pose, new_from_old) in map `map_id`.
+struct Reframing {
+  std::uint64_t sequence = 0;  // counts from 1
+  MapId old_map_id = kNoId;
+  MapId new_map_id = kNoId;
+  Sim3 new_from_old;
+};
+inline constexpr int kMaxReframings = 8;
+
+struct LocalMap {
+  LocalMap() = default;
+  explicit LocalMap(int max_points) : points(static_cast<std::size_t>(max_points)) {}
+
+  std::uint64_t version = 0;  // 0: nothing published yet
+  MapId map_id = kNoId;
+  // Answers to proposals of new maps: the one that founded this map, and the last one that was refused.
+  std::uint64_t founding_proposal = 0;
+  std::uint64_t refused_proposal = 0;
+  FixedVector<LocalKeyframe, kMaxLocalKeyframes> keyframes;  // the newest first
+  int num_points = 0;
+  std::vector<LocalPoint> points;                     // [0, num_points), in order of handle.index
+  FixedVector<Reframing, kMaxReframings> reframings;  // the latest ones, oldest first
+
+  // Position of the point in `points`, -1: not in this snapshot.
+  int Find(MapPointHandle handle) const;
+};
+
+// Fills `out` with the window around `centre`: its covisible keyframes, theirs, then keyframes that stand near and look
+// the same way; at most kMaxLocalKeyframes, and points of the nearest keyframes first until `out->points` is full.
+class LocalMapBuilder {
+ public:
+  explicit LocalMapBuilder(int max_keyframes, int max_map_points);
+
+  // Sets keyframes and points of `out`; the other fields are the caller's.
+  void Build(const Atlas& atlas, KeyframeHandle centre, LocalMap* out);
+
+ private:
+  void AddKeyframe(const Atlas& atlas, KeyframeHandle handle, LocalMap* out);
+  void AddPoints(const Atlas& atlas, LocalMap* out);
+
+  std::vector<std::uint8_t> has_keyframe_;  // by keyframe slot
+  std::vector<std::int32_t> point_slots_;   // by point slot: position in out->points, -1
+  std::vector<Covisible> covisible_;
+  std::vector<Covisible> second_ring_;
+};
+
+}  // namespace haustra

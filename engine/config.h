@@ -1,0 +1,107 @@
+// Every parameter of the engine, with default, unit, range and reason. platform/config binds them to the keys of the
+// configuration file (section.name); the presets in config/ say where and why they differ. Plain data.
+#pragma once
+
+#include <cstdint>
+
+#include "hal/core/status.h"
+
+namespace haustra {
+
+// What the extractor is asked for; the device keeps these for its life (hal/vision_device.h).
+struct FeatureConfig {
+  int max = 2000;                   // features a frame [100, 8000]; the paper's operating point
+  double contrast_threshold = 0.0;  // |DoG| on intensities in [0, 1]; 0: the extractor's own floor [0, 0.2]
+  double edge_threshold = 10.0;     // ratio of principal curvatures, Lowe 2004 section 4.1 [2, 50]
+  int reflection_threshold = 245;   // grey value from which a pixel is a specular reflection [1, 256]; 256: off
+  int border_threshold = 12;        // grey value up to which a dark border pixel is outside the scope [0, 128]
+  int mask_dilation_px = 4;         // safe distance around masked pixels in the finest octave [0, 32]
+  bool root_sift = false;           // Arandjelovic and Zisserman 2012
+};
+
+// Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint
+// (paper, Section III-F). Rigid phantom: k 1, sigma_0 0. Living tissue: k 2, sigma_0 5.
+struct NoiseConfig {
+  double k = 1.0;           // [0, 10]
+  double sigma_0_px = 1.0;  // [0, 20]
+  double SigmaPx(double scale_px) const { return k * scale_px + sigma_0_px; }
+};
+
+// Ratios are of angles (hal/vision_device.h).
+struct MatchingConfig {
+  double min_similarity = 0.7;       // cosine; below it two descriptors show different things [0, 1]
+  double guided_ratio = 0.9;         // guided search: geometry already excludes most impostors [0.1, 1]
+  double brute_force_ratio = 0.85;   // search without a prediction [0.1, 1]
+  double scale_tolerance = 1.8;      // factor by which a keypoint's scale may differ from its prediction [1.1, 4]
+  double max_view_angle_deg = 60.0;  // between the point's mean viewing direction and the current ray [10, 90]
+};
+
+struct InitialisationConfig {
+  double brute_force_ratio = 0.8;     // [0.1, 1]
+  double max_disparity_x_px = 120.0;  // the baseline is short (paper, Section III-D) [1, 4000]
+  double max_disparity_y_px = 120.0;
+  int min_matches = 60;           // below it the reference frame is renewed [10, 8000]
+  int min_points = 40;            // triangulated points [10, 8000]
+  double min_parallax_deg = 1.2;  // median over the points [0.05, 30]
+  double min_inlier_share = 0.5;  // inliers of the epipolar geometry over matches [0, 1]
+  double min_spread = 0.40;       // area of the ellipse fitted to the points over the image (paper: 0.59 ok, 0.35 not)
+  int max_reference_age_frames = 40;  // a reference older than this is renewed [1, 1000]
+};
+
+struct TrackingConfig {
+  double motion_radius_px = 16.0;   // search radius around the constant-velocity prediction [2, 200]
+  double wide_radius_factor = 3.0;  // second try when the first finds too few [1, 10]
+  int min_motion_matches = 20;      // below it: second try, then brute force [5, 1000]
+  int min_inliers = 15;             // a pose with fewer is not a pose [6, 1000]
+  int min_recovery_inliers = 20;    // a pose found by brute force needs more [6, 1000]
+  double max_jump_depth_ratio =
+      0.5;                     // tracked motion in one frame over the median depth: more is inconsistent [0.01, 10]
+  double max_jump_deg = 25.0;  // rotation in one frame [1, 180]
+};
+
+struct KeyframeConfig {
+  double min_tracked_ratio =
+      0.80;                     // tracked points over those of the reference keyframe: fewer asks for a keyframe [0, 1]
+  int min_spacing_frames = 2;   // [1, 1000]
+  int max_spacing_frames = 25;  // one second: a keyframe if the scope moved at all [1, 10000]
+  double min_parallax_deg = 3.0;  // motion since the last keyframe seen from the median point that asks for one [0, 90]
+  int low_inliers = 60;           // fewer tracked points than this ask for a keyframe at once [0, 10000]
+};
+
+struct MappingConfig {
+  int triangulation_neighbours = 8;   // best covisible keyframes a new one is matched with [1, 40]
+  double triangulation_ratio = 0.85;  // [0.1, 1]
+  double min_parallax_deg = 0.8;      // of a new point [0.01, 30]
+  double min_baseline_depth_ratio = 0.01;
+  int fuse_neighbours = 12;       // keyframes whose points are searched in the new one and back [1, 60]
+  int window_keyframes = 12;      // optimised by local bundle adjustment [2, 60]
+  int fixed_keyframes = 16;       // older ring that holds the gauge [0, 60]
+  int min_shared_points = 15;     // to be a covisible neighbour [1, 1000]
+  int bundle_iterations = 10;     // [1, 100]
+  int max_bundle_ms = 150;        // real-time mode only; sequential mode counts iterations [1, 10000]
+  double redundant_share = 0.90;  // a keyframe whose points are seen so much elsewhere is culled [0.5, 1]
+  int min_map_keyframes = 4;      // a map with fewer is dropped when it is lost [2, 100]
+};
+
+// Capacities, fixed at start-up.
+struct MemoryConfig {
+  int max_keyframes = 1500;      // over all maps (paper: 1 196 after a whole procedure) [16, 100000]
+  int max_map_points = 180000;   // over all maps (paper: 129 538) [1000, 10000000]
+  int max_maps = 256;            // [2, 10000]
+  int max_keyframe_ids = 20000;  // keyframes ever made in one run, culled ones included [100, 10000000]
+  int max_local_points = 8000;   // of a snapshot [500, 100000]
+};
+
+struct EngineConfig {
+  FeatureConfig features;
+  NoiseConfig noise;
+  MatchingConfig matching;
+  InitialisationConfig initialisation;
+  TrackingConfig tracking;
+  KeyframeConfig keyframes;
+  MappingConfig mapping;
+  MemoryConfig memory;
+  std::uint64_t seed = 1;
+};
+
+}  // namespace haustra

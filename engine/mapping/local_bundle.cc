@@ -1,0 +1,112 @@
+#include "engine/mapping/local_bundle.h"
+
+#include <algorithm>
+
+namespace haustra {
+
+LocalBundle::LocalBundle(const EngineConfig& config, const CameraModel& camera)
+    : config_(config),
+      camera_(camera),
+      pose_slots_(static_cast<std::size_t>(config.memory.max_keyframes), -1),
+      point_slots_(static_cast<std::size_t>(config.memory.max_map_points), -1),
+      ring_votes_(static_cast<std::size_t>(config.memory.max_keyframes), 0) {}
+
+Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, Atlas* atlas, const Clock* clock, TimePoint deadline) {
+  ChooseWindow(centre, *atlas);
+  FillProblem(*atlas);
+  BundleOptions options;
+  options.max_iterations = config_.mapping.bundle_iterations;
+  options.clock = clock;
+  options.deadline = deadline;
+  Result<BundleSummary> summary = AdjustBundle(camera_, options, &problem_);
+  if (summary.ok() && summary->usable) WriteBack(atlas);
+  for (const KeyframeHandle handle : poses_) pose_slots_[handle.index] = -1;
+  for (const MapPointHandle handle : points_) point_slots_[handle.index] = -1;
+  return summary;
+}
+
+void LocalBundle::ChooseWindow(KeyframeHandle centre, const Atlas& atlas) {
+  poses_.clear();
+  points_.clear();
+  poses_.push_back(centre);
+  pose_slots_[centre.index] = 0;
+  atlas.FindCovisible(centre, config_.mapping.min_shared_points, &covisible_);
+  for (const Covisible& covisible : covisible_) {
+    if (poses_.size() == static_cast<std::size_t>(config_.mapping.window_keyframes)) break;
+    pose_slots_[covisible.keyframe.index] = static_cast<std::int32_t>(poses_.size());
+    poses_.push_back(covisible.keyframe);
+  }
+  window_size_ = poses_.size();
+
+  // The ring: the keyframes outside that see most of the window's points.
+  std::vector<KeyframeHandle> ring;
+  for (std::size_t i = 0; i < window_size_; ++i) {
+    const Keyframe& keyframe = atlas.keyframe(poses_[i]);
+    for (int f = 0; f < keyframe.features.num; ++f) {
+      const MapPointHandle point = keyframe.points[f];
+      if (!point || point_slots_[point.index] >= 0) continue;
+      point_slots_[point.index] = static_cast<std::int32_t>(points_.size());
+      points_.push_back(point);
+      for (const Observation& observation : atlas.point(point).observations) {
+        if (pose_slots_[observation.keyframe.index] >= 0) continue;
+        if (ring_votes_[observation.keyframe.index]++ == 0) ring.push_back(observation.keyframe);
+      }
+    }
+  }
+  std::sort(ring.begin(), ring.end(), [&](KeyframeHandle a, KeyframeHandle b) {
+    const int votes_a = ring_votes_[a.index];
+    const int votes_b = ring_votes_[b.index];
+    return votes_a != votes_b ? votes_a > votes_b : atlas.keyframe(a).id < atlas.keyframe(b).id;
+  });
+  for (const KeyframeHandle handle : ring) ring_votes_[handle.index] = 0;
+  if (ring.size() > static_cast<std::size_t>(config_.mapping.fixed_keyframes)) {
+    ring.resize(static_cast<std::size_t>(config_.mapping.fixed_keyframes));
+  }
+  for (const KeyframeHandle handle : ring) {
+    pose_slots_[handle.index] = static_cast<std::int32_t>(poses_.size());
+    poses_.push_back(handle);
+  }
+}
+
+void LocalBundle::FillProblem(const Atlas& atlas) {
+  problem_.poses.clear();
+  problem_.points.clear();
+  problem_.observations.clear();
+  // Without a ring the oldest keyframe of the window holds the frame of reference.
+  std::size_t oldest = 0;
+  for (std::size_t i = 0; i < poses_.size(); ++i) {
+    const Keyframe& keyframe = atlas.keyframe(poses_[i]);
+    problem_.poses.push_back({keyframe.cam_from_map, i >= window_size_});
+    if (keyframe.id < atlas.keyframe(poses_[oldest]).id) oldest = i;
+  }
+  if (poses_.size() == window_size_) problem_.poses[oldest].is_fixed = true;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const MapPoint& point = atlas.point(points_[i]);
+    problem_.points.push_back({point.position, false});
+    for (const Observation& observation : point.observations) {
+      const std::int32_t pose = pose_slots_[observation.keyframe.index];
+      if (pose < 0) continue;
+      const FrameFeatures& features = atlas.keyframe(observation.keyframe).features;
+      problem_.observations.push_back({pose, static_cast<std::int32_t>(i), features.pixel(observation.feature_idx),
+                                       config_.noise.SigmaPx(features.keypoints[observation.feature_idx].scale_px),
+                                       false});
+    }
+  }
+}
+
+void LocalBundle::WriteBack(Atlas* atlas) {
+  for (std::size_t i = 0; i < window_size_; ++i) {
+    atlas->keyframe(poses_[i]).cam_from_map = problem_.poses[i].cam_from_world;
+  }
+  for (std::size_t i = 0; i < points_.size(); ++i) atlas->point(points_[i]).position = problem_.points[i].position;
+  for (const BundleObservation& observation : problem_.observations) {
+    if (!observation.is_outlier) continue;
+    const MapPointHandle point = points_[observation.point_idx];
+    if (atlas->GetPoint(point) != nullptr) atlas->RemoveObservation(point, poses_[observation.pose_idx]);
+  }
+  for (const MapPointHandle point : points_) {
+    if (atlas->GetPoint(point) != nullptr) atlas->UpdatePoint(point);
+  }
+}
+
+}  // namespace haustra

@@ -1,0 +1,39 @@
+// Local bundle adjustment: the newest keyframe, its best covisible ones and all their points move; older keyframes that
+// see those points hold the gauge. Writes the result back and takes out the observations that do not fit.
+// thread-bound(mapping).
+#pragma once
+
+#include <vector>
+
+#include "engine/atlas/atlas.h"
+#include "engine/camera/camera_model.h"
+#include "engine/config.h"
+#include "engine/optim/bundle_adjustment.h"
+
+namespace haustra {
+
+class LocalBundle {
+ public:
+  LocalBundle(const EngineConfig& config, const CameraModel& camera);
+
+  // `clock` and `deadline` bound the time in real-time mode; with kNoDeadline only iterations count.
+  Result<BundleSummary> Adjust(KeyframeHandle centre, Atlas* atlas, const Clock* clock, TimePoint deadline);
+
+ private:
+  void ChooseWindow(KeyframeHandle centre, const Atlas& atlas);
+  void FillProblem(const Atlas& atlas);
+  void WriteBack(Atlas* atlas);
+
+  const EngineConfig& config_;
+  const CameraModel& camera_;
+  BundleProblem problem_;
+  std::vector<KeyframeHandle> poses_;  // of problem_.poses: the window, then the fixed ring
+  std::size_t window_size_ = 0;
+  std::vector<MapPointHandle> points_;  // of problem_.points
+  std::vector<Covisible> covisible_;
+  std::vector<std::int32_t> pose_slots_;   // by keyframe slot: index in poses_, -1
+  std::vector<std::int32_t> point_slots_;  // by point slot: index in points_, -1
+  std::vector<int> ring_votes_;            // by keyframe slot: window points that it sees
+};
+
+}  // namespace haustra

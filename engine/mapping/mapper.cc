@@ -1,0 +1,319 @@
+#include "engine/mapping/mapper.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace haustra {
+namespace {
+
+constexpr int kFoundingIterations = 20;
+constexpr std::size_t kMaxEvents = 1024;
+// A young point is judged after it should have been seen in this many keyframes.
+constexpr int kTrialViews = 3;
+constexpr double kMinFoundShare = 0.25;
+constexpr int kObservationsToStay = 3;
+
+Atlas::Capacity CapacityOf(const EngineConfig& config) {
+  return {config.memory.max_keyframes, config.memory.max_map_points, config.memory.max_maps,
+          config.memory.max_keyframe_ids, config.features.max};
+}
+
+}  // namespace
+
+Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
+               const Clock* clock, bool is_time_boxed)
+    : config_(config),
+      camera_(camera),
+      device_(device),
+      link_(link),
+      clock_(clock),
+      is_time_boxed_(is_time_boxed && clock != nullptr),
+      atlas_(CapacityOf(config)),
+      builder_(config.memory.max_keyframes, config.memory.max_map_points),
+      creator_(config, camera, device),
+      fuser_(config, camera, device),
+      bundle_(config, camera),
+      events_(kMaxEvents),
+      is_candidate_(static_cast<std::size_t>(config.memory.max_map_points), 0) {}
+
+bool Mapper::Step() {
+  ReleaseRetired();
+  const KeyframeProposal* proposal = link_.proposals.Front();
+  if (proposal == nullptr) return false;
+  if (proposal->founds_map) {
+    FoundMap(*proposal);
+  } else {
+    InsertKeyframe(*proposal);
+  }
+  link_.proposals.Pop();
+  link_.num_pending.fetch_sub(1, std::memory_order_acq_rel);
+  return true;
+}
+
+void Mapper::FoundMap(const KeyframeProposal& proposal) {
+  if (!MakeFoundingBundle(proposal)) {
+    ++counters_.num_foundings_refused;
+    device_.ReleaseFeatureSet(proposal.reference.features.set);
+    device_.ReleaseFeatureSet(proposal.view.features.set);
+    Report(MapEventKind::kMapRefused, proposal.view, active_);
+    Publish(founding_proposal_, proposal.founding_id);
+    return;
+  }
+  RetireActiveMap(proposal);
+  active_ = atlas_.CreateMap();
+  if (!active_) {
+    device_.ReleaseFeatureSet(proposal.reference.features.set);
+    device_.ReleaseFeatureSet(proposal.view.features.set);
+    Publish(founding_proposal_, proposal.founding_id);
+    return;
+  }
+  // The unit of a new map is its median depth in the first view.
+  std::vector<double> depths;
+  for (const BundlePoint& point : founding_.points) depths.push_back(point.position.norm());
+  std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
+  const double unit = 1.0 / depths[depths.size() / 2];
+
+  SE3 second = founding_.poses[1].cam_from_world;
+  second.translation *= unit;
+  const KeyframeHandle reference = atlas_.AddKeyframe(active_, proposal.reference.frame_index,
+                                                      proposal.reference.timestamp, SE3{}, proposal.reference.features);
+  newest_ =
+      atlas_.AddKeyframe(active_, proposal.view.frame_index, proposal.view.timestamp, second, proposal.view.features);
+  if (!reference || !newest_) {
+    ++counters_.num_keyframes_refused;
+    return;
+  }
+  recent_points_.clear();
+  for (int i = 0; i < proposal.num_pairs; ++i) {
+    if (founding_.observations[2 * i].is_outlier || founding_.observations[2 * i + 1].is_outlier) continue;
+    const MapPointHandle point =
+        atlas_.AddPoint(active_, unit * founding_.points[i].position, atlas_.keyframe(newest_).id);
+    if (!point) break;
+    atlas_.AddObservation(point, reference, proposal.pairs[i].reference_feature);
+    if (!atlas_.AddObservation(point, newest_, proposal.pairs[i].feature)) {
+      atlas_.RemovePoint(point);
+      continue;
+    }
+    atlas_.UpdatePoint(point);
+    recent_points_.push_back(point);
+  }
+  counters_.num_keyframes += 2;
+  counters_.num_points_created += recent_points_.size();
+  founding_proposal_ = proposal.founding_id;
+  Report(MapEventKind::kMapCreated, proposal.view, active_);
+  Publish(founding_proposal_, 0);
+}
+
+// Adjusts both views and their points; false when what is left does not carry a map.
+bool Mapper::MakeFoundingBundle(const KeyframeProposal& proposal) {
+  founding_.poses.assign({{SE3{}, true}, {proposal.cam_from_reference, false}});
+  founding_.points.clear();
+  founding_.observations.clear();
+  for (int i = 0; i < proposal.num_pairs; ++i) {
+    const FoundingPair& pair = proposal.pairs[i];
+    founding_.points.push_back({pair.point_in_reference, false});
+    const Keypoint& a = proposal.reference.features.keypoints[pair.reference_feature];
+    const Keypoint& b = proposal.view.features.keypoints[pair.feature];
+    founding_.observations.push_back({0, i, {a.x_px, a.y_px}, config_.noise.SigmaPx(a.scale_px), false});
+    founding_.observations.push_back({1, i, {b.x_px, b.y_px}, config_.noise.SigmaPx(b.scale_px), false});
+  }
+  BundleOptions options;
+  options.max_iterations = kFoundingIterations;
+  const Result<BundleSummary> summary = AdjustBundle(camera_, options, &founding_);
+  if (!summary.ok() || !summary->usable) return false;
+  int num_good = 0;
+  for (int i = 0; i < proposal.num_pairs; ++i) {
+    if (!founding_.observations[2 * i].is_outlier && !founding_.observations[2 * i + 1].is_outlier) ++num_good;
+  }
+  return num_good >= config_.initialisation.min_points && num_good * 2 >= proposal.num_pairs;
+}
+
+// The map that was active is kept when it is worth it.
+void Mapper::RetireActiveMap(const KeyframeProposal& proposal) {
+  if (!active_) return;
+  Map& map = atlas_.map(active_);
+  if (static_cast<int>(map.keyframes.size()) >= config_.mapping.min_map_keyframes) {
+    map.status = MapStatus::kStored;
+    Report(MapEventKind::kMapStored, proposal.view, active_);
+    return;
+  }
+  Report(MapEventKind::kMapDropped, proposal.view, active_);
+  std::vector<FeatureSetHandle> sets;
+  atlas_.DropMap(active_, &sets);
+  for (const FeatureSetHandle set : sets) Retire(set);
+}
+
+void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
+  if (!active_ || atlas_.map(active_).id != proposal.map_id) {
+    Retire(proposal.view.features.set);
+    return;
+  }
+  const TimePoint start = Now();
+  const KeyframeHandle handle = atlas_.AddKeyframe(active_, proposal.view.frame_index, proposal.view.timestamp,
+                                                   proposal.cam_from_map, proposal.view.features);
+  if (!handle) {
+    ++counters_.num_keyframes_refused;
+    Retire(proposal.view.features.set);
+    return;
+  }
+  newest_ = handle;
+  ++counters_.num_keyframes;
+  for (int i = 0; i < proposal.view.features.num; ++i) {
+    const MapPointHandle point = proposal.points[i];
+    // Points that were culled or fused while the proposal waited are found again by the search below.
+    if (point && atlas_.GetPoint(point) != nullptr && atlas_.AddObservation(point, handle, i))
+      atlas_.UpdatePoint(point);
+  }
+  atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
+  CollectPoints(covisible_, config_.mapping.fuse_neighbours, &candidates_);
+  counters_.num_points_fused += fuser_.SearchInto(handle, candidates_, true, &atlas_);
+  CullPoints();
+  const TimePoint inserted = Now();
+
+  atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
+  created_.clear();
+  creator_.Create(handle, covisible_, &atlas_, &created_);
+  counters_.num_points_created += created_.size();
+  recent_points_.insert(recent_points_.end(), created_.begin(), created_.end());
+  const TimePoint made = Now();
+
+  // What the new keyframe brings is searched in its neighbours.
+  candidates_.clear();
+  const Keyframe& keyframe = atlas_.keyframe(handle);
+  for (int i = 0; i < keyframe.features.num; ++i) {
+    if (keyframe.points[i]) candidates_.push_back(keyframe.points[i]);
+  }
+  for (std::size_t i = 0; i < covisible_.size() && i < static_cast<std::size_t>(config_.mapping.fuse_neighbours); ++i) {
+    counters_.num_points_fused += fuser_.SearchInto(covisible_[i].keyframe, candidates_, false, &atlas_);
+  }
+  const TimePoint fused = Now();
+
+  const TimePoint deadline =
+      is_time_boxed_ ? fused + std::chrono::milliseconds(config_.mapping.max_bundle_ms) : kNoDeadline;
+  // A failed adjustment leaves the map as it was; the next keyframe tries again.
+  const Result<BundleSummary> bundle = bundle_.Adjust(handle, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
+  (void)bundle;
+  const TimePoint adjusted = Now();
+  CullKeyframes(handle);
+  Publish(founding_proposal_, 0);
+
+  counters_.insert_time += inserted - start;
+  counters_.create_time += made - inserted;
+  counters_.fuse_time += fused - made;
+  counters_.bundle_time += adjusted - fused;
+  counters_.cull_time += Now() - adjusted;
+}
+
+void Mapper::CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out) {
+  out->clear();
+  for (std::size_t k = 0; k < keyframes.size() && k < static_cast<std::size_t>(max_keyframes); ++k) {
+    const Keyframe& keyframe = atlas_.keyframe(keyframes[k].keyframe);
+    for (int i = 0; i < keyframe.features.num; ++i) {
+      const MapPointHandle point = keyframe.points[i];
+      if (!point || is_candidate_[point.index] != 0) continue;
+      is_candidate_[point.index] = 1;
+      out->push_back(point);
+    }
+  }
+  for (const MapPointHandle point : *out) is_candidate_[point.index] = 0;
+}
+
+// A young point must be found again in enough of the keyframes that should show it.
+void Mapper::CullPoints() {
+  std::size_t kept = 0;
+  for (const MapPointHandle handle : recent_points_) {
+    const MapPoint* point = atlas_.GetPoint(handle);
+    if (point == nullptr) continue;
+    const int num_observations = static_cast<int>(point->observations.size());
+    const int found_again = num_observations - 2;
+    if (num_observations > kObservationsToStay) continue;
+    if (point->num_visible >= kTrialViews && found_again < kMinFoundShare * point->num_visible) {
+      atlas_.RemovePoint(handle);
+      ++counters_.num_points_culled;
+      continue;
+    }
+    recent_points_[kept++] = handle;
+  }
+  recent_points_.resize(kept);
+}
+
+void Mapper::CullKeyframes(KeyframeHandle newest) {
+  atlas_.FindCovisible(newest, config_.mapping.min_shared_points, &covisible_);
+  const std::vector<KeyframeHandle>& all = atlas_.map(active_).keyframes;
+  for (const Covisible& covisible : covisible_) {
+    // The first keyframe holds the frame of reference, the last but one is what the tracker came from.
+    if (covisible.keyframe == all.front() || all.size() < 4 || covisible.keyframe == all[all.size() - 2]) continue;
+    if (!IsRedundant(covisible.keyframe)) continue;
+    // The neighbour that shares most points takes over the frames that were tracked against it.
+    std::vector<Covisible> neighbours;
+    atlas_.FindCovisible(covisible.keyframe, 1, &neighbours);
+    if (neighbours.empty()) continue;
+    Retire(atlas_.RemoveKeyframe(covisible.keyframe, neighbours.front().keyframe));
+    ++counters_.num_keyframes_culled;
+  }
+}
+
+// Nearly all its points are seen in at least three other keyframes at the same or a finer scale.
+bool Mapper::IsRedundant(KeyframeHandle handle) const {
+  const Keyframe& keyframe = atlas_.keyframe(handle);
+  if (keyframe.num_points == 0) return true;
+  int num_seen_elsewhere = 0;
+  for (int i = 0; i < keyframe.features.num; ++i) {
+    if (!keyframe.points[i]) continue;
+    const MapPoint& point = atlas_.point(keyframe.points[i]);
+    const float coarsest = keyframe.features.keypoints[i].scale_px * 1.2f;
+    int others = 0;
+    for (const Observation& observation : point.observations) {
+      if (observation.keyframe == handle) continue;
+      const FrameFeatures& features = atlas_.keyframe(observation.keyframe).features;
+      if (features.keypoints[observation.feature_idx].scale_px <= coarsest && ++others == 3) break;
+    }
+    if (others >= 3) ++num_seen_elsewhere;
+  }
+  return num_seen_elsewhere > config_.mapping.redundant_share * keyframe.num_points;
+}
+
+void Mapper::Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal) {
+  LocalMap& snapshot = link_.snapshots.WriteSlot();
+  snapshot.version = ++version_;
+  snapshot.founding_proposal = founding_proposal;
+  snapshot.refused_proposal = refused_proposal;
+  snapshot.reframings.Clear();
+  if (active_ && newest_) {
+    snapshot.map_id = atlas_.map(active_).id;
+    builder_.Build(atlas_, newest_, &snapshot);
+  } else {
+    snapshot.map_id = kNoId;
+    snapshot.keyframes.Clear();
+    snapshot.num_points = 0;
+  }
+  link_.snapshots.Publish();
+}
+
+void Mapper::ReleaseRetired() {
+  const std::uint64_t done = link_.version_done.load(std::memory_order_acquire);
+  std::size_t kept = 0;
+  for (const RetiredSet& retired : retired_) {
+    if (retired.version <= done) {
+      device_.ReleaseFeatureSet(retired.set);
+    } else {
+      retired_[kept++] = retired;
+    }
+  }
+  retired_.resize(kept);
+}
+
+void Mapper::Report(MapEventKind kind, const ProposedView& view, MapHandle map) {
+  MapEvent event;
+  event.kind = kind;
+  event.frame_index = view.frame_index;
+  event.timestamp = view.timestamp;
+  if (map) {
+    event.map_id = atlas_.map(map).id;
+    event.num_keyframes = static_cast<int>(atlas_.map(map).keyframes.size());
+    event.num_points = atlas_.map(map).num_points;
+  }
+  events_.TryPush(event);
+}
+
+}  // namespace haustra

@@ -1,0 +1,95 @@
+// The one writer of the atlas (system.md 7): takes proposals from the tracker, founds maps, inserts keyframes, makes,
+// joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal.
+// thread-bound(mapping). Uses the heap (Ceres), inside bounds set by the window.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/atlas/atlas.h"
+#include "engine/atlas/local_map.h"
+#include "engine/camera/camera_model.h"
+#include "engine/config.h"
+#include "engine/mapping/local_bundle.h"
+#include "engine/mapping/map_event.h"
+#include "engine/mapping/point_creation.h"
+#include "engine/mapping/point_fusion.h"
+#include "engine/tracking/tracker.h"
+#include "hal/clock.h"
+#include "hal/vision_device.h"
+
+namespace haustra {
+
+struct MapperCounters {
+  std::uint64_t num_keyframes = 0;
+  std::uint64_t num_keyframes_culled = 0;
+  std::uint64_t num_keyframes_refused = 0;  // pool full
+  std::uint64_t num_points_created = 0;
+  std::uint64_t num_points_culled = 0;
+  std::uint64_t num_points_fused = 0;
+  std::uint64_t num_foundings_refused = 0;
+  // Time spent, for the stage table; only measured when a clock is given.
+  Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0};
+};
+
+class Mapper {
+ public:
+  // `clock` may be null: then nothing is timed and bundle adjustment is bounded by iterations alone (sequential mode).
+  Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
+         const Clock* clock, bool is_time_boxed);
+
+  // Works on the oldest proposal. False when there is none.
+  bool Step();
+
+  const Atlas& atlas() const { return atlas_; }
+  const MapperCounters& counters() const { return counters_; }
+  // Events since the last call, oldest first; the same thread as Step, or after the mapping thread has ended.
+  SpscRing<MapEvent>& events() { return events_; }
+
+ private:
+  void FoundMap(const KeyframeProposal& proposal);
+  bool MakeFoundingBundle(const KeyframeProposal& proposal);
+  void RetireActiveMap(const KeyframeProposal& proposal);
+  void InsertKeyframe(const KeyframeProposal& proposal);
+  void CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out);
+  void CullPoints();
+  void CullKeyframes(KeyframeHandle newest);
+  bool IsRedundant(KeyframeHandle handle) const;
+  void Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal);
+  void Retire(FeatureSetHandle set) { retired_.push_back({version_ + 1, set}); }
+  void ReleaseRetired();
+  void Report(MapEventKind kind, const ProposedView& view, MapHandle map);
+  TimePoint Now() const { return clock_ == nullptr ? TimePoint{} : clock_->Now(); }
+
+  const EngineConfig& config_;
+  const CameraModel& camera_;
+  VisionDevice& device_;
+  TrackingLink& link_;
+  const Clock* clock_;
+  bool is_time_boxed_;
+  Atlas atlas_;
+  LocalMapBuilder builder_;
+  PointCreator creator_;
+  PointFuser fuser_;
+  LocalBundle bundle_;
+  SpscRing<MapEvent> events_;
+  MapperCounters counters_;
+
+  MapHandle active_;
+  KeyframeHandle newest_;
+  std::uint64_t version_ = 0;
+  std::uint64_t founding_proposal_ = 0;
+  struct RetiredSet {
+    std::uint64_t version;  // first snapshot that does not refer to it
+    FeatureSetHandle set;
+  };
+  std::vector<RetiredSet> retired_;
+  std::vector<MapPointHandle> recent_points_;
+  std::vector<MapPointHandle> candidates_;
+  std::vector<MapPointHandle> created_;
+  std::vector<Covisible> covisible_;
+  std::vector<std::uint8_t> is_candidate_;  // by point slot
+  BundleProblem founding_;
+};
+
+}  // namespace haustra

@@ -1,0 +1,34 @@
+#include "engine/tracking/frame_result.h"
+
+namespace haustra {
+
+std::string_view ToString(TrackingState state) {
+  switch (state) {
+    case TrackingState::kInitialising: return "initialising";
+    case TrackingState::kTracking: return "tracking";
+    case TrackingState::kLost: return "lost";
+  }
+  return "unknown";
+}
+
+std::string_view ToString(TrackingReason reason) {
+  switch (reason) {
+    case TrackingReason::kTracked: return "tracked";
+    case TrackingReason::kRecovered: return "recovered";
+    case TrackingReason::kRelocalised: return "relocalised";
+    case TrackingReason::kDamagedFrame: return "damaged_frame";
+    case TrackingReason::kFewFeatures: return "few_features";
+    case TrackingReason::kFewMatches: return "few_matches";
+    case TrackingReason::kFewInliers: return "few_inliers";
+    case TrackingReason::kInconsistentMotion: return "inconsistent_motion";
+    case TrackingReason::kNoReference: return "no_reference";
+    case TrackingReason::kLowParallax: return "low_parallax";
+    case TrackingReason::kNoEpipolarGeometry: return "no_epipolar_geometry";
+    case TrackingReason::kLowSpread: return "low_spread";
+    case TrackingReason::kMapProposed: return "map_proposed";
+    case TrackingReason::kAwaitingMap: return "awaiting_map";
+  }
+  return "unknown";
+}
+
+}  // namespace haustra

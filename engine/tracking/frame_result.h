@@ -1,0 +1,54 @@
+// The answer to one frame.
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "engine/atlas/handles.h"
+#include "engine/geometry/se3.h"
+#include "hal/core/time.h"
+
+namespace haustra {
+
+enum class TrackingState : std::uint8_t { kInitialising, kTracking, kLost };
+
+// Why there is no pose, or how it came about.
+enum class TrackingReason : std::uint8_t {
+  kTracked,             // guided search around the prediction
+  kRecovered,           // brute force against the local map while tracking
+  kRelocalised,         // brute force against the last map after a loss
+  kDamagedFrame,        // the frame could not be read or extracted
+  kFewFeatures,         // the picture shows too little (occlusion, blur)
+  kFewMatches,          // hardly anything of the map was found
+  kFewInliers,          // no pose agrees with enough of what was found
+  kInconsistentMotion,  // the pose jumped further than a scope can move
+  kNoReference,         // initialisation: this frame is the new reference
+  kLowParallax,         // initialisation: the views are too near each other
+  kNoEpipolarGeometry,  // initialisation: no motion explains the matches
+  kLowSpread,           // initialisation: the points cover too little of the image
+  kMapProposed,         // initialisation: two views were handed to the mapper
+  kAwaitingMap,         // initialisation: the mapper has not answered yet
+};
+
+std::string_view ToString(TrackingState state);
+std::string_view ToString(TrackingReason reason);
+
+struct FrameResult {
+  std::uint32_t frame_index = 0;
+  TimePoint timestamp;
+  TrackingState state = TrackingState::kInitialising;
+  TrackingReason reason = TrackingReason::kNoReference;
+  // While tracking: pose in the map that is active now, and relative to a keyframe, so that the final pose can be had
+  // from Engine::Resolve when the map has been optimised, merged or moved since.
+  MapId map_id = kNoId;
+  SE3 cam_from_map;
+  KeyframeId reference_keyframe = kNoId;
+  SE3 cam_from_reference;
+  double reference_scale = 1.0;
+  int num_features = 0;
+  int num_matches = 0;
+  int num_inliers = 0;
+  bool is_keyframe = false;
+};
+
+}  // namespace haustra

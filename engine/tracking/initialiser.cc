@@ -1,0 +1,112 @@
+#include "engine/tracking/initialiser.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "engine/geometry/ellipse_spread.h"
+
+namespace haustra {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+// A triangulated point whose rays are nearer to parallel than this says nothing about depth.
+constexpr double kMinPointParallax = 0.3 * kDegree;
+
+}  // namespace
+
+Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
+    : config_(config),
+      camera_(camera),
+      device_(device),
+      ransac_(config.features.max),
+      rng_(config.seed, 1),
+      reference_(config.features.max),
+      pairs_(static_cast<std::size_t>(config.features.max)),
+      matches_(static_cast<std::size_t>(config.features.max)) {
+  bearings_a_.reserve(matches_.size());
+  bearings_b_.reserve(matches_.size());
+  tolerance_.reserve(matches_.size());
+  parallax_.reserve(matches_.size());
+  pixels_.reserve(matches_.size());
+}
+
+void Initialiser::Reset() {
+  if (has_reference_) device_.ReleaseFeatureSet(reference_.features.set);
+  has_reference_ = false;
+}
+
+void Initialiser::SetReference(const ProposedView& view) {
+  Reset();
+  reference_.frame_index = view.frame_index;
+  reference_.timestamp = view.timestamp;
+  reference_.features.set = view.features.set;
+  reference_.features.num = view.features.num;
+  std::copy_n(view.features.keypoints.begin(), view.features.num, reference_.features.keypoints.begin());
+  std::copy_n(view.features.bearings.begin(), view.features.num, reference_.features.bearings.begin());
+  has_reference_ = true;
+}
+
+FeatureSetHandle Initialiser::TakeReferenceSet() {
+  has_reference_ = false;
+  return reference_.features.set;
+}
+
+TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
+  const InitialisationConfig& options = config_.initialisation;
+  num_matches_ = num_inliers_ = num_pairs_ = 0;
+
+  const DisparityWindow window{static_cast<float>(options.max_disparity_x_px),
+                               static_cast<float>(options.max_disparity_y_px)};
+  MatchRequest request;
+  request.query = DescriptorList::Whole(reference_.features.set);
+  request.train = DescriptorList::Whole(view.features.set);
+  request.options = {static_cast<float>(config_.matching.min_similarity), static_cast<float>(options.brute_force_ratio),
+                     true};
+  request.disparity = &window;
+  request.matches = matches_;
+  request.num_matches = &num_matches_;
+  if (!MatchAndWait(device_, Lane::kTracking, request, deadline).ok()) return TrackingReason::kFewMatches;
+  if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
+  if (view.frame_index - reference_.frame_index > static_cast<std::uint32_t>(options.max_reference_age_frames)) {
+    return TrackingReason::kFewMatches;
+  }
+
+  bearings_a_.clear();
+  bearings_b_.clear();
+  tolerance_.clear();
+  for (int i = 0; i < num_matches_; ++i) {
+    const Keypoint& a = reference_.features.keypoints[matches_[i].query];
+    const Keypoint& b = view.features.keypoints[matches_[i].train];
+    bearings_a_.push_back(reference_.features.bearing(matches_[i].query));
+    bearings_b_.push_back(view.features.bearing(matches_[i].train));
+    const double sigma = config_.noise.SigmaPx(std::max(a.scale_px, b.scale_px));
+    tolerance_.push_back(std::sqrt(3.841) * sigma / camera_.focal_px());
+  }
+  TwoViewRansac::Estimate estimate;
+  const bool found = ransac_.Run(bearings_a_, bearings_b_, tolerance_, TwoViewRansac::Options{}, rng_, &estimate);
+  num_inliers_ = found ? estimate.num_inliers : 0;
+  if (!found || num_inliers_ < options.min_points || num_inliers_ < options.min_inlier_share * num_matches_) {
+    return TrackingReason::kNoEpipolarGeometry;
+  }
+
+  parallax_.clear();
+  pixels_.clear();
+  for (int i = 0; i < num_matches_; ++i) {
+    if (ransac_.inliers()[i] == 0) continue;
+    parallax_.push_back(ransac_.parallax_rad()[i]);
+    if (ransac_.parallax_rad()[i] < kMinPointParallax) continue;
+    pairs_[num_pairs_++] = {matches_[i].query, matches_[i].train, ransac_.points_in_a()[i]};
+    pixels_.push_back(view.features.pixel(matches_[i].train));
+  }
+  std::nth_element(parallax_.begin(), parallax_.begin() + parallax_.size() / 2, parallax_.end());
+  if (parallax_[parallax_.size() / 2] < options.min_parallax_deg * kDegree) return TrackingReason::kLowParallax;
+  if (num_pairs_ < options.min_points) return TrackingReason::kLowParallax;
+  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < options.min_spread) {
+    return TrackingReason::kLowSpread;
+  }
+  cam_from_reference_ = estimate.b_from_a;
+  return TrackingReason::kMapProposed;
+}
+
+}  // namespace haustra

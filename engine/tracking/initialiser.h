@@ -1,0 +1,65 @@
+// Finds two views of which a new map can be made: brute-force matches inside a disparity window, epipolar geometry by
+// RANSAC, and then every check of the paper (Section III-D): matches, inliers, parallax, spread over the image.
+// thread-bound(tracking), rt-safe after construction. Owns the feature set of its reference frame.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/camera/camera_model.h"
+#include "engine/config.h"
+#include "engine/geometry/rng.h"
+#include "engine/geometry/two_view.h"
+#include "engine/tracking/frame_result.h"
+#include "engine/tracking/keyframe_proposal.h"
+#include "hal/vision_device.h"
+
+namespace haustra {
+
+class Initialiser {
+ public:
+  Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
+
+  // Forgets the reference view.
+  void Reset();
+  bool has_reference() const { return has_reference_; }
+
+  // Takes the view as the new reference, with its feature set.
+  void SetReference(const ProposedView& view);
+
+  // Compares the view with the reference. kMapProposed: pairs() and cam_from_reference() hold what founds the map, and
+  // the reference is still held. kFewMatches: the caller should renew the reference.
+  TrackingReason Try(const ProposedView& view, TimePoint deadline);
+
+  const ProposedView& reference() const { return reference_; }
+  std::span<const FoundingPair> pairs() const { return {pairs_.data(), static_cast<std::size_t>(num_pairs_)}; }
+  const SE3& cam_from_reference() const { return cam_from_reference_; }
+  int num_matches() const { return num_matches_; }
+  int num_inliers() const { return num_inliers_; }
+
+  // Hands the reference's feature set to the caller (with the proposal) and forgets the view.
+  FeatureSetHandle TakeReferenceSet();
+
+ private:
+  const EngineConfig& config_;
+  const CameraModel& camera_;
+  VisionDevice& device_;
+  TwoViewRansac ransac_;
+  Rng rng_;
+  bool has_reference_ = false;
+  ProposedView reference_;
+  SE3 cam_from_reference_;
+  int num_matches_ = 0;
+  int num_inliers_ = 0;
+  std::int32_t num_pairs_ = 0;
+  std::vector<FoundingPair> pairs_;
+  std::vector<Match> matches_;
+  std::vector<Eigen::Vector3d> bearings_a_;
+  std::vector<Eigen::Vector3d> bearings_b_;
+  std::vector<double> tolerance_;
+  std::vector<double> parallax_;
+  std::vector<Eigen::Vector2d> pixels_;
+};
+
+}  // namespace haustra

@@ -1,0 +1,55 @@
+// What the tracker hands to the mapper: a frame that should become a keyframe, or two that found a new map. Slots of a
+// ring (hal/core/spsc_ring.h), filled and read in place. With a proposal the feature sets in it become the mapper's.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/atlas/frame_features.h"
+#include "engine/atlas/handles.h"
+#include "engine/geometry/se3.h"
+#include "hal/core/time.h"
+
+namespace haustra {
+
+// A pair of features of the two founding views and the point they show, in the reference camera, unit: the baseline.
+struct FoundingPair {
+  std::int32_t reference_feature = -1;
+  std::int32_t feature = -1;
+  Eigen::Vector3d point_in_reference = Eigen::Vector3d::Zero();
+};
+
+struct ProposedView {
+  ProposedView() = default;
+  explicit ProposedView(int max_features) : features(max_features) {}
+
+  std::uint32_t frame_index = 0;
+  TimePoint timestamp;
+  FrameFeatures features;
+};
+
+struct KeyframeProposal {
+  KeyframeProposal() = default;
+  explicit KeyframeProposal(int max_features)
+      : view(max_features),
+        points(static_cast<std::size_t>(max_features)),
+        reference(max_features),
+        pairs(static_cast<std::size_t>(max_features)) {}
+
+  bool founds_map = false;
+  ProposedView view;
+
+  // A keyframe of an existing map: its pose and the points that its features were found to show.
+  MapId map_id = kNoId;
+  SE3 cam_from_map;
+  std::vector<MapPointHandle> points;  // [0, view.features.num)
+
+  // A new map: the other view, the motion between them with a baseline of one, and the triangulated pairs.
+  std::uint64_t founding_id = 0;
+  ProposedView reference;
+  SE3 cam_from_reference;
+  std::int32_t num_pairs = 0;
+  std::vector<FoundingPair> pairs;
+};
+
+}  // namespace haustra

@@ -1,0 +1,139 @@
+// Answers every frame with a camera pose or an honest 'lost' (system.md 5, 6 and 8). Reads the newest LocalMap
+// snapshot, never the atlas; proposes keyframes and new maps through a ring and never waits for the mapper.
+//   tracking: predict, guided search of the last frame's points, pose; guided search of the local map, pose;
+//             too little found: brute force against the local map's descriptors, RANSAC, guided search, pose
+//   lost:     the same brute force against the last map and the initialisation of a new one, both on every frame
+// thread-bound(tracking); rt-safe after construction: no allocation, no lock, no wait but for the vision device.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/atlas/local_map.h"
+#include "engine/camera/camera_model.h"
+#include "engine/config.h"
+#include "engine/geometry/absolute_pose.h"
+#include "engine/geometry/rng.h"
+#include "engine/optim/pose_optimizer.h"
+#include "engine/tracking/frame_result.h"
+#include "engine/tracking/initialiser.h"
+#include "engine/tracking/keyframe_proposal.h"
+#include "hal/core/mailbox.h"
+#include "hal/core/spsc_ring.h"
+#include "hal/frame_source.h"
+#include "hal/vision_device.h"
+
+namespace haustra {
+
+// The only things that tracking and mapping share.
+struct TrackingLink {
+  TrackingLink(int num_proposals, int max_features, int max_local_points)
+      : proposals(static_cast<std::size_t>(num_proposals), KeyframeProposal(max_features)),
+        snapshots(LocalMap(max_local_points)) {}
+
+  SpscRing<KeyframeProposal> proposals;  // tracking to mapping
+  LatestMailbox<LocalMap> snapshots;     // mapping to tracking
+  // Version of the snapshot that the tracker used in its last finished frame: what older ones alone refer to may go.
+  std::atomic<std::uint64_t> version_done{0};
+  // Proposals waiting or being worked on: the mapper is busy while this is not zero.
+  std::atomic<int> num_pending{0};
+};
+
+class Tracker {
+ public:
+  Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link);
+  ~Tracker();
+  Tracker(const Tracker&) = delete;
+  Tracker& operator=(const Tracker&) = delete;
+
+  // One frame; the deadline bounds the waits for the device. Never fails: what goes wrong is in the result.
+  FrameResult Track(const Frame& frame, TimePoint deadline);
+  // A frame that could not be read: counts as lost, breaks nothing.
+  FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp);
+
+  TrackingState state() const { return state_; }
+
+ private:
+  // A feature of the current frame and the snapshot point that it shows.
+  struct PointMatch {
+    std::int32_t feature_idx = -1;
+    std::int32_t point_idx = -1;
+  };
+
+  bool Extract(const Frame& frame, TimePoint deadline);
+  void ReadSnapshot();
+  void TrackMap(TimePoint deadline, FrameResult* result);
+  void FindMap(TimePoint deadline, FrameResult* result);
+  void Adopt();
+
+  bool SearchLastFrame(const SE3& predicted, double radius_px, TimePoint deadline);
+  bool SearchLocalMap(double min_radius_px, TimePoint deadline);
+  bool SearchByBruteForce(TimePoint deadline);
+  bool RunGuided(TimePoint deadline);
+  bool OptimiseMatches();
+  void KeepInliers();
+  bool IsPlausibleMotion(const SE3& predicted) const;
+  bool RecoverPose(TimePoint deadline);
+
+  void ConsiderKeyframe(FrameResult* result);
+  void ProposeKeyframe(FrameResult* result);
+  void ProposeMap();
+  void FillPose(FrameResult* result) const;
+  int NearestKeyframe() const;
+  void EndFrame();
+  void SetLost();
+
+  const LocalMap& local_map() const { return link_.snapshots.ReadSlot(); }
+
+  const EngineConfig& config_;
+  const CameraModel& camera_;
+  VisionDevice& device_;
+  TrackingLink& link_;
+  Initialiser initialiser_;
+  AbsolutePoseRansac absolute_pose_;
+  Rng rng_;
+
+  TrackingState state_ = TrackingState::kInitialising;
+  bool had_map_ = false;  // a map was tracked before: relocalisation has something to look for
+  MapId map_id_ = kNoId;
+  std::uint64_t next_founding_id_ = 1;
+  std::uint64_t awaited_founding_ = 0;  // 0: none
+  std::uint64_t reframing_done_ = 0;
+
+  ProposedView current_;
+  SE3 pose_;  // of the current frame, cam_from_map
+  std::vector<PointMatch> matches_;
+
+  bool has_last_ = false;
+  FrameFeatures last_;
+  bool owns_last_set_ = false;
+  SE3 last_pose_;
+  std::uint32_t last_pose_frame_ = 0;  // frame that last_pose_ belongs to
+  std::uint32_t founding_frame_ = 0;   // second view of the awaited map
+  std::vector<std::pair<std::int32_t, MapPointHandle>> last_matches_;
+  SE3 velocity_;  // cam_now_from_cam_before, one frame
+  bool has_velocity_ = false;
+
+  std::uint32_t last_keyframe_frame_ = 0;
+  SE3 last_keyframe_pose_;
+  bool current_is_proposed_ = false;
+
+  // Workspaces.
+  std::vector<GuidedQuery> queries_;
+  std::vector<std::int32_t> query_points_;
+  std::vector<Match> found_;
+  std::vector<std::uint8_t> allowed_;
+  std::vector<std::uint8_t> is_matched_point_;
+  std::vector<PoseObservation> observations_;
+  std::vector<std::uint8_t> inliers_;
+  std::vector<DescriptorRef> refs_;
+  std::vector<Eigen::Vector3d> bearings_;
+  std::vector<Eigen::Vector3d> points_;
+  std::vector<double> tolerance_;
+  double median_depth_ = 1.0;
+  std::vector<double> depths_;
+};
+
+}  // namespace haustra

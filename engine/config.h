@@ -42,7 +42,10 @@ struct InitialisationConfig {
   double max_disparity_y_px = 120.0;
   int min_matches = 60;           // below it the reference frame is renewed [10, 8000]
   int min_points = 40;            // triangulated points [10, 8000]
-  double min_parallax_deg = 1.2;  // median over the points [0.05, 30]
+  // The two views are near in time: nothing has deformed between them, and only the localisation of the features is
+  // noise (sigma = noise_k * scale). With the noise of mapping, small motions would vanish in the tolerance [0.05, 10]
+  double noise_k = 0.5;
+  double min_parallax_deg = 0.5;  // median over the points [0.05, 30]
   double min_inlier_share = 0.5;  // inliers of the epipolar geometry over matches [0, 1]
   double min_spread = 0.40;       // area of the ellipse fitted to the points over the image (paper: 0.59 ok, 0.35 not)
   int max_reference_age_frames = 40;  // a reference older than this is renewed [1, 1000]
@@ -79,6 +82,9 @@ struct MappingConfig {
   int min_shared_points = 15;     // to be a covisible neighbour [1, 1000]
   int bundle_iterations = 10;     // [1, 100]
   int max_bundle_ms = 150;        // real-time mode only; sequential mode counts iterations [1, 10000]
+  double min_found_share = 0.25;         // keyframes that find a point over those that should see it [0, 1]
+  int trial_views = 3;                   // keyframes that should see a point before it is judged [1, 100]
+  int lasting_observations = 8;          // a point seen so often is never judged again [3, 40]
   double redundant_share = 0.90;  // a keyframe whose points are seen so much elsewhere is culled [0.5, 1]
   int min_map_keyframes = 4;      // a map with fewer is dropped when it is lost [2, 100]
 };

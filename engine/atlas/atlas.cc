@@ -253,4 +253,31 @@ void Atlas::TransformMap(MapHandle handle, const Sim3& new_from_old) {
   });
 }
 
+void Atlas::AbsorbMap(MapHandle into_handle, MapHandle from_handle) {
+  HAUSTRA_CHECK(into_handle != from_handle);
+  Map& into = maps_.At(into_handle);
+  Map& from = maps_.At(from_handle);
+  for (const KeyframeHandle keyframe : from.keyframes) keyframes_.At(keyframe).map = into_handle;
+  points_.ForEach([&](MapPointHandle, MapPoint& point) {
+    if (point.map == from_handle) point.map = into_handle;
+  });
+  // The list stays in order of insertion, which is the order of the ids.
+  const auto middle = static_cast<std::ptrdiff_t>(into.keyframes.size());
+  into.keyframes.insert(into.keyframes.end(), from.keyframes.begin(), from.keyframes.end());
+  std::inplace_merge(into.keyframes.begin(), into.keyframes.begin() + middle, into.keyframes.end(),
+                     [&](KeyframeHandle a, KeyframeHandle b) { return keyframes_.At(a).id < keyframes_.At(b).id; });
+  into.num_points += from.num_points;
+  if (from.status == MapStatus::kActive) into.status = MapStatus::kActive;
+  from.keyframes.clear();
+  from.num_points = 0;
+  from.status = MapStatus::kMerged;
+  from.merged_into = into.id;
+}
+
+void Atlas::CorrectKeyframe(KeyframeHandle handle, const SE3& cam_from_map, double scale) {
+  Keyframe& keyframe = keyframes_.At(handle);
+  keyframe.cam_from_map = cam_from_map;
+  traces_[keyframe.id].scale *= scale;
+}
+
 }  // namespace haustra

@@ -149,6 +149,13 @@ class Atlas {
 
   // Moves a whole map into another frame of reference.
   void TransformMap(MapHandle map, const Sim3& new_from_old);
+  // Hands all keyframes and points of `from` to `into`; both are in one frame of reference already (TransformMap).
+  // `from` stays in the table as merged and empty; `into` is the active map when either was. Handles, traces and scales
+  // stay as they are, so frames that refer to keyframes of `from` resolve into `into` from now on.
+  void AbsorbMap(MapHandle into, MapHandle from);
+  // A new pose for one keyframe around which the map's unit changed by `scale` (new per old), as a pose graph finds it;
+  // frames that refer to the keyframe follow. Points are the caller's.
+  void CorrectKeyframe(KeyframeHandle handle, const SE3& cam_from_map, double scale);
 
   const SlotPool<Keyframe, KeyframeTag>& keyframes() const { return keyframes_; }
   const SlotPool<MapPoint, MapPointTag>& points() const { return points_; }

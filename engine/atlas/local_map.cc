@@ -1,6 +1,7 @@
 #include "engine/atlas/local_map.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace haustra {
@@ -98,7 +99,13 @@ void LocalMapBuilder::AddPoints(const Atlas& atlas, LocalMap* out) {
     }
     if (entry.num_points > 0) entry.centroid = sum / entry.num_points;
   }
-  for (int i = 0; i < out->num_points; ++i) point_slots_[out->points[i].handle.index] = -1;
+  for (LocalKeyframe& keyframe : out->keyframes) keyframe.num_established = 0;
+  for (int i = 0; i < out->num_points; ++i) {
+    point_slots_[out->points[i].handle.index] = -1;
+    std::uint64_t mask = out->points[i].keyframe_mask;
+    if (std::popcount(mask) < kEstablishedViews) continue;
+    for (; mask != 0; mask &= mask - 1) ++out->keyframes[std::countr_zero(mask)].num_established;
+  }
 }
 
 }  // namespace haustra

@@ -8,10 +8,6 @@ namespace {
 
 constexpr int kFoundingIterations = 20;
 constexpr std::size_t kMaxEvents = 1024;
-// A young point is judged after it should have been seen in this many keyframes.
-constexpr int kTrialViews = 3;
-constexpr double kMinFoundShare = 0.25;
-constexpr int kObservationsToStay = 3;
 
 Atlas::Capacity CapacityOf(const EngineConfig& config) {
   return {config.memory.max_keyframes, config.memory.max_map_points, config.memory.max_maps,
@@ -83,7 +79,7 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
     ++counters_.num_keyframes_refused;
     return;
   }
-  recent_points_.clear();
+  int num_points = 0;
   for (int i = 0; i < proposal.num_pairs; ++i) {
     if (founding_.observations[2 * i].is_outlier || founding_.observations[2 * i + 1].is_outlier) continue;
     const MapPointHandle point =
@@ -95,10 +91,10 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
       continue;
     }
     atlas_.UpdatePoint(point);
-    recent_points_.push_back(point);
+    ++num_points;
   }
   counters_.num_keyframes += 2;
-  counters_.num_points_created += recent_points_.size();
+  counters_.num_points_created += num_points;
   founding_proposal_ = proposal.founding_id;
   Report(MapEventKind::kMapCreated, proposal.view, active_);
   Publish(founding_proposal_, 0);
@@ -167,14 +163,13 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
   CollectPoints(covisible_, config_.mapping.fuse_neighbours, &candidates_);
   counters_.num_points_fused += fuser_.SearchInto(handle, candidates_, true, &atlas_);
-  CullPoints();
+  CullPoints(candidates_);
   const TimePoint inserted = Now();
 
   atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
   created_.clear();
   creator_.Create(handle, covisible_, &atlas_, &created_);
   counters_.num_points_created += created_.size();
-  recent_points_.insert(recent_points_.end(), created_.begin(), created_.end());
   const TimePoint made = Now();
 
   // What the new keyframe brings is searched in its neighbours.
@@ -218,23 +213,20 @@ void Mapper::CollectPoints(std::span<const Covisible> keyframes, int max_keyfram
   for (const MapPointHandle point : *out) is_candidate_[point.index] = 0;
 }
 
-// A young point must be found again in enough of the keyframes that should show it.
-void Mapper::CullPoints() {
-  std::size_t kept = 0;
-  for (const MapPointHandle handle : recent_points_) {
+// A point must be found again in enough of the keyframes that should show it. One that was seen often stays: that it is not
+// seen now is more likely a fold in between than a mistake.
+void Mapper::CullPoints(std::span<const MapPointHandle> points) {
+  const MappingConfig& options = config_.mapping;
+  for (const MapPointHandle handle : points) {
     const MapPoint* point = atlas_.GetPoint(handle);
     if (point == nullptr) continue;
     const int num_observations = static_cast<int>(point->observations.size());
+    if (num_observations >= options.lasting_observations || point->num_visible < options.trial_views) continue;
     const int found_again = num_observations - 2;
-    if (num_observations > kObservationsToStay) continue;
-    if (point->num_visible >= kTrialViews && found_again < kMinFoundShare * point->num_visible) {
-      atlas_.RemovePoint(handle);
-      ++counters_.num_points_culled;
-      continue;
-    }
-    recent_points_[kept++] = handle;
+    if (found_again >= options.min_found_share * point->num_visible) continue;
+    atlas_.RemovePoint(handle);
+    ++counters_.num_points_culled;
   }
-  recent_points_.resize(kept);
 }
 
 void Mapper::CullKeyframes(KeyframeHandle newest) {

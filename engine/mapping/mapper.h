@@ -52,7 +52,7 @@ class Mapper {
   void RetireActiveMap(const KeyframeProposal& proposal);
   void InsertKeyframe(const KeyframeProposal& proposal);
   void CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out);
-  void CullPoints();
+  void CullPoints(std::span<const MapPointHandle> points);
   void CullKeyframes(KeyframeHandle newest);
   bool IsRedundant(KeyframeHandle handle) const;
   void Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal);
@@ -84,7 +84,6 @@ class Mapper {
     FeatureSetHandle set;
   };
   std::vector<RetiredSet> retired_;
-  std::vector<MapPointHandle> recent_points_;
   std::vector<MapPointHandle> candidates_;
   std::vector<MapPointHandle> created_;
   std::vector<Covisible> covisible_;

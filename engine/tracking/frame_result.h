@@ -48,6 +48,8 @@ struct FrameResult {
   int num_features = 0;
   int num_matches = 0;
   int num_inliers = 0;
+  int num_expected = 0;     // established points of the map that should have been seen
+  int num_established = 0;  // those that were
   bool is_keyframe = false;
 };
 

@@ -10,8 +10,9 @@ namespace haustra {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kGateOneDof = 1.96;  // 95 %
 // A triangulated point whose rays are nearer to parallel than this says nothing about depth.
-constexpr double kMinPointParallax = 0.3 * kDegree;
+constexpr double kMinPointParallax = 0.15 * kDegree;
 
 }  // namespace
 
@@ -80,8 +81,8 @@ TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
     const Keypoint& b = view.features.keypoints[matches_[i].train];
     bearings_a_.push_back(reference_.features.bearing(matches_[i].query));
     bearings_b_.push_back(view.features.bearing(matches_[i].train));
-    const double sigma = config_.noise.SigmaPx(std::max(a.scale_px, b.scale_px));
-    tolerance_.push_back(std::sqrt(3.841) * sigma / camera_.focal_px());
+    const double sigma = options.noise_k * std::max(a.scale_px, b.scale_px);
+    tolerance_.push_back(kGateOneDof * sigma / camera_.focal_px());
   }
   TwoViewRansac::Estimate estimate;
   const bool found = ransac_.Run(bearings_a_, bearings_b_, tolerance_, TwoViewRansac::Options{}, rng_, &estimate);

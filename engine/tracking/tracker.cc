@@ -13,6 +13,11 @@ constexpr double kChi2TwoDof = 5.991;  // 95 %
 // A pose from fewer points than this is not worth a search of the local map.
 constexpr int kMinSeedInliers = 8;
 constexpr int kMinFeatures = 30;
+// The share of expected points that is found changes slowly with the view, but falls at once when something comes between
+// scope and wall. Below this part of what is usual nothing that is seen may enter the map.
+constexpr double kDegradedShare = 0.35;
+constexpr double kUsualShareMemory = 0.95;  // per frame
+constexpr int kMinExpected = 60;
 // A prediction over more lost frames than this is worth nothing.
 constexpr int kMaxPredictedFrames = 3;
 
@@ -224,6 +229,7 @@ void Tracker::Adopt() {
   const LocalKeyframe& second = local_map().keyframes[0];
   last_pose_ = second.cam_from_map;
   last_keyframe_pose_ = second.cam_from_map;
+  usual_share_ = 0.0;
   last_keyframe_frame_ = last_pose_frame_ = founding_frame_;
   has_velocity_ = false;
   if (has_last_ && owns_last_set_) device_.ReleaseFeatureSet(last_.set);
@@ -269,14 +275,17 @@ bool Tracker::SearchLocalMap(double min_radius_px, TimePoint deadline) {
   const double min_cos = std::cos(config_.matching.max_view_angle_deg * kDegree);
   const double tolerance = config_.matching.scale_tolerance;
   const double gate = std::sqrt(kChi2TwoDof);
+  num_expected_ = 0;
   for (int i = 0; i < local_map().num_points; ++i) {
-    if (is_matched_point_[i] != 0) continue;
     const LocalPoint& point = local_map().points[i];
     const Eigen::Vector3d to_camera = centre - point.position;
     const double distance = to_camera.norm();
     if (distance <= 0.0 || point.normal.dot(to_camera) < min_cos * distance) continue;
     Eigen::Vector2d pixel;
     if (!camera_.Project(pose_ * point.position, &pixel) || !camera_.IsInImage(pixel)) continue;
+    const bool is_established = std::popcount(point.keyframe_mask) >= kEstablishedViews;
+    num_expected_ += is_established;
+    if (is_matched_point_[i] != 0) continue;
     const double scale = point.scale_times_distance / distance;
     queries_.push_back({point.descriptor, static_cast<float>(pixel.x()), static_cast<float>(pixel.y()),
                         static_cast<float>(std::max(min_radius_px, gate * config_.noise.SigmaPx(scale))),
@@ -329,6 +338,9 @@ void Tracker::KeepInliers() {
     matches_[kept++] = matches_[i];
   }
   matches_.resize(kept);
+  num_established_ = static_cast<int>(std::count_if(matches_.begin(), matches_.end(), [&](const PointMatch& match) {
+    return std::popcount(local_map().points[match.point_idx].keyframe_mask) >= kEstablishedViews;
+  }));
   if (depths_.empty()) return;
   std::nth_element(depths_.begin(), depths_.begin() + depths_.size() / 2, depths_.end());
   median_depth_ = depths_[depths_.size() / 2];
@@ -404,10 +416,22 @@ void Tracker::FillPose(FrameResult* result) const {
   result->cam_from_reference = pose_ * reference.cam_from_map.Inverse();
   result->reference_scale = reference.scale;
   result->num_inliers = static_cast<int>(matches_.size());
+  result->num_expected = num_expected_;
+  result->num_established = num_established_;
+}
+
+// Whether the frame shows what the map says it should; keeps the usual share up to date.
+bool Tracker::IsClearView() {
+  if (num_expected_ < kMinExpected) return true;
+  const double share = static_cast<double>(num_established_) / num_expected_;
+  if (usual_share_ > 0.0 && share < kDegradedShare * usual_share_) return false;
+  usual_share_ = usual_share_ > 0.0 ? kUsualShareMemory * usual_share_ + (1.0 - kUsualShareMemory) * share : share;
+  return true;
 }
 
 void Tracker::ConsiderKeyframe(FrameResult* result) {
   const KeyframeConfig& options = config_.keyframes;
+  if (!IsClearView()) return;
   const int spacing = static_cast<int>(current_.frame_index - last_keyframe_frame_);
   if (spacing < options.min_spacing_frames) return;
   if (link_.num_pending.load(std::memory_order_acquire) > 0) return;  // the mapper is busy
@@ -415,7 +439,7 @@ void Tracker::ConsiderKeyframe(FrameResult* result) {
   const LocalKeyframe& reference = local_map().keyframes[NearestKeyframe()];
   const double baseline = (pose_.InverseTranslation() - last_keyframe_pose_.InverseTranslation()).norm();
   const double parallax_deg = std::atan2(baseline, median_depth_) / kDegree;
-  const bool has_left_reference = num_tracked < options.min_tracked_ratio * reference.num_points;
+  const bool has_left_reference = num_established_ < options.min_tracked_ratio * reference.num_established;
   const bool is_thin = num_tracked < options.low_inliers;
   const bool has_moved = parallax_deg > options.min_parallax_deg;
   const bool is_late = spacing >= options.max_spacing_frames && parallax_deg > 0.25 * options.min_parallax_deg;

@@ -77,6 +77,7 @@ class Tracker {
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose(TimePoint deadline);
 
+  bool IsClearView();
   void ConsiderKeyframe(FrameResult* result);
   void ProposeKeyframe(FrameResult* result);
   void ProposeMap();
@@ -132,6 +133,9 @@ class Tracker {
   std::vector<Eigen::Vector3d> bearings_;
   std::vector<Eigen::Vector3d> points_;
   std::vector<double> tolerance_;
+  int num_expected_ = 0;     // established points that should be visible from the pose
+  int num_established_ = 0;  // established points among the matches
+  double usual_share_ = 0.0;  // of established points over expected ones, in clear frames; 0: not known yet
   double median_depth_ = 1.0;
   std::vector<double> depths_;
 };

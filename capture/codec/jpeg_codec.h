@@ -1,0 +1,21 @@
+// libjpeg-turbo behind a Status. Bytes in memory only; messages do not name a file, the caller adds it. reentrant.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "capture/codec/image_codec.h"
+#include "capture/image.h"
+#include "hal/core/status.h"
+
+namespace haustra::capture::internal {
+
+bool IsJpeg(std::span<const std::uint8_t> bytes);
+// kDataLoss also for what libjpeg only warns of: a file cut short or with bad entropy codes decodes to grey or shifted
+// blocks, which look like a scene to everything downstream.
+Status DecodeJpeg(std::span<const std::uint8_t> bytes, ChannelChoice channels, Image* image);
+Result<ImageSize> DecodeJpegSize(std::span<const std::uint8_t> bytes);
+Status EncodeJpeg(ImageView image, int quality, std::vector<std::uint8_t>* bytes);
+
+}  // namespace haustra::capture::internal

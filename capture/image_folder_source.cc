@@ -1,0 +1,89 @@
+#include "capture/image_folder_source.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "capture/image_transform.h"
+#include "capture/static_mask.h"
+
+namespace haustra {
+namespace {
+
+std::string SizeText(int width_px, int height_px) { return std::to_string(width_px) + "x" + std::to_string(height_px); }
+
+// How many of `num_stored` frames the options choose.
+std::uint32_t NumChosen(std::size_t num_stored, const SequenceOptions& options) {
+  if (options.first_frame >= num_stored) return 0;
+  const std::size_t last = std::min<std::size_t>(options.last_frame, num_stored - 1);
+  return static_cast<std::uint32_t>((last - options.first_frame) / options.every_nth + 1);
+}
+
+}  // namespace
+
+ImageFolderSource::ImageFolderSource(SequenceListing listing, const SequenceOptions& options)
+    : listing_(std::move(listing)),
+      options_(options),
+      calibration_(options.halve ? Halved(listing_.calibration) : listing_.calibration),
+      num_frames_(NumChosen(listing_.image_paths.size(), options)) {}
+
+Result<std::unique_ptr<FrameSource>> ImageFolderSource::Create(SequenceListing listing,
+                                                               const SequenceOptions& options) {
+  HAUSTRA_TRY(options.Validate());
+  HAUSTRA_CHECK(listing.image_paths.size() == listing.timestamps_ns.size());
+  std::unique_ptr<ImageFolderSource> source(new ImageFolderSource(std::move(listing), options));
+  if (source->num_frames_ == 0) {
+    return InvalidArgument(source->listing_.folder + ": the sequence is empty from frame " +
+                           std::to_string(options.first_frame) + " on; it has " +
+                           std::to_string(source->listing_.image_paths.size()) + " frames");
+  }
+  HAUSTRA_TRY(source->CheckFirstReadableSize());
+  HAUSTRA_ASSIGN(source->mask_, capture::internal::ReadStaticMask(source->listing_.mask_path,
+                                                                  source->listing_.calibration, options.halve));
+  return std::unique_ptr<FrameSource>(std::move(source));
+}
+
+Result<Frame> ImageFolderSource::Next(TimePoint) {
+  if (next_index_ >= num_frames_) return NotFound(listing_.folder + ": the sequence is over");
+  Frame frame;
+  frame.index = next_index_++;
+  const std::size_t stored_index = StoredIndex(frame.index);
+  const std::string& path = listing_.image_paths[stored_index];
+  frame.timestamp = TimePoint(Duration(listing_.timestamps_ns[stored_index]));
+  Status status = reader_.Read(path, options_.channels, &stored_);
+  if (status.ok()) status = CheckSize(path, stored_.width(), stored_.height());
+  // Whatever is wrong with one file, it is a lost frame and not the end of the sequence.
+  if (!status.ok()) return DataLoss(status.message());
+  if (options_.halve) HalveImage(stored_.view(), &half_);
+  frame.image = options_.halve ? half_.view() : stored_.view();
+  return frame;
+}
+
+Status ImageFolderSource::CheckSize(const std::string& path, int width_px, int height_px) const {
+  if (width_px == listing_.calibration.width_px && height_px == listing_.calibration.height_px) return Status::Ok();
+  return InvalidArgument(path + ": the image is " + SizeText(width_px, height_px) + ", the calibration (" +
+                         listing_.calibration_path + ") is for " +
+                         SizeText(listing_.calibration.width_px, listing_.calibration.height_px));
+}
+
+Status ImageFolderSource::CheckFirstReadableSize() {
+  Status first_error;
+  for (std::uint32_t index = 0; index < num_frames_; ++index) {
+    const std::string& path = listing_.image_paths[StoredIndex(index)];
+    const Result<ImageSize> size = reader_.ReadSize(path);
+    if (size.ok()) return CheckSize(path, size->width_px, size->height_px);
+    if (first_error.ok()) first_error = size.status();
+  }
+  return DataLoss(listing_.folder + ": not one image can be read; the first: " + first_error.message());
+}
+
+std::size_t ImageFolderSource::StoredIndex(std::uint32_t index) const {
+  return options_.first_frame + std::size_t{index} * options_.every_nth;
+}
+
+Result<std::unique_ptr<FrameSource>> OpenImageFolder(const std::string& folder, const SequenceOptions& options) {
+  HAUSTRA_TRY(options.Validate());
+  HAUSTRA_ASSIGN(SequenceListing listing, ListSequenceFolder(folder, options));
+  return ImageFolderSource::Create(std::move(listing), options);
+}
+
+}  // namespace haustra

@@ -1,0 +1,58 @@
+#include "capture/open_sequence.h"
+
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "capture/dataset/endomapper.h"
+#include "capture/dataset/folder.h"
+#include "capture/dataset/sequence_listing.h"
+#include "capture/image_folder_source.h"
+#include "capture/video_source.h"
+
+namespace haustra {
+namespace {
+
+using capture::internal::HasVideoExtension;
+using capture::internal::IsFile;
+using capture::internal::IsFolder;
+using capture::internal::Joined;
+
+Result<std::unique_ptr<FrameSource>> OpenFolder(const std::string& folder, const SequenceOptions& options) {
+  Result<SequenceListing> listing = Status(StatusCode::kInternal);
+  if (LooksLikeEuroc(folder)) {
+    listing = ListEuroc(folder, options);
+  } else if (LooksLikeTum(folder)) {
+    listing = ListTum(folder, options);
+  } else if (LooksLikeC3vd(folder)) {
+    listing = ListC3vd(folder, options);
+  } else if (IsFolder(Joined(folder, "frames"))) {
+    listing = ListSequenceFolder(folder, options);
+  } else if (LooksLikeEndomapper(folder)) {
+    return OpenEndomapper(folder, options);
+  } else if (LooksLikeSequenceFolder(folder)) {
+    listing = ListSequenceFolder(folder, options);
+  } else {
+    return InvalidArgument(
+        folder +
+        ": not a sequence that is known here; looked for frames/ with calib.yaml (haustra), N_color.png "
+        "(C3VD), a recording .mov, .mp4, .avi or .mkv (EndoMapper), mav0/cam0/data.csv (EuRoC), rgb.txt "
+        "(TUM), and .png or .jpg files in the folder itself");
+  }
+  if (!listing.ok()) return listing.status();
+  return ImageFolderSource::Create(std::move(listing).value(), options);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<FrameSource>> OpenSequence(const std::string& path, const SequenceOptions& options) {
+  HAUSTRA_TRY(options.Validate());
+  if (IsFolder(path)) return OpenFolder(path, options);
+  if (IsFile(path)) {
+    if (HasVideoExtension(path)) return OpenVideo(path, options);
+    return InvalidArgument(path + ": a sequence is a folder or a recording (.mov, .mp4, .avi, .mkv)");
+  }
+  return NotFound(path + ": no such file or folder");
+}
+
+}  // namespace haustra

@@ -1,0 +1,32 @@
+// What a caller may ask of any recorded sequence, whatever its layout.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+
+#include "capture/codec/image_codec.h"
+#include "hal/core/status.h"
+
+namespace haustra {
+
+struct SequenceOptions {
+  // The part of the sequence that is read, counted in frames as they are stored, both ends included. last_frame may lie
+  // beyond the end.
+  std::uint32_t first_frame = 0;
+  std::uint32_t last_frame = std::numeric_limits<std::uint32_t>::max();
+  // Of that part every n-th frame, beginning with the first; >= 1.
+  std::uint32_t every_nth = 1;
+  // Halves the frames by averaging 2x2 pixels; calibration and mask follow.
+  bool halve = false;
+  ChannelChoice channels = ChannelChoice::kAsStored;
+  // Used instead of the calibration that the sequence carries; empty: that one.
+  std::string calibration_path = {};
+  // Used instead of the mask that the sequence carries; empty: that one, or none.
+  std::string mask_path = {};
+
+  // kInvalidArgument, naming the field.
+  Status Validate() const;
+};
+
+}  // namespace haustra

@@ -1,0 +1,262 @@
+#include "capture/video_source.h"
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/imgutils.h>
+#include <libavutil/log.h>
+#include <libswscale/swscale.h>
+}
+
+#include <array>
+#include <optional>
+#include <utility>
+
+#include "capture/dataset/folder.h"
+#include "capture/image.h"
+#include "capture/image_transform.h"
+#include "capture/number.h"
+#include "capture/static_mask.h"
+#include "capture/video_calibration.h"
+
+namespace haustra {
+namespace {
+
+using capture::internal::VideoCompanions;
+
+struct FormatCloser {
+  void operator()(AVFormatContext* format) const { avformat_close_input(&format); }
+};
+struct CodecCloser {
+  void operator()(AVCodecContext* codec) const { avcodec_free_context(&codec); }
+};
+struct FrameCloser {
+  void operator()(AVFrame* frame) const { av_frame_free(&frame); }
+};
+struct PacketCloser {
+  void operator()(AVPacket* packet) const { av_packet_free(&packet); }
+};
+struct ScalerCloser {
+  void operator()(SwsContext* scaler) const { sws_freeContext(scaler); }
+};
+
+std::string ErrorText(int error) {
+  std::array<char, AV_ERROR_MAX_STRING_SIZE> text{};
+  av_strerror(error, text.data(), text.size());
+  return text.data();
+}
+
+std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+// What libav makes of one picture of the stream.
+enum class Decoded { kPicture, kLost, kEnd };
+
+class VideoSource final : public FrameSource {
+ public:
+  static Result<std::unique_ptr<FrameSource>> Open(const std::string& path, const SequenceOptions& options);
+
+  const CameraCalibration& calibration() const override { return calibration_; }
+  std::uint32_t num_frames() const override { return num_frames_; }
+  ImageView static_mask() const override { return mask_.view(); }
+  Result<Frame> Next(TimePoint deadline) override;
+
+ private:
+  VideoSource(std::string path, const SequenceOptions& options, VideoCompanions companions)
+      : path_(std::move(path)),
+        options_(options),
+        companions_(std::move(companions)),
+        calibration_(options.halve ? Halved(companions_.calibration) : companions_.calibration) {}
+
+  Status OpenStream();
+  void CountFrames();
+  // Decodes the next picture into picture_; `why` says what is wrong with a lost one.
+  Decoded Decode(std::string* why);
+  // Time of picture_, or nothing when it has none or not one after the last.
+  std::optional<std::int64_t> TakeStamp();
+  Status Convert();
+
+  std::string path_;
+  SequenceOptions options_;
+  VideoCompanions companions_;
+  CameraCalibration calibration_;  // of the frames that are handed out
+  std::uint32_t num_frames_ = 0;
+
+  std::unique_ptr<AVFormatContext, FormatCloser> format_;
+  std::unique_ptr<AVCodecContext, CodecCloser> codec_;
+  std::unique_ptr<AVPacket, PacketCloser> packet_;
+  std::unique_ptr<AVFrame, FrameCloser> picture_;
+  std::unique_ptr<SwsContext, ScalerCloser> scaler_;
+  const AVStream* stream_ = nullptr;
+  bool is_draining_ = false;
+  std::uint32_t next_stored_ = 0;  // of the pictures of the stream, lost ones included
+  std::optional<std::int64_t> first_pts_;
+  std::int64_t last_stamp_ns_ = -1;
+
+  Image mask_;
+  Image stored_;
+  Image half_;
+};
+
+Result<std::unique_ptr<FrameSource>> VideoSource::Open(const std::string& path, const SequenceOptions& options) {
+  HAUSTRA_TRY(options.Validate());
+  if (!capture::internal::IsFile(path)) return NotFound(path + ": no such file");
+  HAUSTRA_ASSIGN(VideoCompanions companions, capture::internal::FindVideoCompanions(path, options));
+  std::unique_ptr<VideoSource> source(new VideoSource(path, options, std::move(companions)));
+  HAUSTRA_TRY(source->OpenStream());
+  HAUSTRA_ASSIGN(source->mask_, capture::internal::ReadStaticMask(source->companions_.mask_path,
+                                                                  source->companions_.calibration, options.halve));
+  return std::unique_ptr<FrameSource>(std::move(source));
+}
+
+Status VideoSource::OpenStream() {
+  // libav writes to stderr on its own, in the middle of the caller's output; what matters is in the statuses.
+  av_log_set_level(AV_LOG_QUIET);
+  AVFormatContext* format = nullptr;
+  if (const int error = avformat_open_input(&format, path_.c_str(), nullptr, nullptr); error < 0) {
+    return DataLoss(path_ + ": cannot be opened as a video: " + ErrorText(error));
+  }
+  format_.reset(format);
+  if (const int error = avformat_find_stream_info(format, nullptr); error < 0) {
+    return DataLoss(path_ + ": no stream can be read: " + ErrorText(error));
+  }
+  const int stream_idx = av_find_best_stream(format, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
+  if (stream_idx < 0) return InvalidArgument(path_ + ": no video stream");
+  stream_ = format->streams[stream_idx];
+  const AVCodec* decoder = avcodec_find_decoder(stream_->codecpar->codec_id);
+  if (decoder == nullptr) {
+    return InvalidArgument(path_ + ": no decoder for codec " + avcodec_get_name(stream_->codecpar->codec_id));
+  }
+  const CameraCalibration& stored = companions_.calibration;
+  if (stream_->codecpar->width != stored.width_px || stream_->codecpar->height != stored.height_px) {
+    return InvalidArgument(path_ + ": the video is " + SizeText(stream_->codecpar->width, stream_->codecpar->height) +
+                           ", the calibration (" + companions_.calibration_path + ") is for " +
+                           SizeText(stored.width_px, stored.height_px));
+  }
+
+  codec_.reset(avcodec_alloc_context3(decoder));
+  packet_.reset(av_packet_alloc());
+  picture_.reset(av_frame_alloc());
+  if (codec_ == nullptr || packet_ == nullptr || picture_ == nullptr) return Unavailable(path_ + ": out of memory");
+  int error = avcodec_parameters_to_context(codec_.get(), stream_->codecpar);
+  codec_->thread_count = 1;  // the cores belong to tracking and mapping
+  codec_->err_recognition = AV_EF_CRCCHECK | AV_EF_BITSTREAM | AV_EF_BUFFER;
+  if (error >= 0) error = avcodec_open2(codec_.get(), decoder, nullptr);
+  if (error < 0) return InvalidArgument(path_ + ": the decoder cannot be opened: " + ErrorText(error));
+  if (calibration_.rate_hz == 0.0 && stream_->avg_frame_rate.num > 0 && stream_->avg_frame_rate.den > 0) {
+    calibration_.rate_hz = av_q2d(stream_->avg_frame_rate);
+  }
+  CountFrames();
+  return Status::Ok();
+}
+
+void VideoSource::CountFrames() {
+  const std::int64_t num_stored = stream_->nb_frames;
+  if (num_stored <= options_.first_frame) return;
+  const std::int64_t last = std::min<std::int64_t>(options_.last_frame, num_stored - 1);
+  num_frames_ = static_cast<std::uint32_t>((last - options_.first_frame) / options_.every_nth + 1);
+}
+
+Decoded VideoSource::Decode(std::string* why) {
+  for (;;) {
+    const int received = avcodec_receive_frame(codec_.get(), picture_.get());
+    if (received == 0) {
+      const bool is_corrupt = (picture_->flags & AV_FRAME_FLAG_CORRUPT) != 0 || picture_->decode_error_flags != 0;
+      if (is_corrupt) *why = "the decoder marks the picture as corrupt";
+      return is_corrupt ? Decoded::kLost : Decoded::kPicture;
+    }
+    if (received == AVERROR_EOF) return Decoded::kEnd;
+    if (received != AVERROR(EAGAIN)) {
+      *why = ErrorText(received);
+      return Decoded::kLost;
+    }
+    if (is_draining_) return Decoded::kEnd;
+    const int read = av_read_frame(format_.get(), packet_.get());
+    if (read < 0) {
+      // Also after a read error the pictures that the decoder still holds come out.
+      is_draining_ = true;
+      avcodec_send_packet(codec_.get(), nullptr);
+      if (read == AVERROR_EOF) continue;
+      *why = "the recording cannot be read further: " + ErrorText(read);
+      return Decoded::kLost;
+    }
+    const bool is_ours = packet_->stream_index == stream_->index;
+    const int sent = is_ours ? avcodec_send_packet(codec_.get(), packet_.get()) : 0;
+    av_packet_unref(packet_.get());
+    if (sent < 0 && sent != AVERROR(EAGAIN)) {
+      *why = ErrorText(sent);
+      return Decoded::kLost;
+    }
+  }
+}
+
+std::optional<std::int64_t> VideoSource::TakeStamp() {
+  const std::int64_t pts = picture_->best_effort_timestamp;
+  if (pts == AV_NOPTS_VALUE) return std::nullopt;
+  if (!first_pts_) first_pts_ = stream_->start_time != AV_NOPTS_VALUE ? std::min(stream_->start_time, pts) : pts;
+  const std::int64_t stamp_ns = av_rescale_q(pts - *first_pts_, stream_->time_base, AVRational{1, 1'000'000'000});
+  if (stamp_ns <= last_stamp_ns_) return std::nullopt;
+  last_stamp_ns_ = stamp_ns;
+  return stamp_ns;
+}
+
+Status VideoSource::Convert() {
+  const int width = companions_.calibration.width_px;
+  const int height = companions_.calibration.height_px;
+  if (picture_->width != width || picture_->height != height) {
+    return DataLoss("the picture is " + SizeText(picture_->width, picture_->height) + ", the video began with " +
+                    SizeText(width, height));
+  }
+  const bool grey = options_.channels == ChannelChoice::kGrey;
+  stored_.Resize(width, height, grey ? PixelFormat::kGrey8 : PixelFormat::kBgr8);
+  // Bit-exact, so that a recording gives the same pixels on every machine.
+  constexpr int kFlags = SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_BITEXACT;
+  SwsContext* previous = scaler_.release();
+  scaler_.reset(sws_getCachedContext(previous, width, height, static_cast<AVPixelFormat>(picture_->format), width,
+                                     height, grey ? AV_PIX_FMT_GRAY8 : AV_PIX_FMT_BGR24, kFlags, nullptr, nullptr,
+                                     nullptr));
+  if (scaler_ == nullptr) return DataLoss("the picture has a pixel format that cannot be converted");
+  // Recorders often leave the colour matrix open; then the one that is usual for the size.
+  int matrix = picture_->colorspace;
+  if (matrix == AVCOL_SPC_UNSPECIFIED) matrix = height >= 720 ? SWS_CS_ITU709 : SWS_CS_ITU601;
+  const int full_range_in = picture_->color_range == AVCOL_RANGE_JPEG ? 1 : 0;
+  constexpr int kUnity = 1 << 16;
+  sws_setColorspaceDetails(scaler_.get(), sws_getCoefficients(matrix), full_range_in,
+                           sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, kUnity, kUnity);
+  std::uint8_t* rows[4] = {stored_.row(0), nullptr, nullptr, nullptr};
+  const int pitches[4] = {static_cast<int>(stored_.pitch_bytes()), 0, 0, 0};
+  sws_scale(scaler_.get(), picture_->data, picture_->linesize, 0, height, rows, pitches);
+  return Status::Ok();
+}
+
+Result<Frame> VideoSource::Next(TimePoint) {
+  for (;;) {
+    if (next_stored_ > options_.last_frame) return NotFound(path_ + ": the end of the chosen part");
+    std::string why;
+    const Decoded decoded = Decode(&why);
+    if (decoded == Decoded::kEnd) return NotFound(path_ + ": the recording is over");
+    const std::uint32_t stored_idx = next_stored_++;
+    const std::optional<std::int64_t> stamp = decoded == Decoded::kPicture ? TakeStamp() : std::nullopt;
+    if (stored_idx < options_.first_frame || (stored_idx - options_.first_frame) % options_.every_nth != 0) continue;
+
+    const std::string here = path_ + ": frame " + std::to_string(stored_idx) + ": ";
+    if (decoded == Decoded::kLost) return DataLoss(here + why);
+    if (!stamp) return DataLoss(here + "its time stamp is missing or not after that of the frame before");
+    if (const Status status = Convert(); !status.ok()) return DataLoss(here + status.message());
+    if (options_.halve) HalveImage(stored_.view(), &half_);
+    Frame frame;
+    frame.index = (stored_idx - options_.first_frame) / options_.every_nth;
+    frame.timestamp = TimePoint(Duration(*stamp));
+    frame.image = options_.halve ? half_.view() : stored_.view();
+    return frame;
+  }
+}
+
+}  // namespace
+
+bool HasVideoSupport() { return true; }
+
+Result<std::unique_ptr<FrameSource>> OpenVideo(const std::string& path, const SequenceOptions& options) {
+  return VideoSource::Open(path, options);
+}
+
+}  // namespace haustra

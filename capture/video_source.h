@@ -1,0 +1,27 @@
+// Frames from recorded video (mp4, mov, avi, mkv) through FFmpeg's libraries. They are an optional component of the
+// build; without them everything here answers kUnavailable.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "capture/sequence_options.h"
+#include "hal/frame_source.h"
+
+namespace haustra {
+
+// Whether this build can read video.
+bool HasVideoSupport();
+
+// Opens the first video stream. The calibration is that of the options, or else <name>_geometrical.xml, the only
+// *_geometrical.xml in the video's folder, <name>.yaml or calib.yaml there; the mask that of the options or mask.png
+// there. Frame times are those of the recording, from 0 at its first frame.
+//
+// The source decodes on demand, on the reader's thread. A picture that does not decode, that the decoder marks as
+// corrupt, or whose time is not after that of the one before is a lost frame: kDataLoss, and Next goes on after it.
+// num_frames is 0 when the container does not say. kNotFound: no such file, no calibration. kDataLoss: not a video, or
+// damaged from the start. kInvalidArgument: no video stream, a codec that is not built in, the size is not that of the
+// calibration. kUnavailable: built without video support.
+Result<std::unique_ptr<FrameSource>> OpenVideo(const std::string& path, const SequenceOptions& options);
+
+}  // namespace haustra

@@ -1,0 +1,301 @@
+#include "engine/geometry/two_view.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "engine/geometry/five_point.h"
+#include "engine/geometry/ransac_trials.h"
+#include "engine/geometry/triangulation.h"
+
+namespace haustra {
+namespace {
+
+constexpr int kSampleSize = 5;
+constexpr int kMinMatches = 8;
+constexpr int kLocalIterations = 4;
+constexpr int kFinalIterations = 10;
+constexpr double kMovingTolerances = 2.0;
+// Two motions are one when they differ by less than this: about the spread of one solution of a weak pair.
+constexpr double kSameRotationRad = 0.03;
+constexpr double kSameDirectionRad = 0.15;
+
+// Square of the smallest joint turn (to first order) of both bearings that makes them meet: Sampson's distance on the
+// unit sphere. The gradients are projected to the tangent planes, which takes the residual itself out of both.
+double SampsonAngle2(const Eigen::Matrix3d& essential, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  const Eigen::Vector3d line_b = essential * a;
+  const double e = b.dot(line_b);
+  const double gradient2 = line_b.squaredNorm() + (essential.transpose() * b).squaredNorm() - 2.0 * e * e;
+  return e * e / std::max(gradient2, 1e-12);
+}
+
+Eigen::Matrix3d EssentialFromPose(const SE3& b_from_a) { return Skew(b_from_a.translation) * b_from_a.matrix3(); }
+
+// One of the four poses behind an essential matrix; |translation| = 1.
+SE3 PoseFromEssential(const Eigen::Matrix3d& essential) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(essential, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::Matrix3d u = svd.matrixU(), v = svd.matrixV();
+  Eigen::Matrix3d quarter_turn;
+  quarter_turn << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  Eigen::Matrix3d rotation = u * quarter_turn * v.transpose();
+  if (rotation.determinant() < 0.0) rotation = -rotation;
+  return SE3(rotation, Eigen::Vector3d(u.col(2)));
+}
+
+// The same essential matrix up to sign: cameras mirrored through the baseline, or the second turned half about it.
+SE3 Mirrored(const SE3& pose) { return SE3(pose.rotation, -pose.translation); }
+SE3 Twisted(const SE3& pose) {
+  const Eigen::Quaterniond half_turn(0.0, pose.translation.x(), pose.translation.y(), pose.translation.z());
+  return SE3(half_turn * pose.rotation, pose.translation);
+}
+
+bool IsSameMotion(const SE3& a, const SE3& b) {
+  return RotationAngle(a.rotation, b.rotation) < kSameRotationRad &&
+         a.translation.dot(b.translation) > std::cos(kSameDirectionRad);
+}
+
+}  // namespace
+
+TwoViewRansac::TwoViewRansac(int max_matches)
+    : max_matches_(max_matches),
+      inverse_tolerance2_(max_matches),
+      inliers_(max_matches),
+      points_in_a_(max_matches),
+      parallax_rad_(max_matches) {}
+
+double TwoViewRansac::Cost(const Eigen::Matrix3d& essential, double bound) const {
+  double cost = 0.0;
+  for (int i = 0; i < num_matches_ && cost < bound; ++i) {
+    cost += std::min(1.0, SampsonAngle2(essential, bearings_a_[i], bearings_b_[i]) * inverse_tolerance2_[i]);
+  }
+  return cost;
+}
+
+// Gauss-Newton over the rotation (left perturbation) and the direction of the translation (two tangent coordinates) on
+// the full derivative of the Sampson angle; the matches inside the tolerance are chosen anew at every step.
+void TwoViewRansac::Refine(int iterations, SE3* b_from_a) const {
+  using Vector5d = Eigen::Matrix<double, 5, 1>;
+  using Matrix5d = Eigen::Matrix<double, 5, 5>;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    const Eigen::Matrix3d rotation = b_from_a->matrix3();
+    const Eigen::Vector3d t = b_from_a->translation;
+    const Eigen::Vector3d u = t.unitOrthogonal();
+    const Eigen::Vector3d v = t.cross(u);
+    Matrix5d hessian = Matrix5d::Zero();
+    Vector5d gradient = Vector5d::Zero();
+    int used = 0;
+    for (int i = 0; i < num_matches_; ++i) {
+      const Eigen::Vector3d p = rotation * bearings_a_[i];
+      const Eigen::Vector3d& b = bearings_b_[i];
+      // e = b . (t x p); with unit vectors the squared gradient is 2 - (t . p)^2 - (t . b)^2 - 2 e^2.
+      const Eigen::Vector3d e_by_t = p.cross(b);
+      const double e = t.dot(e_by_t);
+      const double tp = t.dot(p), tb = t.dot(b);
+      const double gradient2 = std::max(2.0 - tp * tp - tb * tb - 2.0 * e * e, 1e-12);
+      if (e * e / gradient2 * inverse_tolerance2_[i] >= 1.0) continue;
+      ++used;
+      const Eigen::Vector3d e_by_rotation = p.cross(b.cross(t));
+      const Eigen::Vector3d half_by_rotation = -tp * p.cross(t) - 2.0 * e * e_by_rotation;
+      const Eigen::Vector3d half_by_t = -tp * p - tb * b - 2.0 * e * e_by_t;
+      const double inverse_norm = 1.0 / std::sqrt(gradient2);
+      const double residual = e * inverse_norm;
+      const double k = residual / gradient2;
+      const Eigen::Vector3d by_rotation = inverse_norm * e_by_rotation - k * half_by_rotation;
+      const Eigen::Vector3d by_t = inverse_norm * e_by_t - k * half_by_t;
+      Vector5d jacobian;
+      jacobian << by_rotation, by_t.dot(u), by_t.dot(v);
+      const Vector5d weighted = inverse_tolerance2_[i] * jacobian;
+      hessian.noalias() += weighted * jacobian.transpose();
+      gradient += residual * weighted;
+    }
+    if (used < kMinMatches) return;
+    // A trace of damping: along an unobservable direction (pure rotation) the step must stay finite.
+    hessian.diagonal().array() += 1e-9 * hessian.trace();
+    const Vector5d step = -hessian.ldlt().solve(gradient);
+    if (!step.allFinite()) return;
+    *b_from_a = SE3(ExpSO3(step.head<3>()) * b_from_a->rotation, (t + step[3] * u + step[4] * v).normalized());
+    // Expected decrease of a cost whose unit is one tolerance squared.
+    if (-gradient.dot(step) < 1e-10 * used) return;
+  }
+}
+
+bool TwoViewRansac::ChooseDecomposition(const Options& options, SE3* b_from_a, int* num_in_front) const {
+  const SE3 twisted = Twisted(*b_from_a);
+  const std::array<SE3, 4> candidates = {*b_from_a, Mirrored(*b_from_a), twisted, Mirrored(twisted)};
+  const Eigen::Matrix3d essential = EssentialFromPose(*b_from_a);
+  std::array<int, 4> votes{};
+  for (int i = 0; i < num_matches_; ++i) {
+    const double inverse_tolerance2 = inverse_tolerance2_[i];
+    if (SampsonAngle2(essential, bearings_a_[i], bearings_b_[i]) * inverse_tolerance2 >= 1.0) continue;
+    for (int k = 0; k < 4; ++k) {
+      Triangulated point;
+      if (!TriangulateBearings(candidates[k], bearings_a_[i], bearings_b_[i], &point)) continue;
+      // A ray that hardly turned has no side: noise decides on which it lies.
+      const double sine2 = 1.0 - point.cos_parallax * point.cos_parallax;
+      if (sine2 * inverse_tolerance2 > kMovingTolerances * kMovingTolerances) ++votes[k];
+    }
+  }
+  const int best = static_cast<int>(std::max_element(votes.begin(), votes.end()) - votes.begin());
+  for (int k = 0; k < 4; ++k) {
+    if (k != best && votes[k] >= options.max_runner_up_share * votes[best]) return false;
+  }
+  *b_from_a = candidates[best];
+  *num_in_front = votes[best];
+  return votes[best] > 0;
+}
+
+// A plane n . X = 1 (camera a, units of the baseline) maps bearings by H = R + t n', and H has a second factorisation
+// of the same form (Longuet-Higgins 1986, "The reconstruction of a plane surface from two perspective projections").
+// With H = R G, G = I + tau n', tau = R' t and m = tau + |tau|^2 / 2 n one finds G' G = I + n m' + m n', symmetric in n
+// and m: the twin has the plane m, and G = R2 (I + w m') with w = n - |tau|^2 |n|^2 / (2 |m|^2) m.
+bool TwoViewRansac::PlanarTwin(const SE3& b_from_a, SE3* twin) const {
+  // The plane from n . bearing = 1 / distance, in which the noise of every match weighs about the same; three rounds in
+  // which matches far off the plane count less.
+  Eigen::Vector3d n = Eigen::Vector3d::Zero();
+  double spread = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < 3; ++round) {
+    Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (int i = 0; i < num_matches_; ++i) {
+      if (!inliers_[i]) continue;
+      const double inverse_distance = 1.0 / points_in_a_[i].norm();
+      const double off = std::abs(n.dot(bearings_a_[i]) - inverse_distance);
+      const double weight = off > spread ? spread / off : 1.0;
+      hessian += weight * bearings_a_[i] * bearings_a_[i].transpose();
+      right += weight * inverse_distance * bearings_a_[i];
+    }
+    n = hessian.ldlt().solve(right);
+    if (!n.allFinite()) return false;
+    double sum = 0.0;
+    int count = 0;
+    for (int i = 0; i < num_matches_; ++i) {
+      if (!inliers_[i]) continue;
+      sum += std::abs(n.dot(bearings_a_[i]) - 1.0 / points_in_a_[i].norm());
+      ++count;
+    }
+    if (count == 0) return false;
+    spread = sum / count;
+  }
+
+  const Eigen::Vector3d tau = b_from_a.rotation.conjugate() * b_from_a.translation;
+  const Eigen::Vector3d m = tau + 0.5 * tau.squaredNorm() * n;
+  if (!(m.squaredNorm() > 1e-12)) return false;
+  const Eigen::Vector3d w = n - (0.5 * tau.squaredNorm() * n.squaredNorm() / m.squaredNorm()) * m;
+  const double scale = 1.0 + m.dot(w);
+  if (!(std::abs(scale) > 1e-9) || !(w.norm() > 1e-9)) return false;
+  const Eigen::Matrix3d g = Eigen::Matrix3d::Identity() + tau * n.transpose();
+  const Eigen::Quaterniond turn(Eigen::Matrix3d(g * (Eigen::Matrix3d::Identity() - w * m.transpose() / scale)));
+  *twin = SE3(b_from_a.rotation * turn.normalized(), Eigen::Vector3d::Zero());
+  twin->translation = (twin->rotation * w).normalized();
+  return twin->rotation.coeffs().allFinite() && twin->translation.allFinite();
+}
+
+int TwoViewRansac::Triangulate(const SE3& b_from_a) {
+  const Eigen::Matrix3d essential = EssentialFromPose(b_from_a);
+  int num_inliers = 0;
+  for (int i = 0; i < num_matches_; ++i) {
+    Triangulated point;
+    inliers_[i] = 0;
+    if (SampsonAngle2(essential, bearings_a_[i], bearings_b_[i]) * inverse_tolerance2_[i] >= 1.0) continue;
+    if (!TriangulateBearings(b_from_a, bearings_a_[i], bearings_b_[i], &point)) continue;
+    inliers_[i] = 1;
+    points_in_a_[i] = point.point_in_a;
+    parallax_rad_[i] = std::acos(std::clamp(point.cos_parallax, -1.0, 1.0));
+    ++num_inliers;
+  }
+  return num_inliers;
+}
+
+bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<const Eigen::Vector3d> bearings_b,
+                        std::span<const double> tolerance_rad, const Options& options, Rng& rng, Estimate* estimate) {
+  num_matches_ = 0;
+  const int min_inliers = std::max(options.min_inliers, kMinMatches);
+  if (bearings_a.size() > static_cast<std::size_t>(max_matches_)) return false;
+  num_matches_ = static_cast<int>(bearings_a.size());
+  std::fill_n(inliers_.begin(), num_matches_, std::uint8_t{0});
+  if (bearings_b.size() != bearings_a.size() || tolerance_rad.size() != bearings_a.size()) return false;
+  if (num_matches_ < min_inliers) return false;
+  bearings_a_ = bearings_a;
+  bearings_b_ = bearings_b;
+  for (int i = 0; i < num_matches_; ++i) inverse_tolerance2_[i] = 1.0 / (tolerance_rad[i] * tolerance_rad[i]);
+
+  SE3 best;
+  double best_cost = std::numeric_limits<double>::infinity();
+  int needed = options.max_iterations;
+  for (int iteration = 0; iteration < needed; ++iteration) {
+    std::array<int, kSampleSize> sample;
+    rng.SampleDistinct(num_matches_, sample);
+    std::array<Eigen::Vector3d, kSampleSize> sample_a, sample_b;
+    for (int k = 0; k < kSampleSize; ++k) {
+      sample_a[k] = bearings_a[sample[k]];
+      sample_b[k] = bearings_b[sample[k]];
+    }
+    std::array<Eigen::Matrix3d, 10> essentials;
+    const int num_essentials = SolveFivePoint(sample_a, sample_b, &essentials);
+    for (int k = 0; k < num_essentials; ++k) {
+      double cost = Cost(essentials[k], best_cost);
+      if (!(cost < best_cost)) continue;
+      SE3 pose = PoseFromEssential(essentials[k]);
+      SE3 refined = pose;
+      Refine(kLocalIterations, &refined);
+      const double refined_cost = Cost(EssentialFromPose(refined), cost);
+      if (refined_cost < cost) {
+        cost = refined_cost;
+        pose = refined;
+      }
+      best = pose;
+      best_cost = cost;
+      const int at_least = num_matches_ - static_cast<int>(cost);
+      needed = std::min(needed,
+                        RansacTrials(at_least, num_matches_, kSampleSize, options.confidence, options.max_iterations));
+    }
+  }
+  if (!(best_cost < num_matches_)) return false;
+
+  SE3 refined = best;
+  Refine(kFinalIterations, &refined);
+  const double refined_cost = Cost(EssentialFromPose(refined), best_cost);
+  if (refined_cost < best_cost) {
+    best = refined;
+    best_cost = refined_cost;
+  }
+
+  int num_inliers = 0, num_moving = 0, num_in_front = 0;
+  if (ChooseDecomposition(options, &best, &num_in_front)) {
+    num_inliers = Triangulate(best);
+    SE3 twin;
+    int twin_in_front = 0;
+    if (PlanarTwin(best, &twin)) {
+      Refine(kFinalIterations, &twin);
+      const double twin_cost = Cost(EssentialFromPose(twin), best_cost + options.min_twin_lead);
+      if (twin_cost < best_cost + options.min_twin_lead && ChooseDecomposition(options, &twin, &twin_in_front) &&
+          twin_in_front > options.max_runner_up_share * num_in_front && !IsSameMotion(best, twin)) {
+        num_inliers = 0;
+        if (twin_cost + options.min_twin_lead <= best_cost) {  // the search had settled on the wrong one
+          best = twin;
+          best_cost = twin_cost;
+          num_inliers = Triangulate(best);
+        }
+      }
+    }
+    for (int i = 0; i < num_matches_; ++i) {
+      if (inliers_[i] &&
+          parallax_rad_[i] * parallax_rad_[i] * inverse_tolerance2_[i] > kMovingTolerances * kMovingTolerances) {
+        ++num_moving;
+      }
+    }
+  }
+  if (num_inliers < min_inliers || num_moving < options.min_moving_share * num_inliers || num_moving < kMinMatches) {
+    std::fill_n(inliers_.begin(), num_matches_, std::uint8_t{0});
+    return false;
+  }
+  estimate->b_from_a = best;
+  estimate->num_inliers = num_inliers;
+  estimate->score = num_matches_ - best_cost;
+  return true;
+}
+
+}  // namespace haustra

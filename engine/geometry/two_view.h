@@ -1,0 +1,81 @@
+// Relative pose of two calibrated views from matched bearings, with outliers: RANSAC on five points (five_point.h),
+// MSAC score on the angular Sampson error, local optimisation on the manifold of essential matrices, decomposition by
+// the points in front of both cameras, triangulation. The paper uses eight points (Longuet-Higgins 1981); five need
+// fewer trials and, unlike eight, still work when the points lie on a plane or a quadric such as a tube around the
+// camera.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/geometry/rng.h"
+#include "engine/geometry/se3.h"
+
+namespace haustra {
+
+// thread-bound(its owner), rt-safe after construction: all scratch is taken there.
+class TwoViewRansac {
+ public:
+  struct Options {
+    int max_iterations = 400;          // 1 and up
+    double confidence = 0.999;         // (0, 1): stop when a better sample has become this unlikely
+    int min_inliers = 20;              // 8 and up: with fewer, Run returns false
+    double max_runner_up_share = 0.7;  // (0, 1): of the four decompositions, points in front in the second best / best
+    double min_twin_lead = 3.0;  // 0 and up: by how much (units of score) a scene near a plane must fit better than the
+                                 //   second motion that explains a plane. Below, the choice is chance
+    double min_moving_share =
+        0.25;  // [0, 1]: inliers whose parallax is beyond twice their tolerance. Below, the motion
+               //   may as well be a rotation, and translation and depth are noise
+  };
+  struct Estimate {
+    SE3 b_from_a;  // |translation| = 1
+    int num_inliers = 0;
+    double score = 0.0;  // sum of 1 - min(error^2 / tolerance^2, 1): inliers, each counted by how well it fits
+  };
+
+  explicit TwoViewRansac(int max_matches);
+
+  // bearings_a[i], bearings_b[i]  unit vectors of one point in the two cameras
+  // tolerance_rad[i]              smallest joint turn of both bearings (root of the sum of squares) that would make
+  // them
+  //                               meet, up to which the match is an inlier; chi-square of one degree of freedom when
+  //                               both have the same sigma (1.96 sigma for 95 %)
+  // False, with `estimate` untouched and inliers() all zero, when the spans differ in length, hold fewer than
+  // min_inliers or more than max_matches, when too few matches agree on a motion, when they agree with a pure
+  // rotation, when two decompositions are about equally good, or when the scene is so flat that two motions are. Cost:
+  // about 20 us and at most 15 ns a match for each iteration and root.
+  bool Run(std::span<const Eigen::Vector3d> bearings_a, std::span<const Eigen::Vector3d> bearings_b,
+           std::span<const double> tolerance_rad, const Options& options, Rng& rng, Estimate* estimate);
+
+  // Of the last Run, one entry a match: 1 for an inlier, which has a point in front of both cameras.
+  std::span<const std::uint8_t> inliers() const { return {inliers_.data(), static_cast<std::size_t>(num_matches_)}; }
+  // Triangulated points in camera a, in units of the baseline, and the angles between their rays. Only the entries of
+  // inliers mean anything.
+  std::span<const Eigen::Vector3d> points_in_a() const {
+    return {points_in_a_.data(), static_cast<std::size_t>(num_matches_)};
+  }
+  std::span<const double> parallax_rad() const {
+    return {parallax_rad_.data(), static_cast<std::size_t>(num_matches_)};
+  }
+
+ private:
+  double Cost(const Eigen::Matrix3d& essential, double bound) const;
+  void Refine(int iterations, SE3* b_from_a) const;
+  // Of the four poses behind the essential matrix of `b_from_a` the one with most points in front, and how many.
+  bool ChooseDecomposition(const Options& options, SE3* b_from_a, int* num_in_front) const;
+  // The second motion that the plane through the triangulated points would allow; false when there is none.
+  bool PlanarTwin(const SE3& b_from_a, SE3* twin) const;
+  int Triangulate(const SE3& b_from_a);
+
+  int max_matches_;
+  int num_matches_ = 0;
+  std::span<const Eigen::Vector3d> bearings_a_;
+  std::span<const Eigen::Vector3d> bearings_b_;
+  std::vector<double> inverse_tolerance2_;
+  std::vector<std::uint8_t> inliers_;
+  std::vector<Eigen::Vector3d> points_in_a_;
+  std::vector<double> parallax_rad_;
+};
+
+}  // namespace haustra

@@ -1,0 +1,13 @@
+// The points of one map as binary little-endian PLY: x y z (float), red green blue (uchar), num_observations, map_id
+// (int). Opens in MeshLab, CloudCompare, Open3D and Blender. Map units. reentrant, not rt-safe.
+#pragma once
+
+#include "engine/io/byte_sink.h"
+#include "engine/io/map_export.h"
+
+namespace haustra {
+
+// Errors: what the sink returns.
+Status WritePly(ByteSink& sink, const MapExport& map);
+
+}  // namespace haustra

@@ -1,0 +1,44 @@
+// What a proven common area (engine/place/common_area.h) asks the atlas to become, and what came of it. A plan names
+// entities by handle only, so it may wait between recognition and application; a stale one is refused.
+#pragma once
+
+#include <vector>
+
+#include "engine/atlas/atlas.h"
+#include "engine/atlas/local_map.h"
+#include "engine/geometry/sim3.h"
+#include "engine/place/common_area.h"
+
+namespace haustra {
+
+struct MergePlan {
+  KeyframeHandle keyframe_a;  // the new one, of the active map
+  KeyframeHandle keyframe_b;  // of the same map: a loop; of another: a merge
+  Sim3 b_from_a;              // points of the map of a to that of b; in a loop: what drift did around a, undone
+  std::vector<CommonPoint> points;
+};
+
+inline MergePlan MakeMergePlan(const CommonArea& area) {
+  return {area.keyframe_a, area.keyframe_b, area.b_from_a, area.points};
+}
+
+struct MergeOutcome {
+  bool is_loop = false;
+  MapHandle map;  // holds everything now; its id is the older one of the two
+  MapId map_id = kNoId;
+  MapId absorbed_map_id = kNoId;  // kNoId for a loop
+  // Where things at keyframe_a went, for the tracker; `sequence` is left to the one who publishes it.
+  Reframing reframing;
+  int num_fused = 0;  // points that were one and are one now
+  int num_weld_keyframes = 0;
+  int num_weld_points = 0;
+  int num_weld_outliers = 0;
+  int weld_iterations = 0;
+  double weld_initial_cost = 0.0;
+  double weld_final_cost = 0.0;
+  int num_graph_nodes = 0;  // 0: all keyframes were welded, none was left to follow
+  int num_graph_edges = 0;
+  int graph_iterations = 0;
+};
+
+}  // namespace haustra

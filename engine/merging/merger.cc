@@ -1,0 +1,163 @@
+#include "engine/merging/merger.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace haustra {
+namespace {
+
+// Weight of the edges that hold a loop together, against at most 1 of the others.
+constexpr double kJointWeight = 4.0;
+
+bool IsSimilarity(const Sim3& s) {
+  return std::isfinite(s.scale) && s.scale > 0.0 && s.rotation.coeffs().allFinite() && s.translation.allFinite();
+}
+
+}  // namespace
+
+Merger::Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera,
+               VisionDevice& device)
+    : config_(config),
+      options_(options),
+      fuser_(config, camera, device),
+      weld_(config, options, camera),
+      graph_(options, config.memory.max_keyframes),
+      collector_(config.memory.max_map_points) {}
+
+Status Merger::Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline,
+                     MergeOutcome* outcome) {
+  const Keyframe* a = atlas->GetKeyframe(plan.keyframe_a);
+  const Keyframe* b = atlas->GetKeyframe(plan.keyframe_b);
+  if (a == nullptr || b == nullptr || plan.keyframe_a == plan.keyframe_b) {
+    return FailedPrecondition("merge: a keyframe of the plan is gone");
+  }
+  if (!IsSimilarity(plan.b_from_a)) {
+    return InvalidArgument("merge: scale " + std::to_string(plan.b_from_a.scale) + " is not that of a similarity");
+  }
+  *outcome = MergeOutcome{};
+  outcome->is_loop = a->map == b->map;
+  outcome->reframing.old_map_id = atlas->map(a->map).id;
+  const SE3 old_pose = a->cam_from_map;
+  const double old_scale = atlas->KeyframeScale(plan.keyframe_a);
+
+  const int min_shared = config_.mapping.min_shared_points;
+  CollectGroup(*atlas, plan.keyframe_a, options_.window_keyframes, min_shared, &covisible_, &window_a_);
+  CollectGroup(*atlas, plan.keyframe_b, options_.window_keyframes, min_shared, &covisible_, &window_b_);
+  if (outcome->is_loop) {
+    Close(plan, atlas, clock, deadline, outcome);
+  } else {
+    Join(plan, atlas, clock, deadline, outcome);
+  }
+
+  const Keyframe& moved = atlas->keyframe(plan.keyframe_a);
+  outcome->map = moved.map;
+  outcome->map_id = atlas->map(moved.map).id;
+  // x_camera = old_pose * point_old in the old unit, and new_pose * point_new in the new one, `growth` times as large.
+  const double growth = atlas->KeyframeScale(plan.keyframe_a) / old_scale;
+  const Sim3 camera_from_new =
+      Sim3(1.0 / growth, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()) * Sim3(moved.cam_from_map);
+  outcome->reframing.new_map_id = outcome->map_id;
+  outcome->reframing.new_from_old = camera_from_new.Inverse() * Sim3(old_pose);
+  return Status::Ok();
+}
+
+void Merger::Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome) {
+  const MapHandle map_a = atlas->keyframe(plan.keyframe_a).map;
+  const MapHandle map_b = atlas->keyframe(plan.keyframe_b).map;
+  const bool a_is_older = atlas->map(map_a).id < atlas->map(map_b).id;
+  const MapHandle older = a_is_older ? map_a : map_b;
+  const MapHandle younger = a_is_older ? map_b : map_a;
+  outcome->absorbed_map_id = atlas->map(younger).id;
+  moved_ = atlas->map(younger).keyframes;
+  atlas->TransformMap(younger, a_is_older ? plan.b_from_a.Inverse() : plan.b_from_a);
+  // Covisibility before fusion: the graph holds the younger map together, the weld ties it to the older one.
+  graph_.Capture(*atlas, moved_);
+  atlas->AbsorbMap(older, younger);
+  Fuse(plan, atlas, outcome);
+
+  const std::vector<KeyframeHandle>& moving_window = a_is_older ? window_b_ : window_a_;
+  Weld::Sides sides;
+  sides.moving = moving_window;
+  sides.reference = a_is_older ? window_a_ : window_b_;
+  sides.may_hold = [this](KeyframeHandle handle) {
+    return std::find(moved_.begin(), moved_.end(), handle) == moved_.end();
+  };
+  std::vector<SE3> poses_before;
+  for (const KeyframeHandle handle : moving_window) poses_before.push_back(atlas->keyframe(handle).cam_from_map);
+  WeldSeam(sides, atlas, clock, deadline, outcome);
+
+  // The weld says where its keyframes are and what happened to their unit; the others go along.
+  const double growth = weld_.moving_scale();
+  const auto correction_of = [&](std::size_t i) {
+    const Sim3 old(poses_before[i]);
+    const Sim3 unit(1.0 / growth, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+    return (unit * Sim3(atlas->keyframe(moving_window[i]).cam_from_map)).Inverse() * old;
+  };
+  const Sim3 guess = correction_of(0);
+  for (const KeyframeHandle handle : moved_) graph_.SetCorrection(handle, guess, false);
+  for (std::size_t i = 0; i < moving_window.size(); ++i) {
+    graph_.SetCorrection(moving_window[i], correction_of(i), true);
+    const SE3 welded = atlas->keyframe(moving_window[i]).cam_from_map;
+    atlas->CorrectKeyframe(moving_window[i], welded, growth);
+  }
+  if (moved_.size() == moving_window.size()) return;
+  outcome->num_graph_nodes = graph_.num_nodes();
+  outcome->num_graph_edges = graph_.num_edges();
+  // Without a solution the guess stands: everything moves with the new keyframe.
+  const Result<PoseGraphSummary> summary = graph_.Solve(clock, deadline);
+  if (summary.ok()) outcome->graph_iterations = summary->iterations;
+  graph_.Apply(atlas);
+}
+
+void Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome) {
+  moved_ = atlas->map(atlas->keyframe(plan.keyframe_a).map).keyframes;
+  graph_.Capture(*atlas, moved_);
+  for (const KeyframeHandle handle : window_a_) graph_.SetCorrection(handle, plan.b_from_a, false);
+  // A keyframe in both windows stands where the map stood.
+  for (const KeyframeHandle handle : window_b_) graph_.SetCorrection(handle, Sim3{}, true);
+  graph_.AddJoint(plan.keyframe_b, plan.keyframe_a, kJointWeight);
+  outcome->num_graph_nodes = graph_.num_nodes();
+  outcome->num_graph_edges = graph_.num_edges();
+  const Result<PoseGraphSummary> summary = graph_.Solve(clock, deadline);
+  // Without a solution the loop stays open: half a correction would tear the map.
+  if (!summary.ok() || !summary->usable) return;
+  outcome->graph_iterations = summary->iterations;
+  graph_.Apply(atlas);
+  Fuse(plan, atlas, outcome);
+  Weld::Sides sides;
+  sides.moving = window_a_;
+  sides.reference = window_b_;
+  sides.may_hold = [](KeyframeHandle) { return true; };
+  WeldSeam(sides, atlas, clock, deadline, outcome);
+}
+
+// What was proven to be one point, then what is found to be one by searching each side in the other.
+void Merger::Fuse(const MergePlan& plan, Atlas* atlas, MergeOutcome* outcome) {
+  for (const CommonPoint& common : plan.points) {
+    const MapPoint* a = atlas->GetPoint(common.point_a);
+    const MapPoint* b = atlas->GetPoint(common.point_b);
+    // Points may have gone since the plan was made, or have become one.
+    if (a == nullptr || b == nullptr || common.point_a == common.point_b) continue;
+    const bool keep_b = b->observations.size() >= a->observations.size();
+    atlas->FusePoints(keep_b ? common.point_a : common.point_b, keep_b ? common.point_b : common.point_a);
+    ++outcome->num_fused;
+  }
+  for (const auto& [from, into] : {std::pair(&window_b_, &window_a_), std::pair(&window_a_, &window_b_)}) {
+    collector_.Collect(*atlas, *from, &points_);
+    for (const KeyframeHandle handle : *into) outcome->num_fused += fuser_.SearchInto(handle, points_, false, atlas);
+  }
+}
+
+void Merger::WeldSeam(const Weld::Sides& sides, Atlas* atlas, const Clock* clock, TimePoint deadline,
+                      MergeOutcome* outcome) {
+  const Result<BundleSummary> summary = weld_.Adjust(sides, atlas, clock, deadline);
+  outcome->num_weld_keyframes = static_cast<int>(weld_.keyframes().size());
+  outcome->num_weld_points = weld_.num_points();
+  if (!summary.ok()) return;
+  outcome->num_weld_outliers = summary->num_outliers;
+  outcome->weld_iterations = summary->iterations;
+  outcome->weld_initial_cost = summary->initial_cost;
+  outcome->weld_final_cost = summary->final_cost;
+}
+
+}  // namespace haustra

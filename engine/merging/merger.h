@@ -1,0 +1,54 @@
+// Applies a merge plan (system.md 9): two maps become one, or a loop inside one map is closed, by the same steps:
+//   merge  the younger map is moved by the Sim(3) into the frame of the older one, which takes over its keyframes and
+//          points and keeps its id; matched points are fused, more are found by guided search across the seam; the seam
+//          is welded by bundle adjustment; what is left of the younger map follows the weld by its essential graph
+//   loop   the correction is spread over the map by the essential graph; then fusion, search and weld as above
+// The atlas is consistent when Apply returns, whatever it returns. thread-bound(mapping); allocates (Ceres); the time
+// spent in the solvers is bounded by the deadline, that of the rest by the size of the windows and, for moving points,
+// of the atlas.
+#pragma once
+
+#include <vector>
+
+#include "engine/atlas/atlas.h"
+#include "engine/camera/camera_model.h"
+#include "engine/config.h"
+#include "engine/mapping/point_fusion.h"
+#include "engine/merging/essential_graph.h"
+#include "engine/merging/merge_plan.h"
+#include "engine/merging/merging_config.h"
+#include "engine/merging/weld.h"
+#include "hal/vision_device.h"
+
+namespace haustra {
+
+class Merger {
+ public:
+  // Everything named outlives it.
+  Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera, VisionDevice& device);
+
+  // kFailedPrecondition: a keyframe of the plan is gone; nothing was touched. kInvalidArgument: the similarity is not
+  // one. `clock` may be null with kNoDeadline: then only iterations bound the solvers (sequential mode).
+  // Solvers that fail leave the state before them, which is consistent: that is no error.
+  Status Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
+
+ private:
+  void Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
+  void Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
+  void Fuse(const MergePlan& plan, Atlas* atlas, MergeOutcome* outcome);
+  void WeldSeam(const Weld::Sides& sides, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
+
+  const EngineConfig& config_;
+  const MergingConfig& options_;
+  PointFuser fuser_;
+  Weld weld_;
+  EssentialGraph graph_;
+  PointCollector collector_;
+  std::vector<KeyframeHandle> window_a_;
+  std::vector<KeyframeHandle> window_b_;
+  std::vector<KeyframeHandle> moved_;
+  std::vector<MapPointHandle> points_;
+  std::vector<Covisible> covisible_;
+};
+
+}  // namespace haustra

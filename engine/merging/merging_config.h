@@ -1,0 +1,16 @@
+// Parameters of merging and loop closing (system.md 9), with default, unit, range and reason. Plain data.
+#pragma once
+
+namespace haustra {
+
+struct MergingConfig {
+  int window_keyframes = 8;    // of each side of the seam that are fused and welded [2, 30]
+  int fixed_keyframes = 16;    // older ring that holds the gauge of the weld [0, 60]
+  int weld_iterations = 15;    // [1, 100]
+  int graph_iterations = 30;   // [1, 200]
+  int graph_min_shared = 30;   // points of an edge of the essential graph [1, 1000]
+  int graph_max_edges = 6;     // strongest ones of each keyframe, beside the one that keeps it connected [0, 60]
+  int max_milliseconds = 400;  // real-time mode only: weld and graph together stop there, best state kept [1, 10000]
+};
+
+}  // namespace haustra

@@ -1,0 +1,223 @@
+#include "engine/place/relocaliser.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "engine/geometry/ellipse_spread.h"
+#include "engine/place/strongest_features.h"
+
+namespace haustra {
+namespace {
+
+constexpr double kChi2TwoDof = 5.991;  // 95 %
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr std::uint64_t kRngStream = 12;
+constexpr int kMaxRetrieved = 20;
+// Covisible keyframes of the candidate whose points the frame may see.
+constexpr int kWideGroup = 10;
+constexpr int kGuidedRounds = 2;
+
+}  // namespace
+
+std::string_view ToString(RelocalisationVerdict verdict) {
+  switch (verdict) {
+    case RelocalisationVerdict::kAccepted: return "accepted";
+    case RelocalisationVerdict::kNoCandidate: return "no_candidate";
+    case RelocalisationVerdict::kDeviceFailed: return "device_failed";
+    case RelocalisationVerdict::kFewMatches: return "few_matches";
+    case RelocalisationVerdict::kNoPose: return "no_pose";
+    case RelocalisationVerdict::kLowMatchShare: return "low_match_share";
+    case RelocalisationVerdict::kFewInliers: return "few_inliers";
+    case RelocalisationVerdict::kLowInlierShare: return "low_inlier_share";
+    case RelocalisationVerdict::kLowSpread: return "low_spread";
+    case RelocalisationVerdict::kUncertain: return "uncertain";
+  }
+  return "unknown";
+}
+
+Relocaliser::Relocaliser(const EngineConfig& config, const RelocalisationConfig& options,
+                         const RetrievalConfig& retrieval_options, const CameraModel& camera, VisionDevice& device,
+                         KeyframeRetrieval& retrieval)
+    : config_(config),
+      options_(options),
+      retrieval_options_(retrieval_options),
+      camera_(camera),
+      device_(device),
+      retrieval_(retrieval),
+      ransac_(config.features.max),
+      search_(config, camera, device),
+      collector_(config.memory.max_map_points),
+      rng_(config.seed, kRngStream),
+      matches_(static_cast<std::size_t>(config.features.max)) {}
+
+bool Relocaliser::Relocalise(const Atlas& atlas, const FrameFeatures& features,
+                             const std::function<bool(KeyframeHandle, const Keyframe&)>& is_excluded,
+                             Relocalisation* out, std::vector<RelocalisationCounts>* tried) {
+  tried->clear();
+  SelectStrongest(features, retrieval_options_.max_descriptors, &strongest_);
+  RetrievalQuery query;
+  query.set = features.set;
+  query.strongest = strongest_;
+  query.max_results = kMaxRetrieved;
+  query.is_excluded = is_excluded;
+  if (!retrieval_.Query(atlas, query, &candidates_).ok()) {
+    tried->push_back({.verdict = RelocalisationVerdict::kDeviceFailed});
+    return false;
+  }
+  if (candidates_.empty()) tried->push_back({.verdict = RelocalisationVerdict::kNoCandidate});
+  tried_.clear();
+  int num_tried = 0;
+  for (const RetrievalCandidate& candidate : candidates_) {
+    if (num_tried == options_.max_candidates) break;
+    // Its points were matched already with another candidate.
+    if (std::find(tried_.begin(), tried_.end(), candidate.keyframe) != tried_.end()) continue;
+    ++num_tried;
+    *out = Relocalisation{};
+    out->map = atlas.keyframe(candidate.keyframe).map;
+    out->counts.keyframe = atlas.keyframe(candidate.keyframe).id;
+    out->counts.map_id = atlas.map(out->map).id;
+    out->counts.num_votes = candidate.num_votes;
+    out->counts.verdict = Try(atlas, features, candidate.keyframe, out);
+    tried->push_back(out->counts);
+    if (out->counts.verdict == RelocalisationVerdict::kAccepted) return true;
+  }
+  return false;
+}
+
+RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& features, KeyframeHandle candidate,
+                                       Relocalisation* out) {
+  RelocalisationCounts& counts = out->counts;
+  const int min_shared = config_.mapping.min_shared_points;
+  CollectGroup(atlas, candidate, options_.group_size, min_shared, &covisible_, &group_);
+  tried_.insert(tried_.end(), group_.begin(), group_.end());
+  collector_.Collect(atlas, group_, &points_);
+  points_.resize(std::min(points_.size(), static_cast<std::size_t>(device_.plan().max_match_list)));
+  if (points_.empty()) return RelocalisationVerdict::kFewMatches;
+  refs_.clear();
+  for (const MapPointHandle point : points_) refs_.push_back(atlas.point(point).descriptor);
+  std::int32_t num_matches = 0;
+  MatchRequest request;
+  request.query = DescriptorList::Whole(features.set);
+  request.train = DescriptorList::Gather(refs_);
+  request.options = {static_cast<float>(config_.matching.min_similarity), static_cast<float>(options_.max_angle_ratio),
+                     true};
+  request.matches = matches_;
+  request.num_matches = &num_matches;
+  if (!MatchAndWait(device_, Lane::kBackground, request).ok()) return RelocalisationVerdict::kDeviceFailed;
+  counts.num_matches = num_matches;
+  if (num_matches < options_.min_matches) return RelocalisationVerdict::kFewMatches;
+
+  pairs_.clear();
+  bearings_.clear();
+  positions_.clear();
+  tolerance_.clear();
+  const double gate = std::sqrt(kChi2TwoDof);
+  for (std::int32_t m = 0; m < num_matches; ++m) {
+    const Pair pair = {matches_[m].query, points_[matches_[m].train]};
+    pairs_.push_back(pair);
+    bearings_.push_back(features.bearing(pair.feature_idx));
+    positions_.push_back(atlas.point(pair.point).position);
+    const double sigma = config_.noise.SigmaPx(features.keypoints[pair.feature_idx].scale_px);
+    tolerance_.push_back(gate * sigma / camera_.focal_px());
+  }
+  AbsolutePoseRansac::Options ransac;
+  ransac.max_iterations = options_.ransac_iterations;
+  ransac.min_inliers = options_.min_ransac_inliers;
+  AbsolutePoseRansac::Estimate estimate;
+  if (!ransac_.Run(bearings_, positions_, tolerance_, ransac, rng_, &estimate)) return RelocalisationVerdict::kNoPose;
+  counts.num_ransac_inliers = estimate.num_inliers;
+  PoseOptimizerResult result;
+  if (!Optimise(atlas, features, estimate.cam_from_world, &result)) return RelocalisationVerdict::kNoPose;
+  counts.num_agreeing = result.num_inliers;
+  if (counts.num_agreeing < options_.min_match_share * counts.num_matches) {
+    return RelocalisationVerdict::kLowMatchShare;
+  }
+
+  CollectGroup(atlas, candidate, kWideGroup, min_shared, &covisible_, &wide_group_);
+  collector_.Collect(atlas, wide_group_, &points_);
+  for (int round = 0; round < kGuidedRounds; ++round) {
+    int num_visible = 0;
+    const Status status =
+        search_.Search(atlas, points_, Sim3{}, {&features, result.cam_from_world, {}}, &found_, &num_visible);
+    if (!status.ok()) return RelocalisationVerdict::kDeviceFailed;
+    pairs_.clear();
+    for (const FoundPoint& found : found_) pairs_.push_back({found.feature_idx, points_[found.point_idx]});
+    counts.num_guided = static_cast<int>(pairs_.size());
+    if (!Optimise(atlas, features, result.cam_from_world, &result)) return RelocalisationVerdict::kFewInliers;
+  }
+  KeepInliers();
+  counts.num_inliers = static_cast<int>(pairs_.size());
+  out->cam_from_map = result.cam_from_world;
+  if (counts.num_inliers < options_.min_inliers) return RelocalisationVerdict::kFewInliers;
+  if (counts.num_inliers < options_.min_inlier_share * counts.num_guided) {
+    return RelocalisationVerdict::kLowInlierShare;
+  }
+  std::vector<Eigen::Vector2d> pixels;
+  for (const Pair& pair : pairs_) pixels.push_back(features.pixel(pair.feature_idx));
+  counts.spread = EllipseSpread(pixels, camera_.width_px(), camera_.height_px());
+  if (counts.spread < options_.min_spread) return RelocalisationVerdict::kLowSpread;
+  if (const auto verdict = CheckCertainty(atlas, result, &counts); verdict != RelocalisationVerdict::kAccepted) {
+    return verdict;
+  }
+  for (const Pair& pair : pairs_) out->seen.push_back({pair.feature_idx, pair.point});
+  ChooseReference(atlas, out);
+  return RelocalisationVerdict::kAccepted;
+}
+
+bool Relocaliser::Optimise(const Atlas& atlas, const FrameFeatures& features, const SE3& initial,
+                           PoseOptimizerResult* result) {
+  observations_.clear();
+  for (const Pair& pair : pairs_) {
+    observations_.push_back({atlas.point(pair.point).position, features.pixel(pair.feature_idx),
+                             config_.noise.SigmaPx(features.keypoints[pair.feature_idx].scale_px)});
+  }
+  inliers_.resize(observations_.size());
+  PoseOptimizerOptions options;
+  options.chi2_gate = kChi2TwoDof;
+  PoseOptimizerResult optimised;
+  if (!OptimizePose(camera_, observations_, initial, options, inliers_, &optimised)) return false;
+  *result = optimised;
+  return optimised.num_inliers >= options_.min_ransac_inliers;
+}
+
+void Relocaliser::KeepInliers() {
+  std::size_t num = 0;
+  for (std::size_t i = 0; i < pairs_.size(); ++i) {
+    if (inliers_[i] != 0) pairs_[num++] = pairs_[i];
+  }
+  pairs_.resize(num);
+}
+
+RelocalisationVerdict Relocaliser::CheckCertainty(const Atlas& atlas, const PoseOptimizerResult& result,
+                                                  RelocalisationCounts* counts) const {
+  const Eigen::FullPivLU<Matrix6d> solver(result.information);
+  if (!solver.isInvertible()) return RelocalisationVerdict::kUncertain;
+  const Matrix6d covariance = solver.inverse();
+  std::vector<double> depths;
+  for (const Pair& pair : pairs_) depths.push_back((result.cam_from_world * atlas.point(pair.point).position).norm());
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  // A step rho of the left perturbation moves the camera by rho, seen from itself.
+  counts->position_sigma = std::sqrt(covariance.topLeftCorner<3, 3>().trace()) / *middle;
+  counts->rotation_sigma_deg = std::sqrt(covariance.bottomRightCorner<3, 3>().trace()) / kDegree;
+  const bool is_certain = counts->position_sigma <= options_.max_position_sigma &&
+                          counts->rotation_sigma_deg <= options_.max_rotation_sigma_deg;
+  return is_certain ? RelocalisationVerdict::kAccepted : RelocalisationVerdict::kUncertain;
+}
+
+void Relocaliser::ChooseReference(const Atlas& atlas, Relocalisation* out) const {
+  int best = -1;
+  for (const KeyframeHandle handle : wide_group_) {
+    int num_shared = 0;
+    for (const Pair& pair : pairs_) {
+      if (atlas.FeatureOf(atlas.point(pair.point), handle) >= 0) ++num_shared;
+    }
+    if (num_shared > best) {
+      best = num_shared;
+      out->reference = handle;
+    }
+  }
+}
+
+}  // namespace haustra

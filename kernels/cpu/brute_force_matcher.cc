@@ -1,0 +1,206 @@
+#include "kernels/cpu/brute_force_matcher.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "kernels/cpu/match_acceptance.h"
+
+namespace haustra::kernels {
+namespace {
+
+// Fewer queries than this are not worth waking another thread for.
+constexpr int kMinQueriesPerRange = 64;
+
+int AlignUp(int value, int alignment) { return (value + alignment - 1) / alignment * alignment; }
+
+using Vector3f = std::array<float, 3>;
+
+// A zero vector becomes NaN, which passes no gate.
+Vector3f Normalised(const Vector3f& v) {
+  const float norm = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+  return {v[0] / norm, v[1] / norm, v[2] / norm};
+}
+
+Vector3f Multiply(const std::array<float, 9>& m, const Vector3f& v) {
+  return {m[0] * v[0] + m[1] * v[1] + m[2] * v[2], m[3] * v[0] + m[4] * v[1] + m[5] * v[2],
+          m[6] * v[0] + m[7] * v[1] + m[8] * v[2]};
+}
+
+Vector3f MultiplyTransposed(const std::array<float, 9>& m, const Vector3f& v) {
+  return {m[0] * v[0] + m[3] * v[1] + m[6] * v[2], m[1] * v[0] + m[4] * v[1] + m[7] * v[2],
+          m[2] * v[0] + m[5] * v[1] + m[8] * v[2]};
+}
+
+}  // namespace
+
+BruteForceMatcher::BruteForceMatcher(int max_list, const FeatureSetPool& sets, SimdLevel level, LanePool& pool,
+                                     Lane lane)
+    : sets_(sets), kernels_(MatchKernelsFor(level)), pool_(pool), lane_(lane) {
+  const std::size_t num_queries = AlignUp(max_list, kQueryTile);
+  const std::size_t num_train = AlignUp(max_list, kTrainBlock);
+  query_bytes_ = AlignedBuffer<std::uint8_t>(num_queries * kDescriptorBytes);
+  query_inverse_norms_ = AlignedBuffer<float>(num_queries);
+  query_is_valid_ = AlignedBuffer<std::uint8_t>(num_queries);
+  query_gates_ = AlignedBuffer<GatePoint>(num_queries);
+  train_bytes_ = AlignedBuffer<std::uint8_t>(num_train * kDescriptorBytes);
+  train_sums_ = AlignedBuffer<std::int32_t>(num_train);
+  train_inverse_norms_ = AlignedBuffer<float>(num_train);
+  train_is_valid_ = AlignedBuffer<std::int32_t>(num_train);
+  train_gates_ = AlignedBuffer<GateBlock>(num_train / kTrainBlock);
+  results_ = AlignedBuffer<TopTwo>(num_queries);
+  query_bytes_.SetZero();
+  for (int i = 0; i < pool.num_threads(); ++i) {
+    train_best_similarity_.emplace_back(num_train);
+    train_best_query_.emplace_back(num_train);
+  }
+}
+
+int BruteForceMatcher::ListSize(const DescriptorList& list, const FeatureSetPool& sets) {
+  if (!list.refs.empty()) return static_cast<int>(list.refs.size());
+  const FeatureSet* set = sets.Get(list.set);
+  if (set == nullptr) return -1;
+  return list.use_indices || !list.indices.empty() ? static_cast<int>(list.indices.size()) : set->num_features;
+}
+
+BruteForceMatcher::Entry BruteForceMatcher::EntryOf(const DescriptorList& list, const FeatureSet* set,
+                                                    int position) const {
+  if (list.refs.empty()) return {set, list.use_indices || !list.indices.empty() ? list.indices[position] : position};
+  const DescriptorRef& ref = list.refs[position];
+  const FeatureSet* of_ref = sets_.Get(ref.set);
+  if (of_ref == nullptr || ref.feature_idx < 0 || ref.feature_idx >= of_ref->num_features) return {};
+  return {of_ref, ref.feature_idx};
+}
+
+void BruteForceMatcher::PackQueries(const DescriptorList& list, int size) {
+  const FeatureSet* set = sets_.Get(list.set);
+  for (int i = 0; i < size; ++i) {
+    const Entry entry = EntryOf(list, set, i);
+    query_is_valid_[i] = entry.set != nullptr ? 1 : 0;
+    if (entry.set == nullptr) continue;
+    std::memcpy(query_bytes_.data() + static_cast<std::size_t>(i) * kDescriptorBytes,
+                entry.set->descriptor(entry.feature_idx), kDescriptorBytes);
+    query_inverse_norms_[i] = entry.set->inverse_norms[entry.feature_idx];
+  }
+}
+
+void BruteForceMatcher::PackTrain(const DescriptorList& list, int size) {
+  const FeatureSet* set = sets_.Get(list.set);
+  for (int i = 0; i < AlignUp(size, kTrainBlock); ++i) {
+    const Entry entry = i < size ? EntryOf(list, set, i) : Entry{};
+    train_is_valid_[i] = entry.set != nullptr ? -1 : 0;
+    train_sums_[i] = 0;
+    train_inverse_norms_[i] = 0.0f;
+    std::uint8_t* out = train_bytes_.data() + static_cast<std::size_t>(i / kTrainBlock) * kTrainBlockBytes +
+                        static_cast<std::size_t>(i % kTrainBlock) * 4;
+    if (entry.set == nullptr) {
+      for (int g = 0; g < kDescriptorBytes / 4; ++g)
+        std::memset(out + static_cast<std::size_t>(g) * kTrainBlock * 4, 0, 4);
+      continue;
+    }
+    const std::uint8_t* in = entry.set->descriptor(entry.feature_idx);
+    std::int32_t sum = 0;
+    for (int k = 0; k < kDescriptorBytes; ++k) sum += in[k];
+    for (int g = 0; g < kDescriptorBytes / 4; ++g)
+      std::memcpy(out + static_cast<std::size_t>(g) * kTrainBlock * 4, in + 4 * g, 4);
+    train_sums_[i] = sum;
+    train_inverse_norms_[i] = entry.set->inverse_norms[entry.feature_idx];
+  }
+}
+
+void BruteForceMatcher::PackGates(const MatchRequest& request, int num_queries, int num_train) {
+  const EpipolarGate* epipolar = request.epipolar;
+  const FeatureSet* query_set = sets_.Get(request.query.set);
+  for (int i = 0; i < num_queries; ++i) {
+    GatePoint& gate = query_gates_[i];
+    const int feature = EntryOf(request.query, query_set, i).feature_idx;
+    gate.x_px = query_set->keypoints[feature].x_px;
+    gate.y_px = query_set->keypoints[feature].y_px;
+    if (epipolar == nullptr) continue;
+    gate.bearing = epipolar->query_bearings[feature];
+    gate.epipolar = Normalised(Multiply(epipolar->train_from_query_essential, gate.bearing));
+    gate.tolerance = epipolar->query_tolerance[feature];
+  }
+  const FeatureSet* train_set = sets_.Get(request.train.set);
+  for (int i = 0; i < AlignUp(num_train, kTrainBlock); ++i) {
+    GateBlock& gate = train_gates_[i / kTrainBlock];
+    const int lane = i % kTrainBlock;
+    // Filler takes the values of the last entry: it never matches anyway.
+    const int feature = EntryOf(request.train, train_set, std::min(i, num_train - 1)).feature_idx;
+    gate.x_px[lane] = train_set->keypoints[feature].x_px;
+    gate.y_px[lane] = train_set->keypoints[feature].y_px;
+    if (epipolar == nullptr) continue;
+    const Vector3f& bearing = epipolar->train_bearings[feature];
+    const Vector3f normal = Normalised(MultiplyTransposed(epipolar->train_from_query_essential, bearing));
+    for (int k = 0; k < 3; ++k) {
+      gate.bearing[k][lane] = bearing[k];
+      gate.epipolar[k][lane] = normal[k];
+    }
+    gate.tolerance[lane] = epipolar->train_tolerance[feature];
+  }
+}
+
+int BruteForceMatcher::Match(const MatchRequest& request) {
+  const int num_queries = ListSize(request.query, sets_);
+  const int num_train = ListSize(request.train, sets_);
+  if (num_queries == 0 || num_train == 0) return 0;
+  PackQueries(request.query, num_queries);
+  PackTrain(request.train, num_train);
+
+  const QueryList queries = {query_bytes_.data(), query_inverse_norms_.data(), query_is_valid_.data(),
+                             query_gates_.data()};
+  TrainBlocks train = {AlignUp(num_train, kTrainBlock) / kTrainBlock,
+                       train_bytes_.data(),
+                       train_sums_.data(),
+                       train_inverse_norms_.data(),
+                       train_is_valid_.data(),
+                       nullptr};
+  GateOptions gate;
+  if (request.disparity != nullptr || request.epipolar != nullptr) {
+    PackGates(request, num_queries, num_train);
+    train.gates = train_gates_.data();
+    gate.has_epipolar = request.epipolar != nullptr;
+    gate.has_window = request.disparity != nullptr;
+    if (gate.has_window) {
+      gate.max_dx_px = request.disparity->max_dx_px;
+      gate.max_dy_px = request.disparity->max_dy_px;
+    }
+  }
+
+  const int num_ranges = std::clamp(num_queries / kMinQueriesPerRange, 1, pool_.num_threads());
+  const int per_range = AlignUp((num_queries + num_ranges - 1) / num_ranges, kQueryTile);
+  const int num_lanes = train.num_blocks * kTrainBlock;
+  const bool is_mutual = request.options.mutual;
+  pool_.ParallelFor(lane_, num_ranges, [&](int range, int) {
+    TrainBest best;
+    if (is_mutual) {
+      best = {train_best_similarity_[range].data(), train_best_query_[range].data()};
+      std::fill_n(best.similarity, num_lanes, -1.0f);
+      std::fill_n(best.query, num_lanes, -1);
+    }
+    const int begin = std::min(range * per_range, num_queries);
+    kernels_.MatchQueries(queries, begin, std::min(begin + per_range, num_queries), train, gate, results_.data(), best);
+  });
+  if (is_mutual) {
+    float* similarity = train_best_similarity_[0].data();
+    std::int32_t* query = train_best_query_[0].data();
+    for (int range = 1; range < num_ranges; ++range) {
+      for (int i = 0; i < num_train; ++i) {
+        if (train_best_similarity_[range][i] <= similarity[i]) continue;
+        similarity[i] = train_best_similarity_[range][i];
+        query[i] = train_best_query_[range][i];
+      }
+    }
+  }
+
+  int num_matches = 0;
+  for (int i = 0; i < num_queries; ++i) {
+    const TopTwo& top = results_[i];
+    if (top.best_idx < 0 || !IsAccepted(top.best, top.second, request.options)) continue;
+    if (is_mutual && train_best_query_[0][top.best_idx] != i) continue;
+    request.matches[num_matches++] = {i, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};
+  }
+  return num_matches;
+}
+
+}  // namespace haustra::kernels

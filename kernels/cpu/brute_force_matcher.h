@@ -1,0 +1,59 @@
+// Brute-force matching of descriptor lists on the CPU: every pair, exact integer products, best and second best in one
+// pass. The result does not depend on the number of threads or the SIMD level.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "hal/vision_device.h"
+#include "kernels/cpu/aligned_buffer.h"
+#include "kernels/cpu/feature_set_pool.h"
+#include "kernels/cpu/lane_pool.h"
+#include "kernels/cpu/match_kernels.h"
+
+namespace haustra::kernels {
+
+// thread-bound(one lane); Match does not allocate.
+class BruteForceMatcher {
+ public:
+  // `sets` and `pool` must outlive the matcher. max_list: longest list of either side.
+  BruteForceMatcher(int max_list, const FeatureSetPool& sets, SimdLevel level, LanePool& pool, Lane lane);
+
+  // Number of entries of a list; -1: the handle is stale.
+  static int ListSize(const DescriptorList& list, const FeatureSetPool& sets);
+
+  // The request must have been checked: lists of at most max_list entries, handles alive, indices in range, bearings
+  // and tolerances for every feature, no gate on gathered lists. Returns the number of matches.
+  int Match(const MatchRequest& request);
+
+ private:
+  struct Entry {
+    const FeatureSet* set = nullptr;  // nullptr: stale
+    std::int32_t feature_idx = 0;
+  };
+
+  Entry EntryOf(const DescriptorList& list, const FeatureSet* set, int position) const;
+  void PackQueries(const DescriptorList& list, int size);
+  void PackTrain(const DescriptorList& list, int size);
+  void PackGates(const MatchRequest& request, int num_queries, int num_train);
+
+  const FeatureSetPool& sets_;
+  const MatchKernels& kernels_;
+  LanePool& pool_;
+  Lane lane_;
+  AlignedBuffer<std::uint8_t> query_bytes_;
+  AlignedBuffer<float> query_inverse_norms_;
+  AlignedBuffer<std::uint8_t> query_is_valid_;
+  AlignedBuffer<GatePoint> query_gates_;
+  AlignedBuffer<std::uint8_t> train_bytes_;
+  AlignedBuffer<std::int32_t> train_sums_;
+  AlignedBuffer<float> train_inverse_norms_;
+  AlignedBuffer<std::int32_t> train_is_valid_;
+  AlignedBuffer<GateBlock> train_gates_;
+  AlignedBuffer<TopTwo> results_;
+  // Of each range of queries, then joined into the first.
+  std::vector<AlignedBuffer<float>> train_best_similarity_;
+  std::vector<AlignedBuffer<std::int32_t>> train_best_query_;
+};
+
+}  // namespace haustra::kernels

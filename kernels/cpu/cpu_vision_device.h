@@ -1,0 +1,25 @@
+// The vision device on the CPU: the reference for the accelerators, and what runs where there is none.
+//
+// Work is done inside Enqueue*, by the calling thread with the help of the device's own; Wait returns at once. Each
+// lane has its own workspace, so the lanes never wait for one another, and helpers serve the tracking lane first.
+#pragma once
+
+#include <memory>
+
+#include "hal/core/status.h"
+#include "hal/vision_device.h"
+#include "kernels/cpu/simd_level.h"
+
+namespace haustra {
+
+// num_threads counts the calling thread, [1, 64]. Takes all memory: per lane about 110 bytes a pixel of the plan's
+// image (only the tracking lane's is touched before it is used), per feature set about 160 bytes a feature.
+// kInvalidArgument: plan or options out of range (the message names the field); kCapacityExceeded: not enough memory.
+Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options,
+                                                            int num_threads);
+
+// The same with a given instruction set, for tests and measurements. kUnavailable: this processor does not have it.
+Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options,
+                                                            int num_threads, kernels::SimdLevel level);
+
+}  // namespace haustra

@@ -1,0 +1,62 @@
+#include "kernels/cpu/feature_selection.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace haustra::kernels {
+namespace {
+
+constexpr int kCellPx = 60;
+constexpr float kPointsPerHalving = 80.0f;
+
+int NumCells(int size_px) { return (size_px + kCellPx - 1) / kCellPx; }
+
+}  // namespace
+
+FeatureSelection::FeatureSelection(int max_width_px, int max_height_px, int max_points)
+    : ranked_(max_points),
+      cell_starts_(static_cast<std::size_t>(NumCells(max_width_px)) * NumCells(max_height_px) + 1),
+      order_(max_points) {}
+
+std::span<const std::int32_t> FeatureSelection::Select(std::span<const ScaleSpacePoint> points, int width_px,
+                                                       int height_px, int wanted) {
+  const int num_columns = NumCells(width_px);
+  const int num_rows = NumCells(height_px);
+  const int num_cells = num_columns * num_rows;
+  const int num_points = static_cast<int>(points.size());
+  const auto cell_of = [&](const ScaleSpacePoint& point) {
+    const float to_input = std::ldexp(1.0f, point.octave);
+    const int column = std::clamp(static_cast<int>(point.x * to_input) / kCellPx, 0, num_columns - 1);
+    const int row = std::clamp(static_cast<int>(point.y * to_input) / kCellPx, 0, num_rows - 1);
+    return row * num_columns + column;
+  };
+  std::int32_t* starts = cell_starts_.data();
+  std::fill_n(starts, num_cells + 1, 0);
+  for (const ScaleSpacePoint& point : points) ++starts[cell_of(point)];
+  for (int c = 0, sum = 0; c <= num_cells; ++c) {
+    const int count = c < num_cells ? starts[c] : 0;
+    sum += count;
+    starts[c] = sum;
+  }
+  Ranked* ranked = ranked_.data();
+  for (int i = num_points - 1; i >= 0; --i) ranked[--starts[cell_of(points[i])]] = {points[i].response, i};
+
+  const auto is_before = [](const Ranked& a, const Ranked& b) {
+    return a.priority != b.priority ? a.priority > b.priority : a.index < b.index;
+  };
+  for (int c = 0; c < num_cells; ++c) {
+    const int first = starts[c];
+    const int last = c + 1 < num_cells ? starts[c + 1] : num_points;
+    std::sort(ranked + first, ranked + last, is_before);
+    for (int i = first; i < last; ++i) {
+      ranked[i].priority *= std::exp2(-static_cast<float>(i - first) / kPointsPerHalving);
+    }
+  }
+  const int num_selected = std::min(wanted, num_points);
+  if (num_selected < num_points) std::nth_element(ranked, ranked + num_selected, ranked + num_points, is_before);
+  std::sort(ranked, ranked + num_selected, is_before);
+  for (int i = 0; i < num_selected; ++i) order_[i] = ranked[i].index;
+  return {order_.data(), static_cast<std::size_t>(num_selected)};
+}
+
+}  // namespace haustra::kernels

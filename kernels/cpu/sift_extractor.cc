@@ -1,0 +1,305 @@
+#include "kernels/cpu/sift_extractor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace haustra::kernels {
+namespace {
+
+constexpr int kRowsPerTask = 32;
+constexpr int kPointsPerTask = 32;
+// Room for extrema, in pixels for each; white noise has about one in 60.
+constexpr int kPixelsPerExtremum = 16;
+
+int NumTasks(int count, int per_task) { return (count + per_task - 1) / per_task; }
+
+int AlignUp(int value, int alignment) { return (value + alignment - 1) / alignment * alignment; }
+
+GaussianKernel MakeKernel(float sigma) {
+  GaussianKernel kernel;
+  kernel.radius = std::clamp(static_cast<int>(std::ceil(kKernelRadiusSigmas * sigma)), 1, kMaxKernelRadius);
+  double sum = 0.0;
+  for (int j = 0; j <= kernel.radius; ++j) {
+    const double weight = std::exp(-0.5 * j * j / (static_cast<double>(sigma) * sigma));
+    kernel.weights[j] = static_cast<float>(weight);
+    sum += j == 0 ? weight : 2 * weight;
+  }
+  for (int j = 0; j <= kernel.radius; ++j) kernel.weights[j] = static_cast<float>(kernel.weights[j] / sum);
+  return kernel;
+}
+
+int OctaveSize(int size_px, int octave) { return octave < 0 ? size_px << -octave : size_px >> octave; }
+
+int CountOctaves(int width_px, int height_px) {
+  int count = 0;
+  while (count < kMaxOctaves - kFirstOctave &&
+         OctaveSize(std::min(width_px, height_px), kFirstOctave + count) >= kMinOctaveSizePx) {
+    ++count;
+  }
+  return count;
+}
+
+// Integer luma (Rec. 601), rounded.
+void ConvertToGrey(const std::uint8_t* bgr, int width, std::uint8_t* grey) {
+  for (int x = 0; x < width; ++x) {
+    grey[x] = static_cast<std::uint8_t>((29 * bgr[3 * x] + 150 * bgr[3 * x + 1] + 77 * bgr[3 * x + 2] + 128) >> 8);
+  }
+}
+
+MaskOptions MaskOptionsOf(const ExtractOptions& options) {
+  return {options.reflection_threshold, options.border_threshold, options.mask_dilation_px};
+}
+
+int MaxStride(const VisionPlan& plan, int octave) {
+  // One vector more than the image is wide: neighbours of the last column may be read.
+  return AlignUp(OctaveSize(plan.max_width_px, octave), kStrideAlignment) + kStrideAlignment;
+}
+
+int MaxPointsPerChunk(const VisionPlan& plan, int octave) {
+  return kRowsPerTask * MaxStride(plan, octave) / kPixelsPerExtremum;
+}
+
+int MaxPoints(const VisionPlan& plan) {
+  int sum = 0;
+  for (int i = 0; i < CountOctaves(plan.max_width_px, plan.max_height_px); ++i) {
+    const int octave = kFirstOctave + i;
+    sum += NumTasks(OctaveSize(plan.max_height_px, octave), kRowsPerTask) * MaxPointsPerChunk(plan, octave);
+  }
+  return sum;
+}
+
+}  // namespace
+
+SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& options, SimdLevel level, LanePool& pool,
+                             Lane lane)
+    : options_(options),
+      kernels_(SiftKernelsFor(level)),
+      pool_(pool),
+      lane_(lane),
+      scratch_(pool.num_threads()),
+      mask_(plan.max_width_px, plan.max_height_px, MaskOptionsOf(options)),
+      grey_(static_cast<std::size_t>(plan.max_width_px) * plan.max_height_px),
+      points_(MaxPoints(plan)),
+      selection_(plan.max_width_px, plan.max_height_px, MaxPoints(plan)),
+      angles_(static_cast<std::size_t>(options.num_features) * kMaxOrientations),
+      num_angles_(options.num_features),
+      features_(options.num_features) {
+  refinement_.contrast_threshold =
+      options.contrast_threshold > 0.0f ? options.contrast_threshold : kDefaultContrastThreshold;
+  refinement_.edge_threshold = options.edge_threshold;
+
+  const float input_sigma = std::ldexp(kInputSigma, -kFirstOctave);
+  base_kernel_ = MakeKernel(std::sqrt(kBaseSigma * kBaseSigma - input_sigma * input_sigma));
+  const float factor = std::exp2(1.0f / kScalesPerOctave);
+  for (int i = 1; i < kNumLevels; ++i) {
+    const float before = kBaseSigma * std::pow(factor, static_cast<float>(i - 1));
+    level_kernels_[i] = MakeKernel(before * std::sqrt(factor * factor - 1.0f));
+  }
+
+  octaves_.resize(CountOctaves(plan.max_width_px, plan.max_height_px));
+  for (std::size_t i = 0; i < octaves_.size(); ++i) {
+    Octave& octave = octaves_[i];
+    octave.index = kFirstOctave + static_cast<int>(i);
+    const int stride = MaxStride(plan, octave.index);
+    const int height = OctaveSize(plan.max_height_px, octave.index);
+    octave.memory =
+        AlignedBuffer<float>(static_cast<std::size_t>(stride) * height * kNumLevels + 2 * kPlanePadding * kNumLevels);
+    octave.max_points_per_chunk = MaxPointsPerChunk(plan, octave.index);
+    octave.chunk_counts.resize(NumTasks(height, kRowsPerTask));
+    octave.points = AlignedBuffer<ScaleSpacePoint>(octave.chunk_counts.size() * octave.max_points_per_chunk);
+  }
+  const int max_stride = MaxStride(plan, kFirstOctave);
+  for (WorkerScratch& scratch : scratch_) {
+    scratch.line = AlignedBuffer<float>(max_stride + 4 * kPlanePadding);
+    scratch.extrema_rows = AlignedBuffer<float>(kExtremaScratchFloats);
+    scratch.extrema = AlignedBuffer<Extremum>(MaxPointsPerChunk(plan, kFirstOctave));
+  }
+}
+
+void SiftExtractor::Prefault() {
+  for (Octave& octave : octaves_) {
+    octave.memory.SetZero();
+    octave.points.SetZero();
+  }
+  for (WorkerScratch& scratch : scratch_) {
+    scratch.line.SetZero();
+    scratch.extrema_rows.SetZero();
+    scratch.extrema.SetZero();
+  }
+  grey_.SetZero();
+  points_.SetZero();
+}
+
+void SiftExtractor::SetSize(int width_px, int height_px) {
+  if (width_px == width_px_ && height_px == height_px_) return;
+  width_px_ = width_px;
+  height_px_ = height_px;
+  num_octaves_ = CountOctaves(width_px, height_px);
+  for (int i = 0; i < num_octaves_; ++i) {
+    Octave& octave = octaves_[i];
+    octave.width = OctaveSize(width_px, octave.index);
+    octave.height = OctaveSize(height_px, octave.index);
+    octave.stride = AlignUp(octave.width, kStrideAlignment) + kStrideAlignment;
+    const std::size_t plane_size = static_cast<std::size_t>(octave.stride) * octave.height + 2 * kPlanePadding;
+    // Rows hold whole vectors: what lies between the width and the stride is computed along, and never used as a
+    // result.
+    octave.memory.SetZero();
+    for (int level = 0; level < kNumLevels; ++level) {
+      octave.levels[level] = {octave.memory.data() + level * plane_size + kPlanePadding, octave.width, octave.height,
+                              octave.stride};
+    }
+  }
+}
+
+int SiftExtractor::Extract(const ImageView& image, const ImageView& static_mask, FeatureSet& set) {
+  SetSize(image.width, image.height);
+  int pitch_bytes = 0;
+  const std::uint8_t* grey = ToGrey(image, &pitch_bytes);
+  mask_.Build(grey, image.width, image.height, pitch_bytes, static_mask);
+  BuildScaleSpace(grey, pitch_bytes);
+  const int num_points = CollectPoints();
+  const std::span<const std::int32_t> selected = selection_.Select(
+      {points_.data(), static_cast<std::size_t>(num_points)}, image.width, image.height, options_.num_features);
+  const int num_features = OrientPoints(selected);
+  DescribeFeatures(num_features, set);
+  return num_features;
+}
+
+const std::uint8_t* SiftExtractor::ToGrey(const ImageView& image, int* pitch_bytes) {
+  if (image.format == PixelFormat::kGrey8) {
+    *pitch_bytes = static_cast<int>(image.pitch_bytes);
+    return image.data;
+  }
+  for (int y = 0; y < image.height; ++y) {
+    ConvertToGrey(image.row(y), image.width, grey_.data() + static_cast<std::size_t>(y) * image.width);
+  }
+  *pitch_bytes = image.width;
+  return grey_.data();
+}
+
+void SiftExtractor::BuildScaleSpace(const std::uint8_t* grey, int pitch_bytes) {
+  for (int i = 0; i < num_octaves_; ++i) {
+    Octave& octave = octaves_[i];
+    const int num_tasks = NumTasks(octave.height, kRowsPerTask);
+    const auto for_rows = [&](const auto& work) {
+      pool_.ParallelFor(lane_, num_tasks, [&](int task, int worker) {
+        const int y_begin = task * kRowsPerTask;
+        work(y_begin, std::min(y_begin + kRowsPerTask, octave.height), scratch_[worker].line.data());
+      });
+    };
+    if (i == 0) {
+      // The last level is free until it is computed: it holds the enlarged input.
+      const Plane& enlarged = octave.levels[kNumLevels - 1];
+      for_rows([&](int y_begin, int y_end, float* line) {
+        kernels_.UpsampleRows(grey, width_px_, height_px_, pitch_bytes, enlarged, y_begin, y_end, line);
+      });
+      for_rows([&](int y_begin, int y_end, float* line) {
+        kernels_.BlurRows(enlarged, octave.levels[0], base_kernel_, y_begin, y_end, line);
+      });
+    } else {
+      for_rows([&](int y_begin, int y_end, float*) {
+        kernels_.DecimateRows(octaves_[i - 1].levels[kScalesPerOctave], octave.levels[0], y_begin, y_end);
+      });
+    }
+    for (int level = 1; level < kNumLevels; ++level) {
+      for_rows([&](int y_begin, int y_end, float* line) {
+        kernels_.BlurRows(octave.levels[level - 1], octave.levels[level], level_kernels_[level], y_begin, y_end, line);
+      });
+    }
+    FindPoints(octave);
+  }
+}
+
+void SiftExtractor::FindPoints(Octave& octave) {
+  // The grid point may have less contrast than the refined one.
+  const float threshold = 0.8f * refinement_.contrast_threshold;
+  pool_.ParallelFor(lane_, NumTasks(octave.height, kRowsPerTask), [&](int chunk, int worker) {
+    WorkerScratch& scratch = scratch_[worker];
+    const int y_begin = chunk * kRowsPerTask;
+    const int y_end = std::min(y_begin + kRowsPerTask, octave.height);
+    const int num_extrema = kernels_.FindExtrema(octave.levels, threshold, y_begin, y_end, scratch.extrema.data(),
+                                                 octave.max_points_per_chunk, scratch.extrema_rows.data());
+    ScaleSpacePoint* out = octave.points.data() + static_cast<std::size_t>(chunk) * octave.max_points_per_chunk;
+    int count = 0;
+    for (int i = 0; i < num_extrema; ++i) {
+      const Extremum& extremum = scratch.extrema[i];
+      if (mask_.IsExcluded(octave.index, extremum.x, extremum.y)) continue;
+      ScaleSpacePoint& point = out[count];
+      if (!RefineExtremum(octave.levels, extremum, refinement_, &point)) continue;
+      if (mask_.IsExcluded(octave.index, point.x, point.y)) continue;
+      point.octave = static_cast<std::int16_t>(octave.index);
+      ++count;
+    }
+    octave.chunk_counts[chunk] = count;
+  });
+}
+
+int SiftExtractor::CollectPoints() {
+  int num_points = 0;
+  for (int i = 0; i < num_octaves_; ++i) {
+    const Octave& octave = octaves_[i];
+    for (int chunk = 0; chunk < NumTasks(octave.height, kRowsPerTask); ++chunk) {
+      const ScaleSpacePoint* points =
+          octave.points.data() + static_cast<std::size_t>(chunk) * octave.max_points_per_chunk;
+      std::copy_n(points, octave.chunk_counts[chunk], points_.data() + num_points);
+      num_points += octave.chunk_counts[chunk];
+    }
+  }
+  return num_points;
+}
+
+int SiftExtractor::OrientPoints(std::span<const std::int32_t> selected) {
+  const int num_selected = static_cast<int>(selected.size());
+  pool_.ParallelFor(lane_, NumTasks(num_selected, kPointsPerTask), [&](int task, int) {
+    const int last = std::min((task + 1) * kPointsPerTask, num_selected);
+    for (int i = task * kPointsPerTask; i < last; ++i) {
+      const ScaleSpacePoint& point = points_[selected[i]];
+      const Plane& level = octaves_[point.octave - kFirstOctave].levels[point.level];
+      num_angles_[i] = kernels_.FindOrientations(level, {point.x, point.y, point.scale, 0.0f},
+                                                 angles_.data() + static_cast<std::size_t>(i) * kMaxOrientations);
+    }
+  });
+  // In order of priority until the limit, then in the order of the output.
+  int num_features = 0;
+  for (int i = 0; i < num_selected && num_features < options_.num_features; ++i) {
+    const ScaleSpacePoint& point = points_[selected[i]];
+    for (int k = 0; k < num_angles_[i] && num_features < options_.num_features; ++k) {
+      const float to_input = std::ldexp(1.0f, point.octave);
+      Feature& feature = features_[num_features++];
+      feature.keypoint = {point.x * to_input,     point.y * to_input,
+                          point.scale * to_input, angles_[static_cast<std::size_t>(i) * kMaxOrientations + k],
+                          point.response,         point.octave};
+      feature.point_idx = selected[i];
+    }
+  }
+  const auto key = [](const Feature& f) {
+    return std::tie(f.keypoint.octave, f.keypoint.y_px, f.keypoint.x_px, f.keypoint.angle_rad, f.keypoint.scale_px,
+                    f.point_idx);
+  };
+  Feature* end = features_.data() + num_features;
+  std::sort(features_.data(), end, [&](const Feature& a, const Feature& b) { return key(a) < key(b); });
+  // Two extrema may settle at one point.
+  end = std::unique(features_.data(), end, [](const Feature& a, const Feature& b) {
+    return a.keypoint.octave == b.keypoint.octave && a.keypoint.y_px == b.keypoint.y_px &&
+           a.keypoint.x_px == b.keypoint.x_px && a.keypoint.angle_rad == b.keypoint.angle_rad &&
+           a.keypoint.scale_px == b.keypoint.scale_px;
+  });
+  return static_cast<int>(end - features_.data());
+}
+
+void SiftExtractor::DescribeFeatures(int num_features, FeatureSet& set) {
+  pool_.ParallelFor(lane_, NumTasks(num_features, kPointsPerTask), [&](int task, int) {
+    const int last = std::min((task + 1) * kPointsPerTask, num_features);
+    for (int i = task * kPointsPerTask; i < last; ++i) {
+      const Feature& feature = features_[i];
+      const ScaleSpacePoint& point = points_[feature.point_idx];
+      const Plane& level = octaves_[point.octave - kFirstOctave].levels[point.level];
+      set.keypoints[i] = feature.keypoint;
+      kernels_.Describe(level, {point.x, point.y, point.scale, feature.keypoint.angle_rad}, options_.root_sift,
+                        set.descriptor(i));
+    }
+  });
+}
+
+}  // namespace haustra::kernels

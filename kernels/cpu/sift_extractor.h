@@ -1,0 +1,83 @@
+// SIFT on the CPU: scale space, extrema, refinement, masks, selection, orientations, descriptors (Lowe 2004; system.md
+// 2). The output does not depend on the number of threads.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "hal/vision_device.h"
+#include "kernels/cpu/aligned_buffer.h"
+#include "kernels/cpu/exclusion_mask.h"
+#include "kernels/cpu/feature_selection.h"
+#include "kernels/cpu/feature_set_pool.h"
+#include "kernels/cpu/lane_pool.h"
+#include "kernels/cpu/sift_kernels.h"
+#include "kernels/cpu/sift_refinement.h"
+
+namespace haustra::kernels {
+
+// thread-bound(one lane); Extract does not allocate.
+class SiftExtractor {
+ public:
+  // `pool` and must outlive the extractor.
+  SiftExtractor(const VisionPlan& plan, const ExtractOptions& options, SimdLevel level, LanePool& pool, Lane lane);
+
+  // Touches all memory now, so that the first frame does not pay for its pages.
+  void Prefault();
+
+  // The image must fit the plan; static_mask is empty or of the image's size. Writes keypoints and descriptors of `set`
+  // and returns their number.
+  int Extract(const ImageView& image, const ImageView& static_mask, FeatureSet& set);
+
+ private:
+  struct Octave {
+    int index = 0;  // 0: input resolution
+    int width = 0;
+    int height = 0;
+    int stride = 0;
+    Plane levels[kNumLevels];
+    AlignedBuffer<float> memory;
+    int max_points_per_chunk = 0;
+    AlignedBuffer<ScaleSpacePoint> points;  // chunk by chunk
+    std::vector<int> chunk_counts;
+  };
+  struct WorkerScratch {
+    AlignedBuffer<float> line;
+    AlignedBuffer<float> extrema_rows;
+    AlignedBuffer<Extremum> extrema;
+  };
+  struct Feature {
+    Keypoint keypoint;
+    std::int32_t point_idx = 0;
+  };
+
+  void SetSize(int width_px, int height_px);
+  const std::uint8_t* ToGrey(const ImageView& image, int* pitch_bytes);
+  void BuildScaleSpace(const std::uint8_t* grey, int pitch_bytes);
+  void FindPoints(Octave& octave);
+  int CollectPoints();
+  int OrientPoints(std::span<const std::int32_t> selected);
+  void DescribeFeatures(int num_features, FeatureSet& set);
+
+  ExtractOptions options_;
+  RefinementOptions refinement_;
+  const SiftKernels& kernels_;
+  LanePool& pool_;
+  Lane lane_;
+  int num_octaves_ = 0;  // of the current image
+  int width_px_ = 0;
+  int height_px_ = 0;
+  GaussianKernel base_kernel_;
+  GaussianKernel level_kernels_[kNumLevels];  // from the level before
+  std::vector<Octave> octaves_;
+  std::vector<WorkerScratch> scratch_;
+  ExclusionMask mask_;
+  AlignedBuffer<std::uint8_t> grey_;
+  AlignedBuffer<ScaleSpacePoint> points_;
+  FeatureSelection selection_;
+  AlignedBuffer<float> angles_;             // kMaxOrientations for each selected point
+  AlignedBuffer<std::int32_t> num_angles_;  // of each selected point
+  AlignedBuffer<Feature> features_;
+};
+
+}  // namespace haustra::kernels

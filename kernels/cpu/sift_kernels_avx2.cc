@@ -1,0 +1,8 @@
+#include "kernels/cpu/sift_kernels_impl.h"
+#include "kernels/cpu/sift_kernels_levels.h"
+
+namespace haustra::kernels {
+
+const SiftKernels kAvx2SiftKernels = kKernels;
+
+}  // namespace haustra::kernels

@@ -1,0 +1,17 @@
+// The composition root: makes a vision device by its name and checks that camera and configuration fit together.
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "engine/engine.h"
+#include "hal/vision_device.h"
+
+namespace haustra {
+
+// "cpu" or "cuda". kUnavailable when this build or this machine does not have it. num_threads: of the CPU device,
+// 0 means one for each core.
+Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,
+                                                         const CameraCalibration& calibration, int num_threads);
+
+}  // namespace haustra

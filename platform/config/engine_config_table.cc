@@ -1,0 +1,232 @@
+#include "platform/config/engine_config_table.h"
+
+#include <utility>
+
+namespace haustra {
+namespace {
+
+// Nothing is reloaded while running yet: the engine takes its configuration at the start.
+constexpr ConfigReload kRestart = ConfigReload::kRestart;
+
+using Fields = std::vector<ConfigField>;
+
+template <auto kMember>
+ConfigField Feature(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::features, kMember>(std::string("features.") + key, range, unit, description,
+                                                     kRestart);
+}
+void AddFeatures(Fields* out) {
+  using C = FeatureConfig;
+  out->push_back(Feature<&C::max>("max", {100, 8000}, "features", "features of a frame"));
+  out->push_back(
+      Feature<&C::contrast_threshold>("contrast_threshold", {0, 0.2}, "",
+                                      "difference of Gaussians of intensities in [0, 1] below which there is "
+                                      "no feature; 0: the extractor's own floor"));
+  out->push_back(Feature<&C::edge_threshold>("edge_threshold", {2, 50}, "", "largest ratio of principal curvatures"));
+  out->push_back(Feature<&C::reflection_threshold>("reflection_threshold", {1, 256}, "grey",
+                                                   "value from which a pixel is a specular reflection; 256: off"));
+  out->push_back(Feature<&C::border_threshold>("border_threshold", {0, 128}, "grey",
+                                               "value up to which a dark pixel at the border is outside the scope"));
+  out->push_back(Feature<&C::mask_dilation_px>("mask_dilation_px", {0, 32}, "px",
+                                               "safe distance around masked pixels in the finest octave"));
+  out->push_back(Feature<&C::root_sift>("root_sift", {}, "", "square roots of the L1-normalised descriptor"));
+}
+
+template <auto kMember>
+ConfigField Noise(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::noise, kMember>(std::string("noise.") + key, range, unit, description, kRestart);
+}
+void AddNoise(Fields* out) {
+  using C = NoiseConfig;
+  out->push_back(Noise<&C::k>("k", {0, 10}, "px per px", "standard deviation of an observation by SIFT scale"));
+  out->push_back(Noise<&C::sigma_0_px>("sigma_0_px", {0, 20}, "px", "standard deviation of an observation at scale 0"));
+}
+
+template <auto kMember>
+ConfigField Matching(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::matching, kMember>(std::string("matching.") + key, range, unit, description,
+                                                     kRestart);
+}
+void AddMatching(Fields* out) {
+  using C = MatchingConfig;
+  out->push_back(Matching<&C::min_similarity>("min_similarity", {0, 1}, "cosine",
+                                              "below it two descriptors show different things"));
+  out->push_back(Matching<&C::guided_ratio>("guided_ratio", {0.1, 1}, "", "ratio of angles in guided search"));
+  out->push_back(Matching<&C::brute_force_ratio>("brute_force_ratio", {0.1, 1}, "",
+                                                 "ratio of angles in search without a prediction"));
+  out->push_back(Matching<&C::scale_tolerance>("scale_tolerance", {1.1, 4}, "",
+                                               "factor by which a keypoint's scale may differ from its prediction"));
+  out->push_back(Matching<&C::max_view_angle_deg>("max_view_angle_deg", {10, 90}, "deg",
+                                                  "between a point's mean viewing direction and the current ray"));
+}
+
+template <auto kMember>
+ConfigField Initialisation(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::initialisation, kMember>(std::string("initialisation.") + key, range, unit,
+                                                           description, kRestart);
+}
+void AddInitialisation(Fields* out) {
+  using C = InitialisationConfig;
+  out->push_back(Initialisation<&C::brute_force_ratio>("brute_force_ratio", {0.1, 1}, "",
+                                                       "ratio of angles between the two views"));
+  out->push_back(Initialisation<&C::max_disparity_x_px>("max_disparity_x_px", {1, 4000}, "px",
+                                                        "half width of the window that a match may move in"));
+  out->push_back(Initialisation<&C::max_disparity_y_px>("max_disparity_y_px", {1, 4000}, "px",
+                                                        "half height of the window that a match may move in"));
+  out->push_back(
+      Initialisation<&C::min_matches>("min_matches", {10, 8000}, "matches", "below it the reference frame is renewed"));
+  out->push_back(
+      Initialisation<&C::min_points>("min_points", {10, 8000}, "points", "triangulated points of a new map"));
+  out->push_back(Initialisation<&C::noise_k>("noise_k", {0.05, 10}, "",
+                                             "sigma of a feature over its scale, between two views near in time"));
+  out->push_back(Initialisation<&C::min_parallax_deg>("min_parallax_deg", {0.05, 30}, "deg", "median over the points"));
+  out->push_back(Initialisation<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",
+                                                      "inliers of the epipolar geometry over matches"));
+  out->push_back(Initialisation<&C::min_spread>("min_spread", {0, 1}, "",
+                                                "area of the ellipse fitted to the points over that of the image"));
+  out->push_back(Initialisation<&C::max_reference_age_frames>("max_reference_age_frames", {1, 1000}, "frames",
+                                                              "an older reference frame is renewed"));
+}
+
+template <auto kMember>
+ConfigField Tracking(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::tracking, kMember>(std::string("tracking.") + key, range, unit, description,
+                                                     kRestart);
+}
+void AddTracking(Fields* out) {
+  using C = TrackingConfig;
+  out->push_back(Tracking<&C::motion_radius_px>("motion_radius_px", {2, 200}, "px",
+                                                "search radius around the constant-velocity prediction"));
+  out->push_back(Tracking<&C::wide_radius_factor>("wide_radius_factor", {1, 10}, "",
+                                                  "radius of the second try when the first finds too few"));
+  out->push_back(Tracking<&C::min_motion_matches>("min_motion_matches", {5, 1000}, "matches",
+                                                  "below it: second try, then brute force"));
+  out->push_back(Tracking<&C::min_inliers>("min_inliers", {6, 1000}, "points", "a pose with fewer is not a pose"));
+  out->push_back(Tracking<&C::min_recovery_inliers>("min_recovery_inliers", {6, 1000}, "points",
+                                                    "a pose found by brute force needs as many"));
+  out->push_back(
+      Tracking<&C::max_jump_depth_ratio>("max_jump_depth_ratio", {0.01, 10}, "",
+                                         "motion in one frame over the median depth above which it is inconsistent"));
+  out->push_back(Tracking<&C::max_jump_deg>("max_jump_deg", {1, 180}, "deg",
+                                            "rotation in one frame above which it is inconsistent"));
+}
+
+template <auto kMember>
+ConfigField Keyframe(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::keyframes, kMember>(std::string("keyframes.") + key, range, unit, description,
+                                                      kRestart);
+}
+void AddKeyframes(Fields* out) {
+  using C = KeyframeConfig;
+  out->push_back(Keyframe<&C::min_tracked_ratio>(
+      "min_tracked_ratio", {0, 1}, "",
+      "tracked points over those of the reference keyframe; fewer asks for a keyframe"));
+  out->push_back(Keyframe<&C::min_spacing_frames>("min_spacing_frames", {1, 1000}, "frames", "between two keyframes"));
+  out->push_back(Keyframe<&C::max_spacing_frames>("max_spacing_frames", {1, 10000}, "frames",
+                                                  "after these a keyframe is made if the scope moved at all"));
+  out->push_back(
+      Keyframe<&C::min_parallax_deg>("min_parallax_deg", {0, 90}, "deg",
+                                     "motion since the last keyframe, seen from the median point, that asks for one"));
+  out->push_back(Keyframe<&C::low_inliers>("low_inliers", {0, 10000}, "points",
+                                           "fewer tracked points ask for a keyframe at once"));
+}
+
+template <auto kMember>
+ConfigField Mapping(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::mapping, kMember>(std::string("mapping.") + key, range, unit, description, kRestart);
+}
+void AddMapping(Fields* out) {
+  using C = MappingConfig;
+  out->push_back(Mapping<&C::triangulation_neighbours>("triangulation_neighbours", {1, 40}, "keyframes",
+                                                       "best covisible keyframes that a new one is matched with"));
+  out->push_back(Mapping<&C::triangulation_ratio>("triangulation_ratio", {0.1, 1}, "",
+                                                  "ratio of angles of a match that makes a new point"));
+  out->push_back(Mapping<&C::min_parallax_deg>("min_parallax_deg", {0.01, 30}, "deg", "of a new point"));
+  out->push_back(Mapping<&C::min_baseline_depth_ratio>("min_baseline_depth_ratio", {0, 1}, "",
+                                                       "baseline over median depth of a pair that makes new points"));
+  out->push_back(Mapping<&C::fuse_neighbours>("fuse_neighbours", {1, 60}, "keyframes",
+                                              "whose points are searched in the new one and back"));
+  out->push_back(
+      Mapping<&C::window_keyframes>("window_keyframes", {2, 60}, "keyframes", "optimised by local bundle adjustment"));
+  out->push_back(Mapping<&C::fixed_keyframes>("fixed_keyframes", {0, 60}, "keyframes",
+                                              "older ring that holds the gauge of local bundle adjustment"));
+  out->push_back(
+      Mapping<&C::min_shared_points>("min_shared_points", {1, 1000}, "points", "that make two keyframes neighbours"));
+  out->push_back(Mapping<&C::bundle_iterations>("bundle_iterations", {1, 100}, "iterations",
+                                                "most steps of one local bundle adjustment"));
+  out->push_back(Mapping<&C::max_bundle_ms>("max_bundle_ms", {1, 10000}, "ms",
+                                            "time of one local bundle adjustment, real-time mode only"));
+  out->push_back(Mapping<&C::min_found_share>("min_found_share", {0, 1}, "",
+                                              "keyframes that find a point over those that should see it"));
+  out->push_back(Mapping<&C::trial_views>("trial_views", {1, 100}, "keyframes",
+                                          "that should see a point before it is judged"));
+  out->push_back(Mapping<&C::lasting_observations>("lasting_observations", {3, 40}, "observations",
+                                                   "a point seen so often is never judged again"));
+  out->push_back(Mapping<&C::redundant_share>("redundant_share", {0.5, 1}, "",
+                                              "share of its points seen elsewhere at which a keyframe is culled"));
+  out->push_back(Mapping<&C::min_map_keyframes>("min_map_keyframes", {2, 100}, "keyframes",
+                                                "a map with fewer is dropped when it is lost"));
+}
+
+template <auto kMember>
+ConfigField Memory(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::memory, kMember>(std::string("memory.") + key, range, unit, description, kRestart);
+}
+void AddMemory(Fields* out) {
+  using C = MemoryConfig;
+  out->push_back(Memory<&C::max_keyframes>("max_keyframes", {16, 100000}, "keyframes", "of all maps"));
+  out->push_back(Memory<&C::max_map_points>("max_map_points", {1000, 10000000}, "points", "of all maps"));
+  out->push_back(Memory<&C::max_maps>("max_maps", {2, 10000}, "maps", "of the atlas"));
+  out->push_back(Memory<&C::max_keyframe_ids>("max_keyframe_ids", {100, 10000000}, "keyframes",
+                                              "ever made in one run, culled ones included"));
+  out->push_back(Memory<&C::max_local_points>("max_local_points", {500, 100000}, "points", "of a local map snapshot"));
+}
+
+}  // namespace
+
+std::vector<ConfigField> EngineConfigFields() {
+  Fields fields;
+  fields.push_back(
+      BindField<&EngineConfig::seed>("seed", {0, 9007199254740991.0}, "", "start of every random sequence", kRestart));
+  AddFeatures(&fields);
+  AddNoise(&fields);
+  AddMatching(&fields);
+  AddInitialisation(&fields);
+  AddTracking(&fields);
+  AddKeyframes(&fields);
+  AddMapping(&fields);
+  AddMemory(&fields);
+  return fields;
+}
+
+Status CheckEngineConfig(const EngineConfig& config) {
+  if (config.keyframes.min_spacing_frames > config.keyframes.max_spacing_frames) {
+    return FailedPrecondition("keyframes.min_spacing_frames (" + std::to_string(config.keyframes.min_spacing_frames) +
+                              ") is above keyframes.max_spacing_frames (" +
+                              std::to_string(config.keyframes.max_spacing_frames) + ")");
+  }
+  if (config.initialisation.min_points > config.features.max) {
+    return FailedPrecondition("initialisation.min_points (" + std::to_string(config.initialisation.min_points) +
+                              ") is above features.max (" + std::to_string(config.features.max) +
+                              "): no map could ever start");
+  }
+  if (config.noise.k == 0.0 && config.noise.sigma_0_px == 0.0) {
+    return FailedPrecondition("noise.k and noise.sigma_0_px are both 0: an observation must have some noise");
+  }
+  if (config.memory.max_keyframe_ids < config.memory.max_keyframes) {
+    return FailedPrecondition("memory.max_keyframe_ids (" + std::to_string(config.memory.max_keyframe_ids) +
+                              ") is below memory.max_keyframes (" + std::to_string(config.memory.max_keyframes) + ")");
+  }
+  return Status::Ok();
+}
+
+Result<ConfigStore<EngineConfig>> LoadEngineConfig(const std::string& path,
+                                                   const std::vector<std::string>& assignments) {
+  ConfigStore<EngineConfig> store(EngineConfigFields());
+  if (!path.empty()) HAUSTRA_TRY(store.ApplyFile(path));
+  for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
+  HAUSTRA_TRY(CheckEngineConfig(store.config()));
+  return store;
+}
+
+}  // namespace haustra

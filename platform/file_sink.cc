@@ -1,0 +1,100 @@
+#include "platform/file_sink.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+namespace haustra {
+namespace {
+
+constexpr std::size_t kBufferBytes = std::size_t{1} << 16;
+
+std::string ErrorText(int error) { return std::generic_category().message(error); }
+
+}  // namespace
+
+Result<FileSink> FileSink::Create(const std::string& path) {
+  // The process id keeps two writers of one file out of each other's temporary file; the last to commit wins.
+  std::string temporary_path = path + ".partial-" + std::to_string(::getpid());
+  const int descriptor = ::open(temporary_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (descriptor < 0) {
+    const int error = errno;
+    if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
+    return Unavailable(path + ": cannot be created: " + ErrorText(error));
+  }
+  return FileSink(path, std::move(temporary_path), descriptor);
+}
+
+FileSink::FileSink(std::string path, std::string temporary_path, int descriptor)
+    : path_(std::move(path)), temporary_path_(std::move(temporary_path)), descriptor_(descriptor) {
+  buffer_.reserve(kBufferBytes);
+}
+
+FileSink::FileSink(FileSink&& other) noexcept
+    : path_(std::move(other.path_)),
+      temporary_path_(std::move(other.temporary_path_)),
+      descriptor_(std::exchange(other.descriptor_, -1)),
+      buffer_(std::move(other.buffer_)),
+      status_(std::move(other.status_)) {}
+
+FileSink::~FileSink() { Discard(); }
+
+void FileSink::Discard() {
+  if (descriptor_ < 0) return;
+  ::close(std::exchange(descriptor_, -1));
+  ::unlink(temporary_path_.c_str());
+}
+
+Status FileSink::WriteOut(std::string_view bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
+    if (written < 0) {
+      if (errno == EINTR) continue;
+      return Unavailable(path_ + ": cannot be written: " + ErrorText(errno));
+    }
+    bytes.remove_prefix(static_cast<std::size_t>(written));
+  }
+  return Status::Ok();
+}
+
+Status FileSink::Write(std::string_view bytes) {
+  if (!status_.ok()) return status_;
+  if (descriptor_ < 0) return FailedPrecondition(path_ + ": written to after it was committed");
+  if (buffer_.size() + bytes.size() < kBufferBytes) {
+    buffer_.append(bytes);
+    return Status::Ok();
+  }
+  status_ = WriteOut(buffer_);
+  buffer_.clear();
+  if (status_.ok()) status_ = WriteOut(bytes);
+  if (!status_.ok()) Discard();
+  return status_;
+}
+
+Status FileSink::Commit() {
+  if (!status_.ok()) return status_;
+  if (descriptor_ < 0) return FailedPrecondition(path_ + ": committed twice");
+  status_ = WriteOut(buffer_);
+  buffer_.clear();
+  // The bytes must be on the disk before the name is, or a power cut leaves an empty file under the right name.
+  if (status_.ok() && ::fsync(descriptor_) != 0 && errno != EINVAL && errno != EROFS) {
+    status_ = Unavailable(path_ + ": cannot be written: " + ErrorText(errno));
+  }
+  if (!status_.ok()) {
+    Discard();
+    return status_;
+  }
+  const bool is_closed = ::close(std::exchange(descriptor_, -1)) == 0;
+  if (!is_closed || std::rename(temporary_path_.c_str(), path_.c_str()) != 0) {
+    status_ = Unavailable(path_ + ": cannot be put into place: " + ErrorText(errno));
+    ::unlink(temporary_path_.c_str());
+  }
+  return status_;
+}
+
+}  // namespace haustra

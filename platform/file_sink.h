@@ -1,0 +1,42 @@
+// A file that is there as a whole or not at all: bytes go to a temporary file beside it, Commit renames it into place.
+// A reader, or a crash in the middle, never meets half a file, and an older file stays until the new one is complete.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "engine/io/byte_sink.h"
+#include "hal/core/status.h"
+
+namespace haustra {
+
+// thread-bound(the writer), not rt-safe.
+class FileSink final : public ByteSink {
+ public:
+  // kNotFound: the folder does not exist; kUnavailable: cannot be created (rights, disk). The message names the file.
+  static Result<FileSink> Create(const std::string& path);
+
+  FileSink(FileSink&& other) noexcept;
+  FileSink& operator=(FileSink&&) = delete;
+  // Without Commit the temporary file is removed, and what was at `path` before stays.
+  ~FileSink() override;
+
+  // kUnavailable: disk full, I/O error. After the first error nothing more is written and Commit fails.
+  Status Write(std::string_view bytes) override;
+  // To the disk and into place. kUnavailable as for Write; kFailedPrecondition when called twice.
+  Status Commit();
+
+ private:
+  FileSink(std::string path, std::string temporary_path, int descriptor);
+
+  Status WriteOut(std::string_view bytes);
+  void Discard();
+
+  std::string path_;
+  std::string temporary_path_;
+  int descriptor_ = -1;  // -1: committed, failed or moved from
+  std::string buffer_;
+  Status status_;
+};
+
+}  // namespace haustra

@@ -1,0 +1,38 @@
+#include "platform/session/frame_pacer.h"
+#include "platform/session/session.h"
+
+namespace haustra {
+
+Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const Clock& clock, SessionObserver& observer,
+                                     const std::atomic<bool>& stop) {
+  SessionSummary summary;
+  FrameNumbering numbering(source.calibration().rate_hz);
+  const TimePoint start = clock.Now();
+  while (!stop.load(std::memory_order_relaxed)) {
+    const Result<Frame> frame = source.Next(kNoDeadline);
+    if (frame.code() == StatusCode::kNotFound) break;
+    FrameOutcome outcome;
+    if (frame.code() == StatusCode::kDataLoss) {
+      const FrameNumbering::Stamp stamp = numbering.Missing();
+      observer.OnDamagedFrame(stamp.frame_index, frame.status().message());
+      outcome.is_damaged = true;
+      outcome.result = engine.SkipDamaged(stamp.frame_index, stamp.timestamp);
+      observer.OnFrame(outcome);
+      continue;
+    }
+    if (!frame.ok()) return frame.status();
+    numbering.Seen(*frame);
+    const TimePoint begin = clock.Now();
+    outcome.result = engine.Track(*frame, kNoDeadline);
+    while (engine.MapStep()) {
+    }
+    outcome.processing = outcome.latency = clock.Now() - begin;
+    observer.OnFrame(outcome);
+    for (MapEvent event; engine.map_events().TryPop(&event);) observer.OnMapEvent(event);
+  }
+  summary.wall_time = clock.Now() - start;
+  summary.video_time = numbering.video_time();
+  return summary;
+}
+
+}  // namespace haustra

@@ -1,0 +1,316 @@
+// Merges and loops on synthetic maps: what the merged atlas says about every keyframe, point and tracked frame is held
+// against the known world.
+#include "engine/merging/merger.h"
+
+#include <gtest/gtest.h>
+
+#include "engine/atlas/invariants.h"
+#include "tests/engine/place/synthetic_colon.h"
+
+namespace haustra::test {
+namespace {
+
+const Sim3 kOlderFromWorld(1.7, ExpSO3({0.1, 0.4, -0.9}), {2.0, 0.5, -3.0});
+const Sim3 kYoungerFromWorld(0.6, ExpSO3({-0.2, 0.7, 1.1}), {1.0, 3.0, -2.0});
+
+class MergerTest : public testing::Test {
+ protected:
+  MergerTest() : colon_(5), atlas_(colon_.MakeAtlas()), rng_(17) {}
+
+  KeyframeHandle keyframe(int frame) const { return colon_.frames()[frame].keyframe; }
+
+  // Proves the common area of two keyframes, as the mapper would.
+  MergePlan Plan(int frame_a, int frame_b) {
+    CommonAreaVerifier verifier(colon_.config(), common_area_, colon_.camera(), colon_.device());
+    CommonArea area;
+    EXPECT_TRUE(verifier.Verify(atlas_, keyframe(frame_a), keyframe(frame_b), rng_, &area))
+        << ToString(area.counts.verdict);
+    return MakeMergePlan(area);
+  }
+
+  Status Apply(const MergePlan& plan) {
+    Merger merger(colon_.config(), options_, colon_.camera(), colon_.device());
+    return merger.Apply(plan, &atlas_, nullptr, kNoDeadline, &outcome_);
+  }
+
+  // Largest distance of a camera or point from where map_from_world puts it, over the map's unit.
+  void ExpectInFrame(const Sim3& map_from_world, double max_camera, double max_median_point) {
+    for (const SyntheticColon::Frame& frame : colon_.frames()) {
+      const Keyframe* keyframe = atlas_.GetKeyframe(frame.keyframe);
+      if (keyframe == nullptr) continue;
+      const Eigen::Vector3d truth = map_from_world * frame.cam_from_world.InverseTranslation();
+      EXPECT_LT((keyframe->cam_from_map.InverseTranslation() - truth).norm() / map_from_world.scale, max_camera)
+          << "keyframe " << keyframe->id;
+      const SE3 pose = TransformPose(frame.cam_from_world, map_from_world);
+      EXPECT_LT(RotationAngle(keyframe->cam_from_map.rotation, pose.rotation), 0.01) << "keyframe " << keyframe->id;
+    }
+    std::vector<double> errors;
+    atlas_.points().ForEach([&](MapPointHandle, const MapPoint& point) {
+      const Eigen::Vector3d truth = map_from_world * colon_.LandmarkOf(point).position;
+      errors.push_back((point.position - truth).norm() / map_from_world.scale);
+    });
+    ASSERT_FALSE(errors.empty());
+    std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
+    EXPECT_LT(errors[errors.size() / 2], max_median_point);
+  }
+
+  // A frame that was tracked before the merge relative to a keyframe, somewhere off it.
+  struct Tracked {
+    KeyframeId reference;
+    SE3 cam_from_reference;
+    double scale;
+    SE3 cam_from_world;
+  };
+  Tracked Track(int frame) {
+    const SyntheticColon::Frame& f = colon_.frames()[frame];
+    const SE3 offset(ExpSO3({0.05, -0.1, 0.02}), {0.1, 0.05, -0.2});  // world units
+    SE3 in_map = offset;
+    in_map.translation *= f.map_from_world.scale;
+    return {atlas_.keyframe(f.keyframe).id, in_map, atlas_.KeyframeScale(f.keyframe), offset * f.cam_from_world};
+  }
+  void ExpectResolves(const Tracked& tracked, MapId map_id, const Sim3& map_from_world, double tolerance) {
+    ResolvedPose resolved;
+    ASSERT_TRUE(atlas_.Resolve(tracked.reference, tracked.cam_from_reference, tracked.scale, &resolved));
+    EXPECT_EQ(resolved.map_id, map_id);
+    const Eigen::Vector3d truth = map_from_world * tracked.cam_from_world.InverseTranslation();
+    EXPECT_LT((resolved.cam_from_map.InverseTranslation() - truth).norm() / map_from_world.scale, tolerance);
+  }
+
+  SyntheticColon colon_;
+  Atlas atlas_;
+  Rng rng_;
+  CommonAreaConfig common_area_;
+  MergingConfig options_;
+  MergeOutcome outcome_;
+};
+
+TEST_F(MergerTest, YoungerActiveMapMovesIntoTheOlderOne) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  const MapHandle older = atlas_.keyframe(keyframe(0)).map, younger = atlas_.keyframe(keyframe(first)).map;
+  atlas_.map(older).status = MapStatus::kStored;
+  const int points_before = atlas_.map(older).num_points + atlas_.map(younger).num_points;
+  const Tracked in_older = Track(4), in_younger = Track(first + 7), near_seam = Track(first + 2);
+
+  ASSERT_TRUE(Apply(Plan(first + 2, 11)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_FALSE(outcome_.is_loop);
+  EXPECT_EQ(outcome_.map, older);
+  EXPECT_EQ(outcome_.map_id, 0u);
+  EXPECT_EQ(outcome_.absorbed_map_id, 1u);
+  EXPECT_EQ(atlas_.map(older).status, MapStatus::kActive);
+  EXPECT_EQ(atlas_.map(younger).status, MapStatus::kMerged);
+  EXPECT_EQ(atlas_.map(younger).merged_into, 0u);
+  EXPECT_EQ(atlas_.map(older).keyframes.size(), 28u);
+  EXPECT_TRUE(atlas_.map(younger).keyframes.empty());
+  EXPECT_GE(outcome_.num_fused, 150);
+  EXPECT_LE(static_cast<int>(atlas_.points().size()), points_before - 150);
+
+  ExpectInFrame(kOlderFromWorld, 0.03, 0.02);
+  ExpectResolves(in_older, 0, kOlderFromWorld, 0.03);
+  ExpectResolves(in_younger, 0, kOlderFromWorld, 0.03);
+  ExpectResolves(near_seam, 0, kOlderFromWorld, 0.03);
+}
+
+TEST_F(MergerTest, TrackerIsToldWhereItsFrameWent) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  const SE3 before = atlas_.keyframe(keyframe(first + 2)).cam_from_map;
+  ASSERT_TRUE(Apply(Plan(first + 2, 11)).ok());
+  EXPECT_EQ(outcome_.reframing.old_map_id, 1u);
+  EXPECT_EQ(outcome_.reframing.new_map_id, 0u);
+  // Exactly the keyframe's own way, and the truth to within noise.
+  const SE3 after = atlas_.keyframe(keyframe(first + 2)).cam_from_map;
+  const SE3 moved = TransformPose(before, outcome_.reframing.new_from_old);
+  EXPECT_LT((moved.translation - after.translation).norm(), 1e-9);
+  EXPECT_LT(RotationAngle(moved.rotation, after.rotation), 1e-7);
+  const Sim3 truth = kOlderFromWorld * kYoungerFromWorld.Inverse();
+  EXPECT_NEAR(outcome_.reframing.new_from_old.scale / truth.scale, 1.0, 0.02);
+}
+
+TEST_F(MergerTest, StoredYoungerMapComesIntoTheActiveOlderOne) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  const MapHandle older = atlas_.keyframe(keyframe(0)).map, younger = atlas_.keyframe(keyframe(first)).map;
+  atlas_.map(younger).status = MapStatus::kStored;
+  const Tracked in_younger = Track(first + 9);
+  ASSERT_TRUE(Apply(Plan(11, first + 2)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_EQ(outcome_.map, older);
+  EXPECT_EQ(outcome_.absorbed_map_id, 1u);
+  EXPECT_EQ(outcome_.reframing.old_map_id, 0u);
+  EXPECT_EQ(outcome_.reframing.new_map_id, 0u);
+  EXPECT_NEAR(outcome_.reframing.new_from_old.scale, 1.0, 1e-9);
+  ExpectInFrame(kOlderFromWorld, 0.03, 0.02);
+  ExpectResolves(in_younger, 0, kOlderFromWorld, 0.03);
+}
+
+TEST_F(MergerTest, FramesOfCulledKeyframesResolveAcrossTheMerge) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  const Tracked culled_before = Track(first + 6), culled_after = Track(first + 9);
+  colon_.device().ReleaseFeatureSet(atlas_.RemoveKeyframe(keyframe(first + 6), keyframe(first + 7)));
+  ASSERT_TRUE(Apply(Plan(first + 2, 11)).ok());
+  colon_.device().ReleaseFeatureSet(atlas_.RemoveKeyframe(keyframe(first + 9), keyframe(first + 10)));
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  ExpectResolves(culled_before, 0, kOlderFromWorld, 0.03);
+  ExpectResolves(culled_after, 0, kOlderFromWorld, 0.03);
+}
+
+TEST_F(MergerTest, LongYoungerMapFollowsTheWeld) {
+  colon_.AddWall(0.0, 14.0, 5000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
+  const Tracked far_off = Track(first + 39);
+  ASSERT_TRUE(Apply(Plan(first + 2, 11)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_EQ(outcome_.num_graph_nodes, 40);
+  EXPECT_GE(outcome_.num_graph_edges, 39);
+  EXPECT_LE(outcome_.num_weld_keyframes, 16);
+  ExpectInFrame(kOlderFromWorld, 0.05, 0.03);
+  ExpectResolves(far_off, 0, kOlderFromWorld, 0.05);
+}
+
+TEST_F(MergerTest, SameMergeGivesTheSameBits) {
+  double sums[2] = {0.0, 0.0};
+  for (double& sum : sums) {
+    SyntheticColon colon(9);
+    Atlas atlas = colon.MakeAtlas();
+    colon.AddWall(0.0, 9.0, 3000);
+    colon.AddMap(&atlas, 0.0, 3.0, 14, kOlderFromWorld);
+    const int first = colon.AddMap(&atlas, 2.0, 5.0, 14, kYoungerFromWorld).first;
+    CommonAreaVerifier verifier(colon.config(), common_area_, colon.camera(), colon.device());
+    CommonArea area;
+    Rng rng(4);
+    ASSERT_TRUE(verifier.Verify(atlas, colon.frames()[first + 2].keyframe, colon.frames()[11].keyframe, rng, &area));
+    Merger merger(colon.config(), options_, colon.camera(), colon.device());
+    ASSERT_TRUE(merger.Apply(MakeMergePlan(area), &atlas, nullptr, kNoDeadline, &outcome_).ok());
+    atlas.points().ForEach([&](MapPointHandle, const MapPoint& point) { sum += point.position.sum(); });
+    atlas.keyframes().ForEach([&](KeyframeHandle, const Keyframe& k) { sum += k.cam_from_map.translation.sum(); });
+  }
+  EXPECT_EQ(sums[0], sums[1]);
+}
+
+TEST_F(MergerTest, StalePlanIsRefusedAndNothingTouched) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  const MergePlan plan = Plan(first + 2, 11);
+  colon_.device().ReleaseFeatureSet(atlas_.RemoveKeyframe(keyframe(11), keyframe(10)));
+  const SE3 before = atlas_.keyframe(keyframe(first)).cam_from_map;
+  EXPECT_EQ(Apply(plan).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(atlas_.keyframe(keyframe(first)).cam_from_map.translation, before.translation);
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+}
+
+TEST_F(MergerTest, ImpossibleScaleIsRefused) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  MergePlan plan = Plan(first + 2, 11);
+  plan.b_from_a.scale = 0.0;
+  EXPECT_EQ(Apply(plan).code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+}
+
+TEST_F(MergerTest, DeviceLostDuringTheMergeLeavesAConsistentAtlas) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  const MergePlan plan = Plan(first + 2, 11);
+  colon_.device().SetLost(true);
+  ASSERT_TRUE(Apply(plan).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  // The proven pairs alone hold it together.
+  EXPECT_EQ(outcome_.num_fused, static_cast<int>(plan.points.size()));
+  ExpectInFrame(kOlderFromWorld, 0.05, 0.03);
+}
+
+// Out and back in one map whose frame drifts a little at every keyframe; the way back makes points of its own.
+class LoopTest : public MergerTest {
+ protected:
+  void BuildDriftingMap() {
+    colon_.AddWall(0.0, 10.0, 4000);
+    const MapHandle map = atlas_.CreateMap();
+    Sim3 drifted_from_world;
+    const SE3 still;
+    for (int i = 0; i < 2 * kTurn; ++i) {
+      const double z = i < kTurn ? 0.18 * i : 0.18 * (2 * kTurn - 1 - i) + 0.05;
+      const SE3 view = colon_.ViewFrom(z);
+      colon_.AddKeyframe(&atlas_, map, view, drifted_from_world);
+      // Grows, turns and slips about the camera, as drift does.
+      const Eigen::Vector3d centre = drifted_from_world * view.InverseTranslation();
+      const Sim3 to_camera(1.0, Eigen::Quaterniond::Identity(), -centre);
+      const Sim3 slip(1.004, ExpSO3({0.002, -0.001, 0.001}), {0.002, 0.001, -0.002});
+      drifted_from_world = to_camera.Inverse() * slip * to_camera * drifted_from_world;
+    }
+    colon_.AddPoints(&atlas_, 0, 2 * kTurn, 0.003, [](int frame, int landmark) {
+      const bool still_outbound = frame < kTurn || (frame < kTurn + 6 && landmark % 2 == 0);
+      return still_outbound ? 0 : 1;
+    });
+  }
+
+  // Root mean square distance of the cameras from the truth after the best alignment.
+  double TrajectoryError() {
+    std::vector<Eigen::Vector3d> estimate, truth;
+    for (const SyntheticColon::Frame& frame : colon_.frames()) {
+      estimate.push_back(atlas_.keyframe(frame.keyframe).cam_from_map.InverseTranslation());
+      truth.push_back(frame.cam_from_world.InverseTranslation());
+    }
+    Sim3 world_from_map;
+    EXPECT_TRUE(AlignSim3(estimate, truth, &world_from_map));
+    double sum = 0.0;
+    for (std::size_t i = 0; i < truth.size(); ++i) sum += (world_from_map * estimate[i] - truth[i]).squaredNorm();
+    return std::sqrt(sum / static_cast<double>(truth.size()));
+  }
+
+  static constexpr int kTurn = 30;
+};
+
+TEST_F(LoopTest, DriftIsTakenOut) {
+  BuildDriftingMap();
+  const double before = TrajectoryError();
+  // The last keyframe is back where the second was.
+  const MergePlan plan = Plan(2 * kTurn - 2, 1);
+  const KeyframeHandle newest = keyframe(2 * kTurn - 2);
+  const SE3 pose_before = atlas_.keyframe(newest).cam_from_map;
+  ASSERT_TRUE(Apply(plan).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_TRUE(outcome_.is_loop);
+  EXPECT_EQ(outcome_.absorbed_map_id, kNoId);
+  EXPECT_EQ(outcome_.num_graph_nodes, 2 * kTurn);
+  EXPECT_GE(outcome_.num_fused, 100);
+  EXPECT_LT(TrajectoryError(), 0.4 * before);
+  EXPECT_LT((TransformPose(pose_before, outcome_.reframing.new_from_old).translation -
+             atlas_.keyframe(newest).cam_from_map.translation)
+                .norm(),
+            1e-9);
+  // Both ends are connected now.
+  std::vector<Covisible> covisible;
+  atlas_.FindCovisible(newest, 30, &covisible);
+  const bool is_joined = std::any_of(covisible.begin(), covisible.end(),
+                                     [&](const Covisible& c) { return atlas_.keyframe(c.keyframe).id < 6; });
+  EXPECT_TRUE(is_joined);
+}
+
+TEST_F(LoopTest, FramesFollowTheirKeyframesAndTheirScale) {
+  BuildDriftingMap();
+  const Tracked tracked = Track(kTurn + 20);
+  ResolvedPose before, after;
+  ASSERT_TRUE(atlas_.Resolve(tracked.reference, tracked.cam_from_reference, tracked.scale, &before));
+  ASSERT_TRUE(Apply(Plan(2 * kTurn - 2, 1)).ok());
+  ASSERT_TRUE(atlas_.Resolve(tracked.reference, tracked.cam_from_reference, tracked.scale, &after));
+  const KeyframeHandle reference = keyframe(kTurn + 20);
+  const SE3 relative = after.cam_from_map * atlas_.keyframe(reference).cam_from_map.Inverse();
+  const double growth = atlas_.KeyframeScale(reference) / tracked.scale;
+  EXPECT_NEAR(relative.translation.norm(), growth * tracked.cam_from_reference.translation.norm(), 1e-9);
+  // The map had grown on its way by a fifth; the loop takes that back.
+  EXPECT_LT(growth, 0.97);
+}
+
+}  // namespace
+}  // namespace haustra::test

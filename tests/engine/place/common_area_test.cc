@@ -1,0 +1,157 @@
+#include "engine/place/common_area.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/engine/place/synthetic_colon.h"
+
+namespace haustra::test {
+namespace {
+
+const Sim3 kMapFromWorld(2.5, ExpSO3({0.3, -0.8, 0.5}), {4.0, -2.0, 1.0});
+
+class CommonAreaTest : public testing::Test {
+ protected:
+  CommonAreaTest() : colon_(7), atlas_(colon_.MakeAtlas()), rng_(3) {}
+
+  bool Verify(int frame_a, int frame_b) {
+    CommonAreaVerifier verifier(colon_.config(), options_, colon_.camera(), colon_.device());
+    return verifier.Verify(atlas_, colon_.frames()[frame_a].keyframe, colon_.frames()[frame_b].keyframe, rng_, &area_);
+  }
+  std::string_view verdict() const { return ToString(area_.counts.verdict); }
+
+  SyntheticColon colon_;
+  Atlas atlas_;
+  Rng rng_;
+  CommonAreaConfig options_;
+  CommonArea area_;
+};
+
+TEST_F(CommonAreaTest, OverlappingMapsGiveTheirSimilarity) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  // z = 2.46 of the second map against z = 2.54 of the first.
+  ASSERT_TRUE(Verify(first + 2, 11)) << verdict();
+  const Sim3 truth = kMapFromWorld.Inverse();
+  const Eigen::Vector3d centre = atlas_.keyframe(area_.keyframe_a).cam_from_map.InverseTranslation();
+  const Sim3Error error = ErrorAt(area_.b_from_a, truth, centre, 1.5);
+  EXPECT_LT(error.position, 0.01);
+  EXPECT_LT(error.rotation_deg, 0.3);
+  EXPECT_LT(error.scale, 0.01);
+  EXPECT_GE(area_.points.size(), 100u);
+  int num_wrong = 0;
+  for (const CommonPoint& common : area_.points) {
+    const auto& a = colon_.LandmarkOf(atlas_.point(common.point_a));
+    const auto& b = colon_.LandmarkOf(atlas_.point(common.point_b));
+    if (!(a.appearance == b.appearance)) ++num_wrong;
+  }
+  EXPECT_EQ(num_wrong, 0);
+  EXPECT_GE(area_.counts.num_confirming, 1);
+}
+
+TEST_F(CommonAreaTest, SameInputGivesTheSameBits) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  rng_ = Rng(5);
+  ASSERT_TRUE(Verify(first + 2, 11));
+  const CommonArea once = area_;
+  rng_ = Rng(5);
+  ASSERT_TRUE(Verify(first + 2, 11));
+  EXPECT_EQ(area_.b_from_a.scale, once.b_from_a.scale);
+  EXPECT_EQ(area_.b_from_a.translation, once.b_from_a.translation);
+  EXPECT_EQ(area_.points.size(), once.points.size());
+}
+
+TEST_F(CommonAreaTest, PlacesApartHaveFewMatches) {
+  colon_.AddWall(0.0, 24.0, 8000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 12.0, 15.0, 14, kMapFromWorld).first;
+  EXPECT_FALSE(Verify(first + 5, 5));
+  EXPECT_EQ(verdict(), "few_matches");
+  EXPECT_EQ(area_.counts.num_matches, 0);
+  EXPECT_GT(area_.counts.num_points_a, 100);
+}
+
+TEST_F(CommonAreaTest, AlikeWallOfOtherShapeHasLowMatchShare) {
+  const int wall = colon_.AddWall(0.0, 7.0, 2500);
+  colon_.AddTwin(wall, 2500, 20.0, 0.5);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 20.0, 23.0, 14, kMapFromWorld).first;
+  for (int i = 0; i < 14; i += 3) {
+    EXPECT_FALSE(Verify(first + i, i)) << "keyframe " << i;
+    EXPECT_GE(area_.counts.num_matches, 100);
+    EXPECT_EQ(verdict(), "low_match_share");
+  }
+}
+
+TEST_F(CommonAreaTest, TwinPlaceOfOneMapIsNoDrift) {
+  const int wall = colon_.AddWall(0.0, 7.0, 2500);
+  colon_.AddTwin(wall, 2500, 8.0, 0.0);
+  const int first = colon_.AddMap(&atlas_, 0.0, 11.0, 48, Sim3{}).first;
+  // z = 0.94 and z = 8.9: the same picture.
+  EXPECT_FALSE(Verify(first + 38, first + 4));
+  EXPECT_EQ(verdict(), "implausible_drift");
+  EXPECT_NEAR(area_.counts.drift_share, 1.0, 0.2);
+}
+
+TEST_F(CommonAreaTest, NeighboursThatDisagreeRefuse) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const auto [first, last] = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld);
+  for (int f = first; f < last; ++f) {
+    if (f == first + 2) continue;
+    Keyframe& keyframe = atlas_.keyframe(colon_.frames()[f].keyframe);
+    keyframe.cam_from_map = SE3(ExpSO3({0.0, 0.0, 0.5}), Eigen::Vector3d::Zero()) * keyframe.cam_from_map;
+  }
+  EXPECT_FALSE(Verify(first + 2, 11));
+  EXPECT_EQ(verdict(), "unconfirmed");
+  EXPECT_EQ(area_.counts.num_confirming, 0);
+  EXPECT_GE(area_.counts.num_neighbours, 1);
+}
+
+TEST_F(CommonAreaTest, OppositeScaleOfUnitsIsRefused) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const Sim3 tiny(0.01, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, tiny).first;
+  EXPECT_FALSE(Verify(first + 2, 11));
+  EXPECT_EQ(verdict(), "implausible_scale");
+}
+
+TEST_F(CommonAreaTest, PointsInOneCornerAreRefused) {
+  colon_.AddWall(0.0, 9.0, 6000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  // Of the new keyframe only what it sees in one part of the image is known.
+  const KeyframeHandle handle = colon_.frames()[first + 2].keyframe;
+  const Keyframe& keyframe = atlas_.keyframe(handle);
+  for (int i = 0; i < keyframe.features.num; ++i) {
+    const bool is_near = (keyframe.features.pixel(i) - Eigen::Vector2d(200.0, 268.0)).norm() < 75.0;
+    if (keyframe.points[i] && !is_near) atlas_.RemoveObservation(keyframe.points[i], handle);
+  }
+  ASSERT_GE(keyframe.num_points, 40);
+  EXPECT_FALSE(Verify(first + 2, 11));
+  EXPECT_EQ(verdict(), "low_spread");
+}
+
+TEST_F(CommonAreaTest, KeyframeWithoutPointsIsRefused) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const MapHandle map = atlas_.CreateMap();
+  colon_.AddKeyframe(&atlas_, map, colon_.ViewFrom(2.0), kMapFromWorld);
+  EXPECT_FALSE(Verify(14, 8));
+  EXPECT_EQ(verdict(), "few_points");
+}
+
+TEST_F(CommonAreaTest, FailingDeviceIsNoProof) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  colon_.device().SetLost(true);
+  EXPECT_FALSE(Verify(first + 2, 11));
+  EXPECT_EQ(verdict(), "device_failed");
+}
+
+}  // namespace
+}  // namespace haustra::test

@@ -1,0 +1,127 @@
+#include "engine/place/exhaustive_retrieval.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "engine/place/strongest_features.h"
+#include "tests/engine/place/synthetic_colon.h"
+
+namespace haustra::test {
+namespace {
+
+class ExhaustiveRetrievalTest : public testing::Test {
+ protected:
+  ExhaustiveRetrievalTest() : colon_(1), atlas_(colon_.MakeAtlas()) {
+    colon_.AddWall(0.0, 14.0, 4000);
+    colon_.AddMap(&atlas_, 0.0, 10.0, 40, Sim3{});
+  }
+
+  KeyframeHandle keyframe(int i) const { return colon_.frames()[i].keyframe; }
+
+  void AddAll(KeyframeRetrieval* retrieval) {
+    for (const SyntheticColon::Frame& frame : colon_.frames()) {
+      ASSERT_TRUE(retrieval->Add(atlas_, frame.keyframe).ok());
+    }
+  }
+
+  RetrievalQuery QueryOf(int i) {
+    SelectStrongestWithPoint(atlas_.keyframe(keyframe(i)), 256, &strongest_);
+    RetrievalQuery query;
+    query.set = atlas_.keyframe(keyframe(i)).features.set;
+    query.strongest = strongest_;
+    query.is_excluded = [handle = keyframe(i)](KeyframeHandle other, const Keyframe&) { return other == handle; };
+    return query;
+  }
+
+  SyntheticColon colon_;
+  Atlas atlas_;
+  RetrievalConfig options_;
+  std::vector<std::int32_t> strongest_;
+  std::vector<RetrievalCandidate> found_;
+};
+
+TEST_F(ExhaustiveRetrievalTest, NeighboursComeFirst) {
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  AddAll(&retrieval);
+  ASSERT_TRUE(retrieval.Query(atlas_, QueryOf(20), &found_).ok());
+  ASSERT_GE(found_.size(), 2u);
+  const KeyframeId id = atlas_.keyframe(keyframe(20)).id;
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_LE(std::abs(static_cast<int>(atlas_.keyframe(found_[i].keyframe).id) - static_cast<int>(id)), 2);
+  }
+  for (std::size_t i = 1; i < found_.size(); ++i) EXPECT_GE(found_[i - 1].num_votes, found_[i].num_votes);
+}
+
+TEST_F(ExhaustiveRetrievalTest, UnseenPlaceGivesNothing) {
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  for (int i = 20; i < 40; ++i) ASSERT_TRUE(retrieval.Add(atlas_, keyframe(i)).ok());
+  ASSERT_TRUE(retrieval.Query(atlas_, QueryOf(0), &found_).ok());
+  EXPECT_TRUE(found_.empty());
+}
+
+TEST_F(ExhaustiveRetrievalTest, ExcludedAndRemovedKeyframesAreNotFound) {
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  AddAll(&retrieval);
+  retrieval.Remove(keyframe(21));
+  RetrievalQuery query = QueryOf(20);
+  query.is_excluded = [&](KeyframeHandle handle, const Keyframe&) { return handle == keyframe(19); };
+  ASSERT_TRUE(retrieval.Query(atlas_, query, &found_).ok());
+  ASSERT_FALSE(found_.empty());
+  EXPECT_EQ(found_.front().keyframe, keyframe(20));
+  for (const RetrievalCandidate& candidate : found_) {
+    EXPECT_NE(candidate.keyframe, keyframe(19));
+    EXPECT_NE(candidate.keyframe, keyframe(21));
+  }
+}
+
+TEST_F(ExhaustiveRetrievalTest, KeyframeThatLeftTheAtlasIsSkipped) {
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  AddAll(&retrieval);
+  const RetrievalQuery query = QueryOf(20);
+  const KeyframeHandle gone = keyframe(21);
+  atlas_.RemoveKeyframe(gone, keyframe(22));
+  ASSERT_TRUE(retrieval.Query(atlas_, query, &found_).ok());
+  for (const RetrievalCandidate& candidate : found_) EXPECT_NE(candidate.keyframe, gone);
+}
+
+TEST_F(ExhaustiveRetrievalTest, BoundedQueriesReachEveryKeyframeInTurn) {
+  options_.max_keyframes_per_query = 15;
+  options_.min_votes = 0;
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  AddAll(&retrieval);
+  RetrievalQuery query = QueryOf(20);
+  query.max_results = 100;
+  std::set<KeyframeHandle> reached;
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(retrieval.Query(atlas_, query, &found_).ok());
+    EXPECT_EQ(found_.size(), 15u);
+    for (const RetrievalCandidate& candidate : found_) reached.insert(candidate.keyframe);
+  }
+  EXPECT_EQ(reached.size(), 39u);
+}
+
+TEST_F(ExhaustiveRetrievalTest, FailingDeviceGivesItsErrorAndNothing) {
+  for (const auto point : {ScriptedVisionDevice::FailurePoint::kEnqueue, ScriptedVisionDevice::FailurePoint::kWait}) {
+    ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+    AddAll(&retrieval);
+    const auto calls = colon_.device().num_calls(ScriptedVisionDevice::Operation::kMatch);
+    colon_.device().AddFailure(ScriptedVisionDevice::Operation::kMatch, calls + 20, point, StatusCode::kUnavailable);
+    EXPECT_EQ(retrieval.Query(atlas_, QueryOf(20), &found_).code(), StatusCode::kUnavailable);
+    EXPECT_TRUE(found_.empty());
+    EXPECT_TRUE(retrieval.Query(atlas_, QueryOf(20), &found_).ok());
+  }
+}
+
+TEST_F(ExhaustiveRetrievalTest, FullIndexRefuses) {
+  colon_.config().memory.max_keyframes = 2;
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  EXPECT_TRUE(retrieval.Add(atlas_, keyframe(0)).ok());
+  EXPECT_TRUE(retrieval.Add(atlas_, keyframe(1)).ok());
+  EXPECT_EQ(retrieval.Add(atlas_, keyframe(2)).code(), StatusCode::kCapacityExceeded);
+  retrieval.Remove(keyframe(0));
+  EXPECT_TRUE(retrieval.Add(atlas_, keyframe(2)).ok());
+}
+
+}  // namespace
+}  // namespace haustra::test

@@ -1,0 +1,81 @@
+#include "engine/place/place_recogniser.h"
+
+#include <gtest/gtest.h>
+
+#include "engine/place/exhaustive_retrieval.h"
+#include "tests/engine/place/synthetic_colon.h"
+
+namespace haustra::test {
+namespace {
+
+const Sim3 kMapFromWorld(0.6, ExpSO3({-0.2, 0.7, 1.1}), {1.0, 3.0, -2.0});
+
+class PlaceRecogniserTest : public testing::Test {
+ protected:
+  PlaceRecogniserTest() : colon_(21), atlas_(colon_.MakeAtlas()) {}
+
+  bool Recognise(int frame) {
+    ExhaustiveRetrieval retrieval(colon_.config(), place_.retrieval, colon_.device());
+    for (const SyntheticColon::Frame& other : colon_.frames()) {
+      EXPECT_TRUE(retrieval.Add(atlas_, other.keyframe).ok());
+    }
+    PlaceRecogniser recogniser(colon_.config(), place_, colon_.camera(), colon_.device(), retrieval);
+    return recogniser.Recognise(atlas_, colon_.frames()[frame].keyframe, &area_, &report_);
+  }
+
+  SyntheticColon colon_;
+  Atlas atlas_;
+  PlaceConfig place_;
+  CommonArea area_;
+  PlaceReport report_;
+};
+
+TEST_F(PlaceRecogniserTest, FindsTheMapThatShowsTheSameWall) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  ASSERT_TRUE(Recognise(first + 2));
+  EXPECT_EQ(area_.counts.map_b, 0u);
+  EXPECT_EQ(area_.counts.map_a, 1u);
+  EXPECT_GE(area_.counts.num_votes, place_.retrieval.min_votes);
+  ASSERT_FALSE(report_.tried.empty());
+  EXPECT_EQ(ToString(report_.tried.back().verdict), "accepted");
+}
+
+TEST_F(PlaceRecogniserTest, KeyframesThatAreConnectedAlreadyAreNoNews) {
+  colon_.AddWall(0.0, 7.0, 2500);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  EXPECT_FALSE(Recognise(6));
+  EXPECT_EQ(report_.num_candidates, 0);
+  EXPECT_TRUE(report_.tried.empty());
+}
+
+TEST_F(PlaceRecogniserTest, NewWallIsNotRecognised) {
+  colon_.AddWall(0.0, 24.0, 8000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 12.0, 15.0, 14, kMapFromWorld).first;
+  for (int i = 0; i < 14; ++i) EXPECT_FALSE(Recognise(first + i));
+}
+
+TEST_F(PlaceRecogniserTest, TwoPlacesOfOneMapThatAgreeAreAmbiguous) {
+  const int wall = colon_.AddWall(0.0, 7.0, 2500);
+  colon_.AddTwin(wall, 2500, 8.0, 0.0);
+  colon_.AddMap(&atlas_, 0.0, 11.0, 48, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 8.0, 10.0, 10, kMapFromWorld).first;
+  EXPECT_FALSE(Recognise(first + 4));
+  EXPECT_EQ(ToString(area_.counts.verdict), "ambiguous");
+  EXPECT_EQ(ToString(report_.tried.back().verdict), "ambiguous");
+}
+
+TEST_F(PlaceRecogniserTest, LostDeviceIsReported) {
+  colon_.AddWall(0.0, 7.0, 2500);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 4.0, 10, kMapFromWorld).first;
+  colon_.device().SetLost(true);
+  EXPECT_FALSE(Recognise(first + 2));
+  ASSERT_EQ(report_.tried.size(), 1u);
+  EXPECT_EQ(ToString(report_.tried[0].verdict), "device_failed");
+}
+
+}  // namespace
+}  // namespace haustra::test

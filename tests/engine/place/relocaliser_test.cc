@@ -1,0 +1,99 @@
+#include "engine/place/relocaliser.h"
+
+#include <gtest/gtest.h>
+
+#include "engine/place/exhaustive_retrieval.h"
+#include "tests/engine/place/synthetic_colon.h"
+
+namespace haustra::test {
+namespace {
+
+const Sim3 kMapFromWorld(1.7, ExpSO3({0.1, 0.4, -0.9}), {2.0, 0.5, -3.0});
+
+class RelocaliserTest : public testing::Test {
+ protected:
+  RelocaliserTest() : colon_(31), atlas_(colon_.MakeAtlas()), elsewhere_(colon_.MakeAtlas()) {}
+
+  // The features of a frame that is in no map (it is kept in an atlas of its own).
+  const FrameFeatures& See(const SE3& cam_from_world) {
+    if (!other_map_) other_map_ = elsewhere_.CreateMap();
+    return elsewhere_.keyframe(colon_.AddKeyframe(&elsewhere_, other_map_, cam_from_world, Sim3{})).features;
+  }
+
+  bool Relocalise(const FrameFeatures& features,
+                  const std::function<bool(KeyframeHandle, const Keyframe&)>& is_excluded = {}) {
+    ExhaustiveRetrieval retrieval(colon_.config(), place_.retrieval, colon_.device());
+    atlas_.keyframes().ForEach(
+        [&](KeyframeHandle handle, const Keyframe&) { EXPECT_TRUE(retrieval.Add(atlas_, handle).ok()); });
+    Relocaliser relocaliser(colon_.config(), place_.relocalisation, place_.retrieval, colon_.camera(), colon_.device(),
+                            retrieval);
+    return relocaliser.Relocalise(atlas_, features, is_excluded, &found_, &tried_);
+  }
+
+  SyntheticColon colon_;
+  Atlas atlas_;
+  Atlas elsewhere_;
+  MapHandle other_map_;
+  PlaceConfig place_;
+  Relocalisation found_;
+  std::vector<RelocalisationCounts> tried_;
+};
+
+TEST_F(RelocaliserTest, FindsThePoseInTheMap) {
+  colon_.AddWall(0.0, 12.0, 4000);
+  colon_.AddMap(&atlas_, 0.0, 8.0, 30, kMapFromWorld);
+  const SE3 view = colon_.ViewFrom(4.1);
+  ASSERT_TRUE(Relocalise(See(view)));
+  const SE3 truth = TransformPose(view, kMapFromWorld);
+  EXPECT_LT((found_.cam_from_map.InverseTranslation() - truth.InverseTranslation()).norm() / kMapFromWorld.scale, 0.01);
+  EXPECT_LT(RotationAngle(found_.cam_from_map.rotation, truth.rotation), 0.005);
+  EXPECT_EQ(found_.counts.map_id, 0u);
+  EXPECT_GE(found_.seen.size(), 150u);
+  EXPECT_EQ(static_cast<int>(found_.seen.size()), found_.counts.num_inliers);
+  // The reference stands near: keyframes lie 0.28 apart.
+  ASSERT_NE(atlas_.GetKeyframe(found_.reference), nullptr);
+  const Eigen::Vector3d reference = colon_.FrameOf(found_.reference).cam_from_world.InverseTranslation();
+  EXPECT_LT((reference - view.InverseTranslation()).norm(), 1.0);
+}
+
+TEST_F(RelocaliserTest, UnknownWallHasNoCandidate) {
+  colon_.AddWall(0.0, 24.0, 8000);
+  colon_.AddMap(&atlas_, 0.0, 8.0, 30, kMapFromWorld);
+  EXPECT_FALSE(Relocalise(See(colon_.ViewFrom(15.0))));
+  ASSERT_EQ(tried_.size(), 1u);
+  EXPECT_EQ(ToString(tried_[0].verdict), "no_candidate");
+}
+
+TEST_F(RelocaliserTest, AlikeWallOfOtherShapeIsRefused) {
+  const int wall = colon_.AddWall(0.0, 7.0, 2500);
+  colon_.AddTwin(wall, 2500, 20.0, 0.8);
+  colon_.AddMap(&atlas_, 0.0, 4.0, 16, kMapFromWorld);
+  for (const double z : {20.5, 21.5, 22.5}) {
+    EXPECT_FALSE(Relocalise(See(colon_.ViewFrom(z)))) << "z " << z;
+    EXPECT_GE(tried_.size(), 1u);
+    EXPECT_GE(tried_[0].num_matches, 100);
+    EXPECT_EQ(ToString(tried_[0].verdict), "low_match_share");
+  }
+}
+
+TEST_F(RelocaliserTest, ExcludedMapIsNotSearched) {
+  colon_.AddWall(0.0, 12.0, 4000);
+  colon_.AddMap(&atlas_, 0.0, 8.0, 30, kMapFromWorld);
+  const MapHandle map = atlas_.keyframe(colon_.frames()[0].keyframe).map;
+  const FrameFeatures& features = See(colon_.ViewFrom(4.1));
+  EXPECT_FALSE(Relocalise(features, [map](KeyframeHandle, const Keyframe& k) { return k.map == map; }));
+  EXPECT_TRUE(Relocalise(features));
+}
+
+TEST_F(RelocaliserTest, LostDeviceIsReported) {
+  colon_.AddWall(0.0, 12.0, 4000);
+  colon_.AddMap(&atlas_, 0.0, 8.0, 30, kMapFromWorld);
+  const FrameFeatures& features = See(colon_.ViewFrom(4.1));
+  colon_.device().SetLost(true);
+  EXPECT_FALSE(Relocalise(features));
+  ASSERT_EQ(tried_.size(), 1u);
+  EXPECT_EQ(ToString(tried_[0].verdict), "device_failed");
+}
+
+}  // namespace
+}  // namespace haustra::test

@@ -1,0 +1,244 @@
+#include "engine/geometry/two_view.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "tests/geometry/allocation_counter.h"
+#include "tests/geometry/synthetic.h"
+
+namespace haustra {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kSigmaRad = 0.5 / 400.0;  // half a pixel of the colon camera
+constexpr double kTolerance = 1.96 * kSigmaRad;
+
+enum class Shape { kBox, kTube, kPlane };
+
+struct Scene {
+  SE3 b_from_a;
+  std::vector<Eigen::Vector3d> points, a, b;
+  std::vector<double> tolerance;
+  int num_true = 0;
+};
+
+Eigen::Vector3d ScenePoint(Rng& rng, Shape shape) {
+  switch (shape) {
+    case Shape::kTube: return test::TubePoint(rng, 5.0);
+    case Shape::kPlane: {
+      const double x = rng.Uniform(-3, 3), y = rng.Uniform(-3, 3);
+      return {x, y, 3.0 + 0.4 * x};
+    }
+    case Shape::kBox: break;
+  }
+  const double x = rng.Uniform(-3, 3), y = rng.Uniform(-3, 3), z = rng.Uniform(1, 5);
+  return {x, y, z};
+}
+
+// Baseline `translation`; the last share of the matches is paired at random.
+Scene MakeScene(Rng& rng, Shape shape, int count, const Eigen::Vector3d& translation, double outlier_share,
+                double sigma_rad) {
+  const CameraModel camera = CameraModel::Create(test::ColonCalibration()).value();
+  Scene scene;
+  scene.b_from_a = SE3(test::RandomRotation(rng, 0.2), translation);
+  scene.num_true = static_cast<int>(count * (1.0 - outlier_share));
+  while (static_cast<int>(scene.a.size()) < count) {
+    const Eigen::Vector3d point = ScenePoint(rng, shape);
+    const Eigen::Vector3d in_b = scene.b_from_a * point;
+    Eigen::Vector2d pixel_a, pixel_b;
+    if (!camera.Project(point, &pixel_a) || !camera.IsInImage(pixel_a)) continue;
+    if (!camera.Project(in_b, &pixel_b) || !camera.IsInImage(pixel_b)) continue;
+    const bool is_true = static_cast<int>(scene.a.size()) < scene.num_true;
+    scene.points.push_back(point);
+    scene.a.push_back(test::NoisyBearing(rng, point.normalized(), sigma_rad));
+    scene.b.push_back(is_true ? test::NoisyBearing(rng, in_b.normalized(), sigma_rad)
+                              : test::RandomBearing(rng, camera));
+  }
+  scene.tolerance.assign(count, kTolerance);
+  return scene;
+}
+
+double TranslationAngle(const SE3& estimate, const SE3& truth) {
+  return std::acos(std::clamp(estimate.translation.normalized().dot(truth.translation.normalized()), -1.0, 1.0));
+}
+
+// Trials of `count` matches in which rotation and direction of translation are within the limits.
+int CountSuccesses(Rng& rng, Shape shape, int trials, double outlier_share, bool is_forward, double max_turned_rad,
+                   double max_direction_rad) {
+  TwoViewRansac ransac(300);
+  int succeeded = 0;
+  for (int trial = 0; trial < trials; ++trial) {
+    const Eigen::Vector3d sideways(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-0.5, 0.5));
+    const Eigen::Vector3d forward(rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1), -1.0);
+    const Eigen::Vector3d translation = 0.4 * (is_forward ? forward : sideways).normalized();
+    const Scene scene = MakeScene(rng, shape, 250, translation, outlier_share, kSigmaRad);
+    TwoViewRansac::Estimate estimate;
+    if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
+    EXPECT_NEAR(estimate.b_from_a.translation.norm(), 1.0, 1e-12);
+    if (RotationAngle(estimate.b_from_a.rotation, scene.b_from_a.rotation) < max_turned_rad &&
+        TranslationAngle(estimate.b_from_a, scene.b_from_a) < max_direction_rad) {
+      ++succeeded;
+    }
+  }
+  return succeeded;
+}
+
+TEST(TwoViewRansac, FindsSidewaysMotionInABoxAmongOutliers) {
+  Rng rng(1);
+  EXPECT_GE(CountSuccesses(rng, Shape::kBox, 200, 0.35, false, 0.4 * kDegree, 3.0 * kDegree), 198);
+}
+
+TEST(TwoViewRansac, FindsForwardMotionInATubeAmongOutliers) {
+  Rng rng(2);
+  EXPECT_GE(CountSuccesses(rng, Shape::kTube, 200, 0.35, true, 0.4 * kDegree, 3.0 * kDegree), 198);
+}
+
+TEST(TwoViewRansac, FindsSidewaysMotionInATubeAmongOutliers) {
+  Rng rng(3);
+  EXPECT_GE(CountSuccesses(rng, Shape::kTube, 200, 0.35, false, 0.4 * kDegree, 3.0 * kDegree), 198);
+}
+
+TEST(TwoViewRansac, ExactDataGivesTheExactMotionAndPoints) {
+  Rng rng(4);
+  TwoViewRansac ransac(100);
+  const Scene scene = MakeScene(rng, Shape::kBox, 100, Eigen::Vector3d(0.4, 0.1, -0.2), 0.0, 0.0);
+  TwoViewRansac::Estimate estimate;
+  ASSERT_TRUE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
+  EXPECT_EQ(estimate.num_inliers, 100);
+  EXPECT_NEAR(estimate.score, 100.0, 1e-6);
+  EXPECT_LT(RotationAngle(estimate.b_from_a.rotation, scene.b_from_a.rotation), 1e-7);
+  EXPECT_LT(TranslationAngle(estimate.b_from_a, scene.b_from_a), 1e-6);
+  const double baseline = scene.b_from_a.translation.norm();
+  for (int i = 0; i < 100; ++i) {
+    EXPECT_LT((baseline * ransac.points_in_a()[i] - scene.points[i]).norm(), 1e-3);
+    const Eigen::Vector3d ray_a = scene.b_from_a.rotation * scene.a[i];
+    EXPECT_NEAR(ransac.parallax_rad()[i], std::acos(ray_a.dot(scene.b[i])), 1e-5);
+  }
+}
+
+TEST(TwoViewRansac, InliersAreMostTrueMatchesAndFewOthers) {
+  Rng rng(5);
+  TwoViewRansac ransac(300);
+  for (int trial = 0; trial < 30; ++trial) {
+    const Scene scene = MakeScene(rng, Shape::kTube, 300, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kSigmaRad);
+    TwoViewRansac::Estimate estimate;
+    ASSERT_TRUE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
+    int true_found = 0;
+    for (int i = 0; i < scene.num_true; ++i) true_found += ransac.inliers()[i];
+    EXPECT_GE(true_found, scene.num_true * 80 / 100);  // 95 % less what lies near the epipole
+    EXPECT_LE(estimate.num_inliers - true_found, 15);  // an epipolar line leaves a strip where chance may fall
+    EXPECT_EQ(std::count(ransac.inliers().begin(), ransac.inliers().end(), 1), estimate.num_inliers);
+  }
+}
+
+TEST(TwoViewRansac, PureRotationIsRefused) {
+  Rng rng(6);
+  TwoViewRansac ransac(300);
+  for (int trial = 0; trial < 100; ++trial) {
+    const Scene scene = MakeScene(rng, Shape::kBox, 250, Eigen::Vector3d::Zero(), 0.1, kSigmaRad);
+    TwoViewRansac::Estimate estimate;
+    EXPECT_FALSE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
+  }
+}
+
+TEST(TwoViewRansac, PlaneIsSolvedOrRefusedButNotMistaken) {
+  // A plane has two explanations, both often with all points in front: which of them fits better is noise.
+  Rng rng(7);
+  TwoViewRansac ransac(300);
+  int solved = 0, mistaken = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const Scene scene = MakeScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.1, 0.3 * kSigmaRad);
+    TwoViewRansac::Estimate estimate;
+    if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
+    ++(TranslationAngle(estimate.b_from_a, scene.b_from_a) < 5.0 * kDegree ? solved : mistaken);
+  }
+  EXPECT_GE(solved, 60);
+  EXPECT_LE(mistaken, 4);
+}
+
+TEST(TwoViewRansac, SlightlyCurvedWallIsSolved) {
+  // Folds of a tenth of the distance are enough to tell the two explanations of the plane apart.
+  Rng rng(17);
+  TwoViewRansac ransac(300);
+  int solved = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    Scene scene = MakeScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.0, 0.0);
+    for (int i = 0; i < 200; ++i) {
+      scene.points[i].z() += 0.3 * std::sin(3.0 * scene.points[i].x());
+      scene.a[i] = test::NoisyBearing(rng, scene.points[i].normalized(), kSigmaRad);
+      scene.b[i] = test::NoisyBearing(rng, (scene.b_from_a * scene.points[i]).normalized(), kSigmaRad);
+    }
+    TwoViewRansac::Estimate estimate;
+    if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
+    if (TranslationAngle(estimate.b_from_a, scene.b_from_a) < 5.0 * kDegree) ++solved;
+  }
+  EXPECT_GE(solved, 99);
+}
+
+TEST(TwoViewRansac, UselessInputIsRefusedAndOutputsAreKept) {
+  Rng rng(8);
+  TwoViewRansac ransac(100);
+  TwoViewRansac::Estimate estimate;
+  estimate.num_inliers = -1;
+  const auto expect_refused = [&](const auto& a, const auto& b, const auto& tolerance) {
+    EXPECT_FALSE(ransac.Run(a, b, tolerance, {}, rng, &estimate));
+    EXPECT_EQ(std::count(ransac.inliers().begin(), ransac.inliers().end(), 1), 0);
+    EXPECT_EQ(estimate.num_inliers, -1);
+  };
+  const std::vector<Eigen::Vector3d> none;
+  expect_refused(none, none, std::vector<double>());
+  const Eigen::Vector3d motion(0.4, 0.1, -0.2);
+  const Scene few = MakeScene(rng, Shape::kBox, 19, motion, 0.0, kSigmaRad);
+  expect_refused(few.a, few.b, few.tolerance);
+  const Scene large = MakeScene(rng, Shape::kBox, 101, motion, 0.0, kSigmaRad);
+  expect_refused(large.a, large.b, large.tolerance);
+  const Scene good = MakeScene(rng, Shape::kBox, 100, motion, 0.0, kSigmaRad);
+  expect_refused(good.a, few.b, good.tolerance);
+  const Scene chance = MakeScene(rng, Shape::kBox, 100, motion, 1.0, kSigmaRad);
+  expect_refused(chance.a, chance.b, chance.tolerance);
+  expect_refused(good.a, good.a, good.tolerance);  // nothing moved
+  const std::vector<Eigen::Vector3d> one_place(100, Eigen::Vector3d(0, 0, 1));
+  expect_refused(one_place, one_place, good.tolerance);
+  // Points on a line in space.
+  std::vector<Eigen::Vector3d> line_a(100), line_b(100);
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d point(0.04 * i - 2.0, 0.3, 3.0);
+    line_a[i] = point.normalized();
+    line_b[i] = (point + motion).normalized();
+  }
+  expect_refused(line_a, line_b, good.tolerance);
+}
+
+TEST(TwoViewRansac, SameSeedGivesTheSameBits) {
+  Rng scene_rng(9);
+  const Scene scene = MakeScene(scene_rng, Shape::kTube, 250, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kSigmaRad);
+  TwoViewRansac used(500), fresh(250);
+  TwoViewRansac::Estimate first, second;
+  Rng warm_up(1), a(77), b(77);
+  ASSERT_TRUE(used.Run(scene.a, scene.b, scene.tolerance, {}, warm_up, &first));
+  ASSERT_TRUE(used.Run(scene.a, scene.b, scene.tolerance, {}, a, &first));
+  ASSERT_TRUE(fresh.Run(scene.a, scene.b, scene.tolerance, {}, b, &second));
+  EXPECT_EQ(first.b_from_a.rotation.coeffs(), second.b_from_a.rotation.coeffs());
+  EXPECT_EQ(first.b_from_a.translation, second.b_from_a.translation);
+  EXPECT_EQ(first.score, second.score);
+  EXPECT_TRUE(std::equal(used.inliers().begin(), used.inliers().end(), fresh.inliers().begin()));
+}
+
+TEST(TwoViewRansac, RunNeverAllocates) {
+  if (!test::AllocationCounter::IsAvailable()) GTEST_SKIP() << "the sanitizer owns malloc";
+  Rng rng(10);
+  const Scene scene = MakeScene(rng, Shape::kTube, 250, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kSigmaRad);
+  TwoViewRansac ransac(250);
+  TwoViewRansac::Estimate estimate;
+  const test::AllocationCounter counter;
+  const bool found = ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate);
+  EXPECT_EQ(counter.count(), 0u);
+  EXPECT_TRUE(found);
+}
+
+}  // namespace
+}  // namespace haustra

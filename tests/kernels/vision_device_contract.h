@@ -1,0 +1,1026 @@
+// What every vision device has to do (hal/vision_device.h), as a suite that each implementation instantiates:
+//
+//   INSTANTIATE_TEST_SUITE_P(Cpu, VisionDeviceContract, ::testing::Values(DeviceUnderTest{...}), NameOfDevice);
+//
+// Truth comes from scenes in closed form and from naive double loops, never from a device.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <numeric>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "hal/vision_device.h"
+#include "tests/kernels/blob_scene.h"
+#include "tests/kernels/naive_matcher.h"
+
+namespace haustra::testing {
+
+struct DeviceUnderTest {
+  std::string name;
+  std::function<Result<std::unique_ptr<VisionDevice>>(const VisionPlan&, const ExtractOptions&)> create;
+};
+
+inline std::string NameOfDevice(const ::testing::TestParamInfo<DeviceUnderTest>& info) { return info.param.name; }
+
+class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
+ protected:
+  static constexpr int kWidth = 320;
+  static constexpr int kHeight = 240;
+
+  static VisionPlan SmallPlan() {
+    VisionPlan plan;
+    plan.max_width_px = kWidth;
+    plan.max_height_px = kHeight;
+    plan.max_features = 500;
+    plan.max_feature_sets = 6;
+    plan.max_match_list = 700;
+    return plan;
+  }
+
+  static ExtractOptions SmallOptions() {
+    ExtractOptions options;
+    options.num_features = 500;
+    options.border_threshold = 0;
+    options.reflection_threshold = 256;
+    return options;
+  }
+
+  std::unique_ptr<VisionDevice> Create(const VisionPlan& plan = SmallPlan(),
+                                       const ExtractOptions& options = SmallOptions()) {
+    auto device = GetParam().create(plan, options);
+    EXPECT_TRUE(device.ok()) << device.status().ToString();
+    return std::move(device).value();
+  }
+
+  static FeatureSetHandle NewSet(VisionDevice& device) {
+    auto set = device.CreateFeatureSet();
+    EXPECT_TRUE(set.ok()) << set.status().ToString();
+    return set.value();
+  }
+
+  // Extracts into a set of its own, which stays.
+  static HostFeatures Extract(VisionDevice& device, const ImageView& image, FeatureSetHandle* handle = nullptr,
+                              Lane lane = Lane::kTracking) {
+    const FeatureSetHandle set = NewSet(device);
+    HostFeatures features;
+    features.keypoints.resize(device.plan().max_features);
+    std::int32_t count = -1;
+    const Status status = ExtractAndWait(device, lane, {image, set, features.keypoints, &count});
+    EXPECT_TRUE(status.ok()) << status.ToString();
+    features.keypoints.resize(std::max(count, 0));
+    features.descriptors.resize(features.keypoints.size() * kDescriptorBytes);
+    EXPECT_TRUE(device.ReadDescriptors(set, features.descriptors).ok());
+    if (handle != nullptr) {
+      *handle = set;
+    } else {
+      device.ReleaseFeatureSet(set);
+    }
+    return features;
+  }
+
+  static FeatureSetHandle Write(VisionDevice& device, const HostFeatures& features) {
+    const FeatureSetHandle set = NewSet(device);
+    const Status status = device.WriteFeatures(set, features.keypoints, features.descriptors);
+    EXPECT_TRUE(status.ok()) << status.ToString();
+    return set;
+  }
+
+  // Descriptors of any bytes; about every fifth is a slight change of one in `like`.
+  static HostFeatures RandomFeatures(int count, unsigned seed, const HostFeatures* like = nullptr) {
+    std::mt19937 random(seed);
+    std::uniform_int_distribution<int> byte(0, 255);
+    std::uniform_real_distribution<float> unit(0.0f, 1.0f);
+    HostFeatures features;
+    for (int i = 0; i < count; ++i) {
+      Keypoint k;
+      k.x_px = unit(random) * (kWidth - 1);
+      k.y_px = unit(random) * (kHeight - 1);
+      k.scale_px = 1.0f + 7.0f * unit(random);
+      features.keypoints.push_back(k);
+      const bool is_copy = like != nullptr && like->size() > 0 && i % 5 == 0;
+      const int original = is_copy ? static_cast<int>(random() % like->keypoints.size()) : 0;
+      // Sparse, so that similarities differ much.
+      const int zeros = 20 + static_cast<int>(random() % 90);
+      for (int b = 0; b < kDescriptorBytes; ++b) {
+        int value = byte(random) < 2 * zeros ? 0 : byte(random);
+        if (is_copy)
+          value = std::clamp(static_cast<int>(like->descriptor(original)[b]) + byte(random) / 32 - 4, 0, 255);
+        features.descriptors.push_back(static_cast<std::uint8_t>(value));
+      }
+    }
+    return features;
+  }
+
+  static std::vector<Match> RunMatch(VisionDevice& device, const DescriptorList& query, const DescriptorList& train,
+                                     const MatchOptions& options, const DisparityWindow* disparity = nullptr,
+                                     const EpipolarGate* epipolar = nullptr, Lane lane = Lane::kTracking) {
+    std::vector<Match> matches(1000);
+    std::int32_t count = -1;
+    const Status status = MatchAndWait(device, lane, {query, train, options, disparity, epipolar, matches, &count});
+    EXPECT_TRUE(status.ok()) << status.ToString();
+    matches.resize(std::max(count, 0));
+    return matches;
+  }
+
+  static std::vector<Match> RunGuided(VisionDevice& device, const std::vector<GuidedQuery>& queries,
+                                      FeatureSetHandle train, const MatchOptions& options,
+                                      const std::vector<std::uint8_t>& allowed = {}) {
+    std::vector<Match> matches(queries.size());
+    std::int32_t count = -1;
+    const Status status =
+        GuidedMatchAndWait(device, Lane::kTracking, {queries, train, allowed, options, matches, &count});
+    EXPECT_TRUE(status.ok()) << status.ToString();
+    matches.resize(std::max(count, 0));
+    return matches;
+  }
+
+  static void ExpectSameMatches(const std::vector<Match>& actual, const std::vector<Match>& expected) {
+    ASSERT_EQ(actual.size(), expected.size());
+    for (std::size_t i = 0; i < actual.size(); ++i) {
+      ASSERT_EQ(actual[i].query, expected[i].query) << "match " << i;
+      EXPECT_EQ(actual[i].train, expected[i].train) << "query " << actual[i].query;
+      EXPECT_NEAR(actual[i].similarity, expected[i].similarity, 1e-6f) << "query " << actual[i].query;
+      EXPECT_NEAR(actual[i].second_similarity, expected[i].second_similarity, 1e-6f) << "query " << actual[i].query;
+    }
+  }
+
+  static void ExpectSameFeatures(const HostFeatures& a, const HostFeatures& b) {
+    ASSERT_EQ(a.size(), b.size());
+    for (int i = 0; i < a.size(); ++i) {
+      const Keypoint& p = a.keypoints[i];
+      const Keypoint& q = b.keypoints[i];
+      ASSERT_TRUE(p.x_px == q.x_px && p.y_px == q.y_px && p.scale_px == q.scale_px && p.angle_rad == q.angle_rad &&
+                  p.response == q.response && p.octave == q.octave)
+          << "keypoint " << i;
+    }
+    EXPECT_EQ(a.descriptors, b.descriptors);
+  }
+
+  static Picture Texture(unsigned seed, double height = 40.0) {
+    return Render(RandomBlobs(900, kWidth, kHeight, 20.0, height, seed), kWidth, kHeight, 120.0);
+  }
+
+  static double AngleBetween(double a, double b) { return std::abs(std::remainder(a - b, 2 * std::numbers::pi)); }
+};
+
+// ---- Feature sets ---------------------------------------------------------------------------------------------------
+
+TEST_P(VisionDeviceContract, CreateFeatureSetWhenAllAreInUseReturnsCapacityExceeded) {
+  const auto device = Create();
+  EXPECT_EQ(device->num_free_feature_sets(), 6);
+  std::vector<FeatureSetHandle> sets;
+  for (int i = 0; i < 6; ++i) sets.push_back(NewSet(*device));
+  EXPECT_EQ(device->num_free_feature_sets(), 0);
+  EXPECT_EQ(device->CreateFeatureSet().code(), StatusCode::kCapacityExceeded);
+  device->ReleaseFeatureSet(sets[3]);
+  EXPECT_EQ(device->num_free_feature_sets(), 1);
+  EXPECT_TRUE(device->CreateFeatureSet().ok());
+}
+
+TEST_P(VisionDeviceContract, ReleaseOfStaleOrInvalidHandleIsIgnored) {
+  const auto device = Create();
+  const FeatureSetHandle set = NewSet(*device);
+  device->ReleaseFeatureSet(set);
+  const FeatureSetHandle again = NewSet(*device);
+  device->ReleaseFeatureSet(set);
+  device->ReleaseFeatureSet({});
+  device->ReleaseFeatureSet({12345, 0});
+  EXPECT_EQ(device->num_free_feature_sets(), 5);
+  EXPECT_NE(again, set);
+  std::vector<std::uint8_t> none;
+  EXPECT_TRUE(device->ReadDescriptors(again, none).ok());
+  EXPECT_EQ(device->ReadDescriptors(set, none).code(), StatusCode::kInvalidArgument);
+}
+
+TEST_P(VisionDeviceContract, CreateAndReleaseFromManyThreadsLosesNoSet) {
+  const auto device = Create();
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&device] {
+      for (int i = 0; i < 2000; ++i) {
+        const auto set = device->CreateFeatureSet();
+        if (set.ok()) device->ReleaseFeatureSet(set.value());
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(device->num_free_feature_sets(), 6);
+}
+
+TEST_P(VisionDeviceContract, WrittenDescriptorsAreReadBack) {
+  const auto device = Create();
+  const HostFeatures features = RandomFeatures(123, 1);
+  const FeatureSetHandle set = Write(*device, features);
+  std::vector<std::uint8_t> descriptors(features.descriptors.size());
+  ASSERT_TRUE(device->ReadDescriptors(set, descriptors).ok());
+  EXPECT_EQ(descriptors, features.descriptors);
+  descriptors.pop_back();
+  EXPECT_EQ(device->ReadDescriptors(set, descriptors).code(), StatusCode::kInvalidArgument);
+}
+
+TEST_P(VisionDeviceContract, SecondWriteIsRefusedAndChangesNothing) {
+  const auto device = Create();
+  const HostFeatures features = RandomFeatures(10, 1);
+  const FeatureSetHandle set = Write(*device, features);
+  const HostFeatures other = RandomFeatures(10, 2);
+  EXPECT_FALSE(device->WriteFeatures(set, other.keypoints, other.descriptors).ok());
+  const Picture picture = Texture(1);
+  std::vector<Keypoint> keypoints(500);
+  std::int32_t count = -7;
+  EXPECT_FALSE(ExtractAndWait(*device, Lane::kTracking, {picture.view(), set, keypoints, &count}).ok());
+  EXPECT_EQ(count, -7);
+  std::vector<std::uint8_t> descriptors(features.descriptors.size());
+  ASSERT_TRUE(device->ReadDescriptors(set, descriptors).ok());
+  EXPECT_EQ(descriptors, features.descriptors);
+}
+
+TEST_P(VisionDeviceContract, WriteOfWrongShapeIsRefused) {
+  const auto device = Create();
+  const FeatureSetHandle set = NewSet(*device);
+  HostFeatures features = RandomFeatures(501, 1);
+  EXPECT_EQ(device->WriteFeatures(set, features.keypoints, features.descriptors).code(), StatusCode::kCapacityExceeded);
+  features.keypoints.resize(20);
+  EXPECT_EQ(device->WriteFeatures(set, features.keypoints, features.descriptors).code(), StatusCode::kInvalidArgument);
+  features.descriptors.resize(20 * kDescriptorBytes);
+  features.keypoints[7].x_px = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(device->WriteFeatures(set, features.keypoints, features.descriptors).code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(device->WriteFeatures({}, features.keypoints, features.descriptors).code(), StatusCode::kInvalidArgument);
+  features.keypoints[7].x_px = 1.0f;
+  EXPECT_TRUE(device->WriteFeatures(set, features.keypoints, features.descriptors).ok());
+}
+
+// ---- Extraction -----------------------------------------------------------------------------------------------------
+
+TEST_P(VisionDeviceContract, ExtractFindsBlobsAtTheirPositionAndScale) {
+  ExtractOptions options = SmallOptions();
+  options.contrast_threshold = 0.01f;
+  const auto device = Create(SmallPlan(), options);
+  for (const double sigma : {1.6, 2.3, 3.1, 4.4, 6.5, 9.0}) {
+    for (const double height : {90.0, -90.0}) {
+      const double x = 160.3;
+      const double y = 118.7;
+      const HostFeatures features = Extract(*device, Render({{x, y, sigma, height}}, kWidth, kHeight, 120.0).view());
+      ASSERT_GE(features.size(), 1) << "sigma " << sigma;
+      const auto strongest =
+          std::max_element(features.keypoints.begin(), features.keypoints.end(),
+                           [](const Keypoint& a, const Keypoint& b) { return a.response < b.response; });
+      EXPECT_NEAR(strongest->x_px, x, 0.05 + 0.02 * sigma) << "sigma " << sigma;
+      EXPECT_NEAR(strongest->y_px, y, 0.05 + 0.02 * sigma) << "sigma " << sigma;
+      // G(k s) - G(s) of a blob is extremal where k s^2 = sigma^2; k = 2^(1/S) lies between 1.15 (S = 5) and 1.26 (S =
+      // 3), and s counts the blur that the picture is taken to come with.
+      EXPECT_GT(strongest->scale_px, 0.85 * sigma);
+      EXPECT_LT(strongest->scale_px, 1.02 * sigma + 0.1);
+    }
+  }
+}
+
+TEST_P(VisionDeviceContract, ExtractScalesGrowInProportionToTheScene) {
+  const auto device = Create();
+  const auto scale_of = [&](double sigma) {
+    const HostFeatures f = Extract(*device, Render({{150.0, 120.0, sigma, 90.0}}, kWidth, kHeight, 120.0).view());
+    EXPECT_GE(f.size(), 1);
+    return std::max_element(f.keypoints.begin(), f.keypoints.end(),
+                            [](const Keypoint& a, const Keypoint& b) { return a.response < b.response; })
+        ->scale_px;
+  };
+  const float base = scale_of(2.5);
+  EXPECT_NEAR(scale_of(5.0) / base, 2.0, 0.06);
+  EXPECT_NEAR(scale_of(10.0) / base, 4.0, 0.15);
+}
+
+TEST_P(VisionDeviceContract, ExtractReturnsSortedKeypointsInsideTheImage) {
+  const auto device = Create();
+  const HostFeatures features = Extract(*device, Texture(3).view());
+  EXPECT_GT(features.size(), 300);
+  EXPECT_LE(features.size(), 500);
+  const auto key = [](const Keypoint& k) { return std::tuple(k.octave, k.y_px, k.x_px, k.angle_rad); };
+  for (int i = 0; i < features.size(); ++i) {
+    const Keypoint& k = features.keypoints[i];
+    EXPECT_GE(k.x_px, 0.0f);
+    EXPECT_LE(k.x_px, kWidth - 1.0f);
+    EXPECT_GE(k.y_px, 0.0f);
+    EXPECT_LE(k.y_px, kHeight - 1.0f);
+    EXPECT_GE(k.angle_rad, 0.0f);
+    EXPECT_LT(k.angle_rad, 2 * std::numbers::pi_v<float>);
+    EXPECT_GT(k.scale_px, 0.0f);
+    EXPECT_GT(k.response, 0.0f);
+    if (i > 0) {
+      EXPECT_LT(key(features.keypoints[i - 1]), key(k)) << "keypoint " << i;
+    }
+  }
+}
+
+TEST_P(VisionDeviceContract, ExtractGivesDescriptorsOfEqualLength) {
+  for (const bool root_sift : {false, true}) {
+    ExtractOptions options = SmallOptions();
+    options.root_sift = root_sift;
+    const auto device = Create(SmallPlan(), options);
+    const HostFeatures features = Extract(*device, Texture(3).view());
+    ASSERT_GT(features.size(), 300);
+    const auto length = [&](int i) {
+      double squares = 0.0;
+      for (int b = 0; b < kDescriptorBytes; ++b) squares += features.descriptor(i)[b] * features.descriptor(i)[b];
+      return std::sqrt(squares);
+    };
+    const double expected = length(0);
+    EXPECT_GT(expected, 250.0);
+    for (int i = 0; i < features.size(); ++i) EXPECT_NEAR(length(i), expected, 0.03 * expected) << "feature " << i;
+  }
+}
+
+TEST_P(VisionDeviceContract, ExtractSeesTheSameFeaturesAfterRotationAndScaling) {
+  const std::vector<Blob> blobs = RandomBlobs(1600, kWidth, kHeight, 160.0, 40.0, 5);
+  const Picture reference = Render(blobs, kWidth, kHeight, 120.0);
+  VisionPlan plan = SmallPlan();
+  const auto device = Create(plan);
+  FeatureSetHandle reference_set;
+  const HostFeatures features = Extract(*device, reference.view(), &reference_set);
+  for (const auto& [scale, degrees] : {std::pair{1.0, 0.0}, {1.0, 37.0}, {1.0, 180.0}, {1.3, -70.0}, {0.7, 110.0}}) {
+    const ViewOfScene view{scale, degrees * std::numbers::pi / 180, 160.0, 120.0, 160.0, 120.0};
+    FeatureSetHandle set;
+    const HostFeatures seen = Extract(*device, Render(blobs, kWidth, kHeight, 120.0, view).view(), &set);
+    const std::vector<Match> matches =
+        RunMatch(*device, DescriptorList::Whole(reference_set), DescriptorList::Whole(set), {0.8f, 0.85f, true});
+    int visible = 0;
+    for (const Keypoint& k : features.keypoints) {
+      double u = 0.0, v = 0.0;
+      view.Map(k.x_px, k.y_px, &u, &v);
+      visible += u > 8 && v > 8 && u < kWidth - 9 && v < kHeight - 9 ? 1 : 0;
+    }
+    int right = 0;
+    std::vector<double> position_errors, angle_errors, scale_ratios;
+    for (const Match& m : matches) {
+      const Keypoint& from = features.keypoints[m.query];
+      const Keypoint& to = seen.keypoints[m.train];
+      double u = 0.0, v = 0.0;
+      view.Map(from.x_px, from.y_px, &u, &v);
+      const double error = std::hypot(to.x_px - u, to.y_px - v);
+      if (error > 1.5) continue;
+      ++right;
+      position_errors.push_back(error);
+      angle_errors.push_back(AngleBetween(to.angle_rad - from.angle_rad, view.angle_rad));
+      scale_ratios.push_back(to.scale_px / from.scale_px / scale);
+    }
+    const auto median = [](std::vector<double>& values) {
+      std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+      return values[values.size() / 2];
+    };
+    ASSERT_GT(visible, 150);
+    const std::string what = "scale " + std::to_string(scale) + ", " + std::to_string(degrees) + " degrees";
+    EXPECT_GT(right, (scale == 1.0 ? 0.6 : 0.35) * visible) << what;
+    EXPECT_GT(right, 0.95 * static_cast<double>(matches.size())) << what;
+    ASSERT_FALSE(position_errors.empty());
+    EXPECT_LT(median(position_errors), 0.15) << what;
+    EXPECT_LT(median(angle_errors), 0.04) << what;
+    EXPECT_NEAR(median(scale_ratios), 1.0, 0.03) << what;
+    device->ReleaseFeatureSet(set);
+  }
+}
+
+TEST_P(VisionDeviceContract, ExtractKeepsTheMarginOfTheMaskAtEveryOctave) {
+  ExtractOptions options = SmallOptions();
+  options.reflection_threshold = 250;
+  options.border_threshold = 12;
+  options.mask_dilation_px = 4;
+  VisionPlan plan = SmallPlan();
+  plan.max_width_px = 2 * kWidth;
+  plan.max_height_px = 2 * kHeight;
+  const auto device = Create(plan, options);
+  std::vector<Blob> blobs = RandomBlobs(3600, 2 * kWidth, 2 * kHeight, 20.0, 35.0, 9);
+  Picture picture = Render(blobs, 2 * kWidth, 2 * kHeight, 110.0);
+  Picture excluded{picture.width, picture.height, std::vector<std::uint8_t>(picture.pixels.size(), 0)};
+  Picture static_mask{picture.width, picture.height, std::vector<std::uint8_t>(picture.pixels.size(), 255)};
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      const bool is_reflection = std::hypot(x - 200, y - 150) < 9 || std::hypot(x - 450.5, y - 300.5) < 2;
+      const bool is_surround = x + y < 90 || x > picture.width - 30;  // a cut corner, and a side
+      const bool is_static = y > picture.height - 41;
+      if (is_reflection) picture.at(x, y) = 255;
+      if (is_surround) picture.at(x, y) = 3;
+      if (is_static) static_mask.at(x, y) = 0;
+      excluded.at(x, y) = is_reflection || is_surround || is_static ? 1 : 0;
+    }
+  }
+  ASSERT_TRUE(device->SetStaticMask(static_mask.view()).ok());
+  const HostFeatures features = Extract(*device, picture.view());
+  ASSERT_GT(features.size(), 300);
+  int num_coarse = 0;
+  for (const Keypoint& k : features.keypoints) {
+    num_coarse += k.octave >= 1 ? 1 : 0;
+    const double margin = options.mask_dilation_px * std::exp2(k.octave);
+    for (int y = static_cast<int>(std::ceil(k.y_px - margin)); y <= k.y_px + margin; ++y) {
+      for (int x = static_cast<int>(std::ceil(k.x_px - margin)); x <= k.x_px + margin; ++x) {
+        if (x < 0 || y < 0 || x >= picture.width || y >= picture.height) continue;
+        ASSERT_EQ(excluded.at(x, y), 0) << "keypoint at " << k.x_px << ", " << k.y_px << " in octave " << k.octave
+                                        << ", excluded pixel " << x << ", " << y;
+      }
+    }
+  }
+  EXPECT_GT(num_coarse, 3);
+}
+
+TEST_P(VisionDeviceContract, ExtractLeavesDarkPlacesInsideTheSceneAlone) {
+  ExtractOptions options = SmallOptions();
+  options.border_threshold = 12;
+  const auto device = Create(SmallPlan(), options);
+  // A dark lumen in the middle, with faint structure in it; bright walls all around.
+  std::vector<Blob> blobs = {{160, 120, 30, -110}};
+  for (int i = 0; i < 9; ++i) blobs.push_back({140.0 + 20 * (i % 3), 100.0 + 20 * (i / 3), 2.5, 9});
+  const HostFeatures features = Extract(*device, Render(blobs, kWidth, kHeight, 115.0).view());
+  int found = 0;
+  for (int i = 0; i < 9; ++i) {
+    found += std::any_of(features.keypoints.begin(), features.keypoints.end(), [&](const Keypoint& k) {
+      return std::hypot(k.x_px - blobs[i + 1].x_px, k.y_px - blobs[i + 1].y_px) < 1.5;
+    });
+  }
+  EXPECT_GE(found, 7);
+}
+
+TEST_P(VisionDeviceContract, ExtractTakesAnImageOfAnotherSizeOnlyWithoutAStaticMask) {
+  const auto device = Create();
+  const Picture small = Render(RandomBlobs(300, 160, 120, 10, 40, 3), 160, 120, 120.0);
+  EXPECT_GT(Extract(*device, small.view()).size(), 20);
+  const Picture mask{kWidth, kHeight, std::vector<std::uint8_t>(static_cast<std::size_t>(kWidth) * kHeight, 255)};
+  ASSERT_TRUE(device->SetStaticMask(mask.view()).ok());
+  const FeatureSetHandle set = NewSet(*device);
+  std::vector<Keypoint> keypoints(500);
+  std::int32_t count = 0;
+  EXPECT_EQ(device->EnqueueExtract(Lane::kTracking, {small.view(), set, keypoints, &count}).code(),
+            StatusCode::kInvalidArgument);
+  ASSERT_TRUE(device->SetStaticMask({}).ok());
+  EXPECT_TRUE(device->EnqueueExtract(Lane::kTracking, {small.view(), set, keypoints, &count}).ok());
+}
+
+TEST_P(VisionDeviceContract, ExtractIsTheSameOnEveryRunAndAfterOtherImages) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures first = Extract(*device, picture.view());
+  ASSERT_GT(first.size(), 300);
+  Extract(*device, Texture(8).view());
+  Extract(*device, Render(RandomBlobs(300, 160, 121, 10, 40, 3), 160, 121, 120.0).view());
+  ExpectSameFeatures(Extract(*device, picture.view()), first);
+  ExpectSameFeatures(Extract(*device, picture.view(), nullptr, Lane::kBackground), first);
+  ExpectSameFeatures(Extract(*Create(), picture.view()), first);
+}
+
+TEST_P(VisionDeviceContract, ExtractDoesNotDependOnPitchOrColourFormat) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures expected = Extract(*device, picture.view());
+  const int pitch = kWidth + 13;
+  std::vector<std::uint8_t> padded(static_cast<std::size_t>(pitch) * kHeight, 77);
+  std::vector<std::uint8_t> bgr;
+  for (int y = 0; y < kHeight; ++y) {
+    std::copy_n(picture.view().row(y), kWidth, padded.data() + static_cast<std::size_t>(y) * pitch);
+    for (int x = 0; x < kWidth; ++x) bgr.insert(bgr.end(), 3, picture.view().row(y)[x]);
+  }
+  ExpectSameFeatures(Extract(*device, {padded.data(), kWidth, kHeight, pitch, PixelFormat::kGrey8}), expected);
+  ExpectSameFeatures(Extract(*device, {bgr.data(), kWidth, kHeight, 3 * kWidth, PixelFormat::kBgr8}), expected);
+}
+
+TEST_P(VisionDeviceContract, ExtractOfUniformImageFindsNothing) {
+  const auto device = Create();
+  for (const std::uint8_t grey : {0, 100, 255}) {
+    const Picture picture{kWidth, kHeight, std::vector<std::uint8_t>(static_cast<std::size_t>(kWidth) * kHeight, grey)};
+    EXPECT_EQ(Extract(*device, picture.view()).size(), 0);
+  }
+}
+
+TEST_P(VisionDeviceContract, ExtractOverTheLimitKeepsStrongPoints) {
+  ExtractOptions options = SmallOptions();
+  options.num_features = 60;
+  const auto device = Create(SmallPlan(), options);
+  std::vector<Blob> strong;
+  for (int i = 0; i < 40; ++i) strong.push_back({20.0 + 38 * (i % 8), 24.0 + 46 * (i / 8), 3.0, 60});
+  std::vector<Blob> all = strong;
+  const std::vector<Blob> weak = RandomBlobs(700, kWidth, kHeight, 0.0, 6.0, 11);
+  all.insert(all.end(), weak.begin(), weak.end());
+  const HostFeatures features = Extract(*device, Render(all, kWidth, kHeight, 100.0).view());
+  EXPECT_LE(features.size(), 60);
+  for (const Blob& blob : strong) {
+    EXPECT_TRUE(
+        std::any_of(features.keypoints.begin(), features.keypoints.end(),
+                    [&](const Keypoint& k) { return std::hypot(k.x_px - blob.x_px, k.y_px - blob.y_px) < 1.0; }))
+        << "blob at " << blob.x_px << ", " << blob.y_px;
+  }
+}
+
+TEST_P(VisionDeviceContract, ExtractOverTheLimitSpreadsOverTheImage) {
+  VisionPlan plan = SmallPlan();
+  plan.max_width_px = 640;
+  plan.max_height_px = 480;
+  const auto device = Create(plan);
+  // Everywhere more than there is room for; the left half has twice the contrast.
+  std::vector<Blob> blobs = RandomBlobs(6000, 640, 480, 0.0, 20.0, 12);
+  for (Blob& blob : blobs) blob.height *= blob.x_px < 320 ? 2.0 : 1.0;
+  const HostFeatures features = Extract(*device, Render(blobs, 640, 480, 120.0).view());
+  EXPECT_GE(features.size(), 480);
+  int num_right = 0;
+  std::array<int, 16> parts{};
+  for (const Keypoint& k : features.keypoints) {
+    num_right += k.x_px >= 320 ? 1 : 0;
+    ++parts[static_cast<int>(k.y_px / 120) * 4 + static_cast<int>(k.x_px / 160)];
+  }
+  EXPECT_GT(num_right, features.size() / 6);
+  for (const int count : parts) EXPECT_GT(count, 4);
+}
+
+TEST_P(VisionDeviceContract, ExtractWithHigherContrastThresholdGivesASubset) {
+  const Picture picture = Texture(6, 15.0);
+  ExtractOptions options = SmallOptions();
+  options.contrast_threshold = 0.01f;
+  const HostFeatures many = Extract(*Create(SmallPlan(), options), picture.view());
+  options.contrast_threshold = 0.02f;
+  const HostFeatures few = Extract(*Create(SmallPlan(), options), picture.view());
+  ASSERT_LT(many.size(), 500);
+  EXPECT_LT(few.size(), many.size());
+  EXPECT_GT(few.size(), 0);
+  for (const Keypoint& k : few.keypoints) {
+    EXPECT_GE(k.response, 0.02f);
+    EXPECT_TRUE(std::any_of(many.keypoints.begin(), many.keypoints.end(),
+                            [&](const Keypoint& m) { return m.x_px == k.x_px && m.y_px == k.y_px; }));
+  }
+}
+
+TEST_P(VisionDeviceContract, ExtractSuppressesEdges) {
+  ExtractOptions options = SmallOptions();
+  options.edge_threshold = 5.0f;
+  const auto device = Create(SmallPlan(), options);
+  Picture picture = Render({}, kWidth, kHeight, 80.0);
+  // A soft slanted edge, and nothing else.
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      picture.at(x, y) = static_cast<std::uint8_t>(std::lround(120 + 60 * std::tanh((x - 160 + 0.3 * (y - 120)) / 3)));
+    }
+  }
+  EXPECT_LE(Extract(*device, picture.view()).size(), 10);
+}
+
+TEST_P(VisionDeviceContract, ExtractRefusesBadRequests) {
+  const auto device = Create();
+  const Picture picture = Texture(1);
+  const FeatureSetHandle set = NewSet(*device);
+  std::vector<Keypoint> keypoints(500);
+  std::int32_t count = -7;
+  const auto code = [&](const ExtractRequest& request) {
+    return device->EnqueueExtract(Lane::kTracking, request).code();
+  };
+  EXPECT_EQ(code({{}, set, keypoints, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({picture.view(), {}, keypoints, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({picture.view(), {set.index, set.generation + 1}, keypoints, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({picture.view(), set, {keypoints.data(), 499}, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({picture.view(), set, keypoints, nullptr}), StatusCode::kInvalidArgument);
+  const Picture large{kWidth + 1, kHeight, std::vector<std::uint8_t>(static_cast<std::size_t>(kWidth + 1) * kHeight)};
+  EXPECT_EQ(code({large.view(), set, keypoints, &count}), StatusCode::kInvalidArgument);
+  ImageView narrow = picture.view();
+  narrow.pitch_bytes = kWidth - 1;
+  EXPECT_EQ(code({narrow, set, keypoints, &count}), StatusCode::kInvalidArgument);
+  ImageView tiny = picture.view();
+  tiny.width = 8;
+  EXPECT_EQ(code({tiny, set, keypoints, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(count, -7);
+  EXPECT_EQ(device->SetStaticMask(large.view()).code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({picture.view(), set, keypoints, &count}), StatusCode::kOk);
+}
+
+// ---- Brute-force matching -------------------------------------------------------------------------------------------
+
+TEST_P(VisionDeviceContract, MatchAgreesWithDoubleLoop) {
+  const auto device = Create();
+  for (const auto& [num_query, num_train] : {std::pair{200, 300}, {1, 1}, {7, 16}, {17, 15}, {33, 500}, {500, 2}}) {
+    const HostFeatures train = RandomFeatures(num_train, 100 + num_train);
+    const HostFeatures query = RandomFeatures(num_query, 200 + num_query, &train);
+    const FeatureSetHandle query_set = Write(*device, query);
+    const FeatureSetHandle train_set = Write(*device, train);
+    for (const MatchOptions& options :
+         {MatchOptions{}, MatchOptions{0.9f, 1.0f, false}, MatchOptions{0.0f, 0.8f, false},
+          MatchOptions{0.0f, 1.0f, true}, MatchOptions{0.5f, 0.9f, true}}) {
+      ExpectSameMatches(RunMatch(*device, DescriptorList::Whole(query_set), DescriptorList::Whole(train_set), options),
+                        NaiveMatch(AllOf(query), AllOf(train), options));
+    }
+    device->ReleaseFeatureSet(query_set);
+    device->ReleaseFeatureSet(train_set);
+  }
+}
+
+TEST_P(VisionDeviceContract, MatchIsExactForTheLargestBytes) {
+  const auto device = Create();
+  HostFeatures features = RandomFeatures(3, 1);
+  std::fill(features.descriptors.begin(), features.descriptors.end(), std::uint8_t{255});
+  features.descriptors[0] = 254;                     // first: nearly the same as the others
+  features.descriptors[2 * kDescriptorBytes] = 253;  // third: a little farther
+  const FeatureSetHandle set = Write(*device, features);
+  const std::vector<Match> matches = RunMatch(*device, DescriptorList::Whole(set), DescriptorList::Whole(set), {});
+  ASSERT_EQ(matches.size(), 3u);
+  for (const Match& m : matches) EXPECT_NEAR(m.similarity, 1.0f, 1e-6f);
+}
+
+TEST_P(VisionDeviceContract, MatchOfEqualDescriptorsTakesTheLowestPosition) {
+  const auto device = Create();
+  HostFeatures features = RandomFeatures(40, 1);
+  for (int i = 0; i < 40; ++i) {
+    std::copy_n(features.descriptor(0), kDescriptorBytes,
+                features.descriptors.data() + static_cast<std::size_t>(i) * kDescriptorBytes);
+  }
+  const FeatureSetHandle set = Write(*device, features);
+  const std::vector<Match> matches = RunMatch(*device, DescriptorList::Whole(set), DescriptorList::Whole(set), {});
+  ASSERT_EQ(matches.size(), 40u);
+  for (const Match& m : matches) {
+    EXPECT_EQ(m.train, 0);
+    EXPECT_NEAR(m.second_similarity, 1.0f, 1e-6f);
+  }
+  const std::vector<Match> mutual =
+      RunMatch(*device, DescriptorList::Whole(set), DescriptorList::Whole(set), {0.0f, 1.0f, true});
+  ASSERT_EQ(mutual.size(), 1u);
+  EXPECT_EQ(mutual[0].query, 0);
+  EXPECT_EQ(mutual[0].train, 0);
+}
+
+TEST_P(VisionDeviceContract, MatchOfEmptyListsFindsNothing) {
+  const auto device = Create();
+  const FeatureSetHandle empty = NewSet(*device);
+  const FeatureSetHandle full = Write(*device, RandomFeatures(20, 1));
+  const DescriptorList whole = DescriptorList::Whole(full);
+  EXPECT_TRUE(RunMatch(*device, DescriptorList::Whole(empty), whole, {}).empty());
+  EXPECT_TRUE(RunMatch(*device, whole, DescriptorList::Whole(empty), {}).empty());
+  EXPECT_TRUE(RunMatch(*device, DescriptorList::Subset(full, {}), whole, {}).empty());
+  EXPECT_TRUE(RunMatch(*device, whole, DescriptorList::Subset(full, {}), {}).empty());
+  const FeatureSetHandle no_features = Write(*device, {});
+  EXPECT_TRUE(RunMatch(*device, whole, DescriptorList::Whole(no_features), {}).empty());
+}
+
+TEST_P(VisionDeviceContract, MatchOfSubsetsCountsPositionsInTheSpans) {
+  const auto device = Create();
+  const HostFeatures train = RandomFeatures(300, 1);
+  const HostFeatures query = RandomFeatures(200, 2, &train);
+  const FeatureSetHandle query_set = Write(*device, query);
+  const FeatureSetHandle train_set = Write(*device, train);
+  std::vector<std::int32_t> query_indices, train_indices;
+  Entries query_entries, train_entries;
+  for (int i = 199; i >= 0; i -= 2) query_indices.push_back(i);
+  for (int i = 0; i < 300; i += 3) train_indices.push_back((7 * i) % 300);
+  for (const int i : query_indices) query_entries.push_back(query.descriptor(i));
+  for (const int i : train_indices) train_entries.push_back(train.descriptor(i));
+  const MatchOptions options{0.3f, 0.95f, true};
+  ExpectSameMatches(RunMatch(*device, DescriptorList::Subset(query_set, query_indices),
+                             DescriptorList::Subset(train_set, train_indices), options),
+                    NaiveMatch(query_entries, train_entries, options));
+}
+
+TEST_P(VisionDeviceContract, MatchOfGatheredRefsSkipsStaleOnes) {
+  const auto device = Create();
+  const HostFeatures a = RandomFeatures(150, 1);
+  const HostFeatures b = RandomFeatures(150, 2, &a);
+  const HostFeatures c = RandomFeatures(150, 3, &a);
+  const FeatureSetHandle sets[] = {Write(*device, a), Write(*device, b), Write(*device, c)};
+  const FeatureSetHandle gone = Write(*device, a);
+  device->ReleaseFeatureSet(gone);
+  const HostFeatures* hosts[] = {&a, &b, &c};
+  std::mt19937 random(4);
+  const auto gather = [&](int count, std::vector<DescriptorRef>* refs, Entries* entries) {
+    for (int i = 0; i < count; ++i) {
+      const int which = static_cast<int>(random() % 3);
+      const int feature = static_cast<int>(random() % 150);
+      switch (random() % 8) {
+        case 0:
+          refs->push_back({gone, feature});
+          entries->push_back(nullptr);
+          break;
+        case 1:
+          refs->push_back({sets[which], random() % 2 == 0 ? -1 : 150});
+          entries->push_back(nullptr);
+          break;
+        default: refs->push_back({sets[which], feature}); entries->push_back(hosts[which]->descriptor(feature));
+      }
+    }
+  };
+  std::vector<DescriptorRef> query_refs, train_refs;
+  Entries query_entries, train_entries;
+  gather(220, &query_refs, &query_entries);
+  gather(700, &train_refs, &train_entries);
+  for (const bool mutual : {false, true}) {
+    const MatchOptions options{0.2f, 1.0f, mutual};
+    ExpectSameMatches(
+        RunMatch(*device, DescriptorList::Gather(query_refs), DescriptorList::Gather(train_refs), options),
+        NaiveMatch(query_entries, train_entries, options));
+  }
+  // All stale.
+  const std::vector<DescriptorRef> stale(20, DescriptorRef{gone, 0});
+  EXPECT_TRUE(RunMatch(*device, DescriptorList::Gather(query_refs), DescriptorList::Gather(stale), {}).empty());
+  EXPECT_TRUE(RunMatch(*device, DescriptorList::Gather(stale), DescriptorList::Gather(train_refs), {}).empty());
+}
+
+TEST_P(VisionDeviceContract, MatchInsideDisparityWindowAgreesWithDoubleLoop) {
+  const auto device = Create();
+  const HostFeatures train = RandomFeatures(400, 1);
+  const HostFeatures query = RandomFeatures(300, 2, &train);
+  const FeatureSetHandle query_set = Write(*device, query);
+  const FeatureSetHandle train_set = Write(*device, train);
+  const DisparityWindow window{40.0f, 25.0f};
+  for (const bool mutual : {false, true}) {
+    const MatchOptions options{0.0f, 0.97f, mutual};
+    ExpectSameMatches(
+        RunMatch(*device, DescriptorList::Whole(query_set), DescriptorList::Whole(train_set), options, &window),
+        NaiveMatch(AllOf(query), AllOf(train), options, [&](int q, int t) {
+          return std::abs(query.keypoints[q].x_px - train.keypoints[t].x_px) <= window.max_dx_px &&
+                 std::abs(query.keypoints[q].y_px - train.keypoints[t].y_px) <= window.max_dy_px;
+        }));
+  }
+}
+
+TEST_P(VisionDeviceContract, MatchThroughEpipolarGateAgreesWithDoubleLoop) {
+  const auto device = Create();
+  const HostFeatures train = RandomFeatures(400, 1);
+  const HostFeatures query = RandomFeatures(300, 2, &train);
+  const FeatureSetHandle query_set = Write(*device, query);
+  const FeatureSetHandle train_set = Write(*device, train);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> unit(-1.0f, 1.0f);
+  const auto bearings_of = [&](const HostFeatures& features) {
+    std::vector<std::array<float, 3>> bearings;
+    for (const Keypoint& k : features.keypoints) {
+      const float x = (k.x_px - kWidth / 2) / 150, y = (k.y_px - kHeight / 2) / 150;
+      const float norm = std::sqrt(x * x + y * y + 1);
+      bearings.push_back({x / norm, y / norm, 1 / norm});
+    }
+    return bearings;
+  };
+  const auto tolerances_of = [&](const HostFeatures& features) {
+    std::vector<float> tolerances;
+    for (int i = 0; i < features.size(); ++i) tolerances.push_back(0.03f + 0.02f * unit(random));
+    return tolerances;
+  };
+  const auto query_bearings = bearings_of(query);
+  const auto train_bearings = bearings_of(train);
+  const auto query_tolerances = tolerances_of(query);
+  const auto train_tolerances = tolerances_of(train);
+  // [t]x R for t = (0.8, -0.3, 0.5) and a small rotation about y.
+  const double c = std::cos(0.2), s = std::sin(0.2);
+  const double t[3] = {0.8, -0.3, 0.5};
+  const double rotation[9] = {c, 0, s, 0, 1, 0, -s, 0, c};
+  const double skew[9] = {0, -t[2], t[1], t[2], 0, -t[0], -t[1], t[0], 0};
+  EpipolarGate gate{{}, query_bearings, train_bearings, query_tolerances, train_tolerances};
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      double sum = 0.0;
+      for (int k = 0; k < 3; ++k) sum += skew[3 * i + k] * rotation[3 * k + j];
+      gate.train_from_query_essential[3 * i + j] = static_cast<float>(sum);
+    }
+  }
+  int num_admissible = 0;
+  const auto admissible = [&](int q, int tr) {
+    const auto& e = gate.train_from_query_essential;
+    const auto& bq = query_bearings[q];
+    const auto& bt = train_bearings[tr];
+    double line_t[3], line_q[3];
+    for (int i = 0; i < 3; ++i) {
+      line_t[i] = double{e[3 * i]} * bq[0] + double{e[3 * i + 1]} * bq[1] + double{e[3 * i + 2]} * bq[2];
+      line_q[i] = double{e[i]} * bt[0] + double{e[3 + i]} * bt[1] + double{e[6 + i]} * bt[2];
+    }
+    const double product = bt[0] * line_t[0] + bt[1] * line_t[1] + bt[2] * line_t[2];
+    const double norm_t = std::hypot(line_t[0], line_t[1], line_t[2]);
+    const double norm_q = std::hypot(line_q[0], line_q[1], line_q[2]);
+    const bool is_admissible =
+        std::abs(product) / norm_t <= train_tolerances[tr] && std::abs(product) / norm_q <= query_tolerances[q];
+    num_admissible += is_admissible ? 1 : 0;
+    return is_admissible;
+  };
+  const MatchOptions options{0.0f, 0.97f, true};
+  const DisparityWindow window{100.0f, 80.0f};
+  ExpectSameMatches(
+      RunMatch(*device, DescriptorList::Whole(query_set), DescriptorList::Whole(train_set), options, nullptr, &gate),
+      NaiveMatch(AllOf(query), AllOf(train), options, admissible));
+  EXPECT_GT(num_admissible, 1000);
+  // Both gates together, on subsets: bearings go by feature, not by position.
+  std::vector<std::int32_t> query_indices(150), train_indices(200);
+  for (int i = 0; i < 150; ++i) query_indices[i] = 299 - i;
+  for (int i = 0; i < 200; ++i) train_indices[i] = (i * 3) % 400;
+  Entries query_entries, train_entries;
+  for (const int i : query_indices) query_entries.push_back(query.descriptor(i));
+  for (const int i : train_indices) train_entries.push_back(train.descriptor(i));
+  ExpectSameMatches(RunMatch(*device, DescriptorList::Subset(query_set, query_indices),
+                             DescriptorList::Subset(train_set, train_indices), options, &window, &gate),
+                    NaiveMatch(query_entries, train_entries, options, [&](int q, int tr) {
+                      const Keypoint& a = query.keypoints[query_indices[q]];
+                      const Keypoint& b = train.keypoints[train_indices[tr]];
+                      return admissible(query_indices[q], train_indices[tr]) &&
+                             std::abs(a.x_px - b.x_px) <= window.max_dx_px &&
+                             std::abs(a.y_px - b.y_px) <= window.max_dy_px;
+                    }));
+}
+
+TEST_P(VisionDeviceContract, MatchCountsOnlyAdmissibleDescriptorsAsSecondBest) {
+  const auto device = Create();
+  HostFeatures train = RandomFeatures(2, 1);
+  std::copy_n(train.descriptor(0), kDescriptorBytes, train.descriptors.data() + kDescriptorBytes);
+  train.keypoints[0].x_px = 100.0f;
+  train.keypoints[1].x_px = 200.0f;  // the same descriptor far away
+  train.keypoints[0].y_px = train.keypoints[1].y_px = 50.0f;
+  HostFeatures query;
+  query.keypoints.push_back(train.keypoints[0]);
+  query.descriptors.assign(train.descriptor(0), train.descriptor(1));
+  const FeatureSetHandle query_set = Write(*device, query);
+  const FeatureSetHandle train_set = Write(*device, train);
+  const MatchOptions options{0.5f, 0.8f, false};
+  const DisparityWindow window{10.0f, 10.0f};
+  const auto query_list = DescriptorList::Whole(query_set);
+  const auto train_list = DescriptorList::Whole(train_set);
+  const std::vector<Match> free = RunMatch(*device, query_list, train_list, {});
+  ASSERT_EQ(free.size(), 1u);
+  EXPECT_NEAR(free[0].second_similarity, 1.0f, 1e-6f);
+  const std::vector<Match> matches = RunMatch(*device, query_list, train_list, options, &window);
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].train, 0);
+  EXPECT_EQ(matches[0].second_similarity, 0.0f);
+}
+
+TEST_P(VisionDeviceContract, MatchRefusesBadRequests) {
+  const auto device = Create();
+  const FeatureSetHandle set = Write(*device, RandomFeatures(20, 1));
+  const FeatureSetHandle gone = Write(*device, RandomFeatures(20, 1));
+  device->ReleaseFeatureSet(gone);
+  const DescriptorList whole = DescriptorList::Whole(set);
+  std::vector<Match> matches(1000);
+  std::int32_t count = -7;
+  const auto code = [&](const MatchRequest& request) { return device->EnqueueMatch(Lane::kTracking, request).code(); };
+  EXPECT_EQ(code({DescriptorList::Whole(gone), whole, {}, nullptr, nullptr, matches, &count}),
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({whole, DescriptorList::Whole({}), {}, nullptr, nullptr, matches, &count}),
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({whole, whole, {}, nullptr, nullptr, {matches.data(), 19}, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({whole, whole, {}, nullptr, nullptr, matches, nullptr}), StatusCode::kInvalidArgument);
+  const std::vector<std::int32_t> outside = {3, 20};
+  EXPECT_EQ(code({DescriptorList::Subset(set, outside), whole, {}, nullptr, nullptr, matches, &count}),
+            StatusCode::kInvalidArgument);
+  const std::vector<DescriptorRef> refs(701, DescriptorRef{set, 0});
+  EXPECT_EQ(code({whole, DescriptorList::Gather(refs), {}, nullptr, nullptr, matches, &count}),
+            StatusCode::kCapacityExceeded);
+  const DisparityWindow window{5.0f, 5.0f};
+  EXPECT_EQ(code({whole, DescriptorList::Gather({refs.data(), 5}), {}, &window, nullptr, matches, &count}),
+            StatusCode::kInvalidArgument);
+  const std::vector<std::array<float, 3>> bearings(19);
+  const std::vector<float> tolerances(20);
+  const EpipolarGate gate{{}, bearings, bearings, tolerances, tolerances};
+  EXPECT_EQ(code({whole, whole, {}, nullptr, &gate, matches, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(count, -7);
+}
+
+// ---- Guided matching ------------------------------------------------------------------------------------------------
+
+TEST_P(VisionDeviceContract, GuidedMatchAgreesWithDoubleLoop) {
+  const auto device = Create();
+  const HostFeatures train = RandomFeatures(400, 1);
+  const HostFeatures points = RandomFeatures(400, 2, &train);
+  const FeatureSetHandle train_set = Write(*device, train);
+  const FeatureSetHandle point_set = Write(*device, points);
+  const FeatureSetHandle gone = Write(*device, points);
+  device->ReleaseFeatureSet(gone);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> unit(0.0f, 1.0f);
+  std::vector<GuidedQuery> queries;
+  Entries descriptors;
+  for (int i = 0; i < 700; ++i) {
+    GuidedQuery query;
+    const int feature = static_cast<int>(random() % 400);
+    const bool is_stale = random() % 10 == 0;
+    query.descriptor = {is_stale ? gone : point_set, feature};
+    descriptors.push_back(is_stale ? nullptr : points.descriptor(feature));
+    query.x_px = -30 + unit(random) * (kWidth + 60);
+    query.y_px = -30 + unit(random) * (kHeight + 60);
+    query.radius_px = i % 50 == 0 ? 1000.0f : 60.0f * unit(random);
+    query.min_scale_px = 1.0f + 3.0f * unit(random);
+    query.max_scale_px = query.min_scale_px + 4.0f * unit(random);
+    queries.push_back(query);
+  }
+  std::vector<std::uint8_t> allowed;
+  for (int i = 0; i < 400; ++i) allowed.push_back(random() % 4 != 0 ? 1 : 0);
+  for (const MatchOptions& options :
+       {MatchOptions{}, MatchOptions{0.4f, 0.95f, false}, MatchOptions{0.0f, 1.0f, true}}) {
+    ExpectSameMatches(RunGuided(*device, queries, train_set, options),
+                      NaiveGuidedMatch(queries, descriptors, train, {}, options));
+    ExpectSameMatches(RunGuided(*device, queries, train_set, options, allowed),
+                      NaiveGuidedMatch(queries, descriptors, train, allowed, options));
+  }
+}
+
+TEST_P(VisionDeviceContract, GuidedMatchGivesAKeypointToTheMostSimilarQuery) {
+  const auto device = Create();
+  HostFeatures train = RandomFeatures(1, 1);
+  train.keypoints[0] = {50.0f, 60.0f, 2.0f, 0.0f, 0.1f, 0};
+  HostFeatures points = RandomFeatures(3, 2);
+  for (int i = 0; i < 3; ++i) {
+    std::copy_n(train.descriptor(0), kDescriptorBytes,
+                points.descriptors.data() + static_cast<std::size_t>(i) * kDescriptorBytes);
+  }
+  for (int b = 0; b < 40; ++b) points.descriptors[b] ^= 0x1f;  // the first is less like it; the others are equal
+  const FeatureSetHandle train_set = Write(*device, train);
+  const FeatureSetHandle point_set = Write(*device, points);
+  std::vector<GuidedQuery> queries;
+  for (int i = 0; i < 3; ++i) queries.push_back({{point_set, i}, 51.0f, 60.0f, 5.0f, 1.0f, 3.0f});
+  const std::vector<Match> matches = RunGuided(*device, queries, train_set, {});
+  ASSERT_EQ(matches.size(), 1u);
+  EXPECT_EQ(matches[0].query, 1);
+  EXPECT_EQ(matches[0].train, 0);
+}
+
+TEST_P(VisionDeviceContract, GuidedMatchOfUselessWindowsFindsNothing) {
+  const auto device = Create();
+  const FeatureSetHandle set = Write(*device, RandomFeatures(100, 1));
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const float infinity = std::numeric_limits<float>::infinity();
+  const std::vector<GuidedQuery> queries = {
+      {{set, 0}, nan, 50.0f, 20.0f, 0.0f, 100.0f},   {{set, 0}, 50.0f, infinity, 20.0f, 0.0f, 100.0f},
+      {{set, 0}, 50.0f, 50.0f, nan, 0.0f, 100.0f},   {{set, 0}, 50.0f, 50.0f, -5.0f, 0.0f, 100.0f},
+      {{set, 0}, -5e8f, 50.0f, 20.0f, 0.0f, 100.0f}, {{set, 0}, 50.0f, 50.0f, 20.0f, 50.0f, 100.0f},
+      {{set, 100}, 50.0f, 50.0f, 99.0f, 0.0f, 9.0f}, {{{}, 0}, 50.0f, 50.0f, 99.0f, 0.0f, 9.0f}};
+  EXPECT_TRUE(RunGuided(*device, queries, set, {}).empty());
+  EXPECT_TRUE(RunGuided(*device, {}, set, {}).empty());
+  EXPECT_TRUE(RunGuided(*device, queries, NewSet(*device), {}).empty());
+}
+
+TEST_P(VisionDeviceContract, GuidedMatchRefusesBadRequests) {
+  const auto device = Create();
+  const FeatureSetHandle set = Write(*device, RandomFeatures(20, 1));
+  const std::vector<GuidedQuery> queries(701, GuidedQuery{{set, 0}, 1.0f, 1.0f, 1.0f, 0.0f, 1.0f});
+  const std::span<const GuidedQuery> some(queries.data(), 10);
+  const std::vector<std::uint8_t> allowed(19, 1);
+  std::vector<Match> matches(1000);
+  std::int32_t count = -7;
+  const auto code = [&](const GuidedMatchRequest& request) {
+    return device->EnqueueGuidedMatch(Lane::kBackground, request).code();
+  };
+  EXPECT_EQ(code({queries, set, {}, {}, matches, &count}), StatusCode::kCapacityExceeded);
+  EXPECT_EQ(code({some, {}, {}, {}, matches, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({some, set, allowed, {}, matches, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({some, set, {}, {}, {matches.data(), 9}, &count}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code({some, set, {}, {}, matches, nullptr}), StatusCode::kInvalidArgument);
+  EXPECT_EQ(count, -7);
+}
+
+// ---- Lanes ----------------------------------------------------------------------------------------------------------
+
+TEST_P(VisionDeviceContract, LanesWorkAtTheSameTimeWithoutDisturbingEachOther) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures expected = Extract(*device, picture.view());
+  const HostFeatures train = RandomFeatures(400, 1);
+  const HostFeatures query = RandomFeatures(300, 2, &train);
+  const FeatureSetHandle query_set = Write(*device, query);
+  const FeatureSetHandle train_set = Write(*device, train);
+  const MatchOptions options{0.3f, 0.95f, true};
+  const std::vector<Match> expected_matches = NaiveMatch(AllOf(query), AllOf(train), options);
+  std::thread background([&] {
+    for (int i = 0; i < 30; ++i) {
+      ExpectSameMatches(RunMatch(*device, DescriptorList::Whole(query_set), DescriptorList::Whole(train_set), options,
+                                 nullptr, nullptr, Lane::kBackground),
+                        expected_matches);
+    }
+  });
+  for (int i = 0; i < 6; ++i) ExpectSameFeatures(Extract(*device, picture.view()), expected);
+  background.join();
+}
+
+TEST_P(VisionDeviceContract, WaitForATicketThatWasNeverGivenOutIsRefused) {
+  const auto device = Create();
+  EXPECT_EQ(device->Wait(Ticket{}, kNoDeadline).code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(device->Wait(Ticket{99}, kNoDeadline).code(), StatusCode::kInvalidArgument);
+}
+
+TEST_P(VisionDeviceContract, CreateRefusesOptionsOutOfRange) {
+  const auto code = [&](const VisionPlan& plan, const ExtractOptions& options) {
+    return GetParam().create(plan, options).code();
+  };
+  VisionPlan plan = SmallPlan();
+  plan.max_width_px = 0;
+  EXPECT_EQ(code(plan, SmallOptions()), StatusCode::kInvalidArgument);
+  plan = SmallPlan();
+  plan.max_feature_sets = 0;
+  EXPECT_EQ(code(plan, SmallOptions()), StatusCode::kInvalidArgument);
+  ExtractOptions options = SmallOptions();
+  options.num_features = 501;
+  EXPECT_EQ(code(SmallPlan(), options), StatusCode::kInvalidArgument);
+  options = SmallOptions();
+  options.contrast_threshold = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(code(SmallPlan(), options), StatusCode::kInvalidArgument);
+  options = SmallOptions();
+  options.edge_threshold = 0.5f;
+  EXPECT_EQ(code(SmallPlan(), options), StatusCode::kInvalidArgument);
+  options = SmallOptions();
+  options.mask_dilation_px = -1;
+  EXPECT_EQ(code(SmallPlan(), options), StatusCode::kInvalidArgument);
+}
+
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(VisionDeviceContract);
+
+}  // namespace haustra::testing

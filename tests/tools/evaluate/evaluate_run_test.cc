@@ -1,0 +1,227 @@
+#include "tools/evaluate/evaluate_run.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/tools/evaluate/synthetic_run.h"
+
+namespace haustra::evaluate {
+namespace {
+
+using ::testing::HasSubstr;
+
+// 400 frames: map 1 from 10 to 109 (0.2 mm off, alternately), map 2 from 200 to 299 (0.4 mm off), map 3 from 350 to
+// 354.
+RunOutput ThreeMaps() {
+  RunOutput run;
+  run.folder = "results/seed1";
+  const auto off_by = [](std::int64_t i, double offset) {
+    SE3 pose = TruePose(i);
+    pose.translation.z() += i % 2 == 0 ? offset : -offset;
+    return pose;
+  };
+  for (std::int64_t i = 0; i < 400; ++i) {
+    const int map_id = i >= 10 && i < 110 ? 1 : i >= 200 && i < 300 ? 2 : i >= 350 && i < 355 ? 3 : -1;
+    run.frames.push_back(MakeRunFrame(i, map_id, map_id, off_by(i, map_id == 1 ? 0.2 : 0.4)));
+    run.frames.back().num_inliers = map_id == 1 ? 100 : 50;
+  }
+  run.maps = {{1, "stored", 20, 1000}, {2, "active", 10, 500}, {3, "stored", 4, 90}, {4, "dropped", 0, 0}};
+  run.events = {Event(10, "map_created", 1), Event(110, "lost", 1), Event(200, "map_created", 2),
+                Event(350, "map_created", 3)};
+  return run;
+}
+
+TEST(EvaluateRun, CoverageIsLocalisedOverAllFrames) {
+  const Evaluation e = EvaluateRun(ThreeMaps(), TrueReference(400), {});
+  EXPECT_EQ(e.frames, 400u);
+  EXPECT_EQ(e.localised, 205u);
+  EXPECT_DOUBLE_EQ(e.coverage, 51.25);
+  EXPECT_FALSE(e.visible_coverage.has_value());
+}
+
+TEST(EvaluateRun, VisibleCoverageLeavesOutWhatCannotBeSeen) {
+  Reference reference = TrueReference(400);
+  reference.events = std::vector<SequenceEvent>{{110, 199, "redout", false}, {300, 309, "nbi", true}};
+  const Evaluation e = EvaluateRun(ThreeMaps(), reference, {});
+  EXPECT_EQ(e.visible_frames, 310u);
+  EXPECT_EQ(e.visible_localised, 205u);
+  EXPECT_DOUBLE_EQ(*e.visible_coverage, 100.0 * 205 / 310);
+}
+
+TEST(EvaluateRun, LocalisedFramesThatCannotBeSeenDoNotRaiseTheVisibleCoverage) {
+  Reference reference = TrueReference(400);
+  reference.events = std::vector<SequenceEvent>{{0, 299, "water", false}};
+  const Evaluation e = EvaluateRun(ThreeMaps(), reference, {});
+  EXPECT_EQ(e.visible_localised, 5u);
+  EXPECT_EQ(e.localised, 205u);
+}
+
+TEST(EvaluateRun, ErrorsArePooledOverFramesEachMapWithItsOwnSim3) {
+  const Evaluation e = EvaluateRun(ThreeMaps(), TrueReference(400), {});
+  ASSERT_EQ(e.per_map.size(), 3u);
+  EXPECT_NEAR(*e.per_map[0].rms_ate, 0.2, 0.01);
+  EXPECT_NEAR(*e.per_map[1].rms_ate, 0.4, 0.02);
+  EXPECT_NEAR(*e.rms_ate, std::sqrt((0.04 + 0.16) / 2), 0.015);
+  EXPECT_NEAR(*e.max_error, 0.4, 0.05);
+  EXPECT_NEAR(*e.per_map[0].scale, 1.0 / MapFromWorld(1).scale, 0.2);
+  EXPECT_NEAR(*e.per_map[1].scale_drift, 1.0, 0.2);
+}
+
+TEST(EvaluateRun, SmallMapsAreLeftOutOfTheErrorAndReported) {
+  const Evaluation e = EvaluateRun(ThreeMaps(), TrueReference(400), {});
+  EXPECT_EQ(e.maps, 3u);
+  EXPECT_EQ(e.left_out_maps, 1u);
+  EXPECT_EQ(e.left_out_frames, 5u);
+  EXPECT_EQ(e.ate_frames, 200u);
+  EXPECT_FALSE(e.per_map[2].rms_ate.has_value());
+  EXPECT_EQ(e.largest_map_frames, 100u);
+}
+
+TEST(EvaluateRun, PapersTableFollowsFromFramesAndMaps) {
+  const Evaluation e = EvaluateRun(ThreeMaps(), TrueReference(400), {});
+  EXPECT_DOUBLE_EQ(e.per_map[0].life_time_s, 4.0);
+  EXPECT_DOUBLE_EQ(e.per_map[0].keyframes_per_s, 5.0);
+  EXPECT_DOUBLE_EQ(e.per_map[0].observations_per_frame, 100.0);
+  EXPECT_DOUBLE_EQ(e.per_map[0].observations_per_point, 10.0);  // 100 frames x 100 points / 1000 points
+  EXPECT_EQ(e.keyframes, 34u);
+  EXPECT_EQ(e.map_points, 1590u);
+  ASSERT_TRUE(e.mean_map && e.largest_map);
+  EXPECT_NEAR(e.mean_map->keyframes, 34.0 / 3, 1e-9);
+  EXPECT_NEAR(e.mean_map->keyframes_per_s, (5.0 + 2.5 + 20.0) / 3, 1e-9);
+  EXPECT_DOUBLE_EQ(e.largest_map->map_points, 1000.0);
+}
+
+TEST(EvaluateRun, EventsAreCounted) {
+  const Evaluation e = EvaluateRun(ThreeMaps(), TrueReference(400), {});
+  EXPECT_EQ(e.maps_created, 3u);
+  EXPECT_EQ(e.losses, 1u);
+  EXPECT_EQ(e.merges.made, 0u);
+  EXPECT_EQ(e.false_merges, 0u);
+}
+
+TEST(EvaluateRun, GroundTruthIsMatchedByNearestStampWithinHalfAPeriod) {
+  Reference reference = TrueReference(400);
+  for (GroundTruthPose& pose : reference.poses) pose.timestamp_ns += 15000000;
+  EXPECT_EQ(EvaluateRun(ThreeMaps(), reference, {}).frames_without_groundtruth, 0u);
+  // Every second pose is missing: a neighbour is a whole period away.
+  Reference sparse = TrueReference(400);
+  std::size_t i = 0;
+  std::erase_if(sparse.poses, [&](const GroundTruthPose&) { return i++ % 2 == 1; });
+  const Evaluation e = EvaluateRun(ThreeMaps(), sparse, {});
+  EXPECT_EQ(e.frames_without_groundtruth, 200u);
+  EXPECT_EQ(e.localised, 205u);
+  EXPECT_EQ(e.ate_frames, 100u);
+}
+
+TEST(EvaluateRun, StampsOfAnotherClockGiveAWarning) {
+  Reference reference = TrueReference(400);
+  for (GroundTruthPose& pose : reference.poses) pose.timestamp_ns += 1700000000000000000;
+  const Evaluation e = EvaluateRun(ThreeMaps(), reference, {});
+  EXPECT_FALSE(e.rms_ate.has_value());
+  ASSERT_FALSE(e.warnings.empty());
+  EXPECT_THAT(e.warnings[0], HasSubstr("time stamps"));
+}
+
+TEST(EvaluateRun, EventsOfTheSequenceAreFoundByTimeWhenTheRunUsedEverySecondFrame) {
+  RunOutput run;
+  for (std::int64_t i = 0; i < 50; ++i) {
+    run.frames.push_back(MakeRunFrame(i, -1, -1, SE3()));
+    run.frames.back().timestamp_ns = 2 * i * kPeriodNs;
+  }
+  Reference reference = TrueReference(100);
+  reference.events = std::vector<SequenceEvent>{{60, 79, "redout", false}};
+  for (std::int64_t i = 0; i < 100; ++i) reference.frame_stamps_ns.push_back(i * kPeriodNs);
+  EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 40u);
+  reference.frame_stamps_ns.clear();
+  EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 50u);
+}
+
+TEST(EvaluateRun, LatencyOfARealTimeRunComesFromItsFrames) {
+  RunOutput run = ThreeMaps();
+  for (std::size_t i = 0; i < run.frames.size(); ++i) run.frames[i].frame_ms = 10.0 + 0.1 * static_cast<double>(i);
+  run.frames[7].is_dropped = true;
+  run.frames[8].is_damaged = true;
+  const Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  ASSERT_TRUE(e.frame_ms.has_value());
+  EXPECT_DOUBLE_EQ(e.frame_ms->max, 49.9);
+  EXPECT_DOUBLE_EQ(*e.deadline_ms, 40.0);
+  EXPECT_EQ(e.deadline_misses, 99u);
+  EXPECT_EQ(e.dropped, 1u);
+  EXPECT_EQ(e.damaged, 1u);
+}
+
+TEST(EvaluateRun, TimesOfASequentialRunComeFromItsSummary) {
+  RunOutput run = ThreeMaps();
+  run.figures.frame_ms = Percentiles{20, 30, 40, 50};
+  run.figures.realtime_ratio = 1.5;
+  const Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_EQ(e.frame_ms->p999, 40.0);
+  EXPECT_FALSE(e.deadline_misses.has_value());
+  EXPECT_EQ(e.realtime_ratio, 1.5);
+}
+
+// Maps 1 and 2 of ThreeMaps see different places; 5 is made where 1 was, and merged with it.
+RunOutput MergedRun(const Sim3& displace) {
+  RunOutput run = ThreeMaps();
+  for (std::int64_t i = 220; i < 300; ++i) {
+    RunFrame& frame = run.frames[static_cast<std::size_t>(i)];
+    frame = MakeRunFrame(i, 5, 1, Moved(displace, TruePose(i)));
+  }
+  run.events.push_back(Event(299, "merged", 1, 5));
+  MapGeometry geometry;
+  geometry.camera = WideCamera();
+  geometry.depth_mu = kDepth * MapFromWorld(1).scale;
+  run.geometry[1] = geometry;
+  return run;
+}
+
+TEST(EvaluateRun, TrueMergeIsCountedAndNotFlagged) {
+  const Evaluation e = EvaluateRun(MergedRun(Sim3()), TrueReference(400), {});
+  EXPECT_EQ(e.merges.made, 1u);
+  EXPECT_EQ(e.merges.judged, 1u);
+  EXPECT_EQ(e.false_merges, 0u);
+  EXPECT_EQ(e.merges.precision(), 1.0);
+  EXPECT_NEAR(*e.scene_depth, kDepth, 0.5);
+  ASSERT_TRUE(e.merge_recall.has_value());
+  EXPECT_GE(e.merge_recall->taken, 1u);
+}
+
+TEST(EvaluateRun, FalseMergeIsFlagged) {
+  const Sim3 displace(1.0, Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, 20));
+  const Evaluation e = EvaluateRun(MergedRun(displace), TrueReference(400), {});
+  EXPECT_EQ(e.false_merges, 1u);
+  EXPECT_EQ(e.merges.precision(), 0.0);
+  ASSERT_EQ(e.joins.size(), 1u);
+  EXPECT_EQ(e.joins[0].verdict, Verdict::kFalse);
+}
+
+TEST(EvaluateRun, WithoutMapExportRecallIsNotKnownAndSaidSo) {
+  const Evaluation e = EvaluateRun(ThreeMaps(), TrueReference(400), {});
+  EXPECT_FALSE(e.merge_recall.has_value());
+  EXPECT_FALSE(e.scene_depth.has_value());
+  ASSERT_EQ(e.warnings.size(), 1u);
+  EXPECT_THAT(e.warnings[0], HasSubstr("recall is not known"));
+}
+
+TEST(EvaluateRun, DepthOfTheKeyframeGoesBeforeThatOfTheMap) {
+  RunOutput run = MergedRun(Sim3());
+  run.geometry[1].keyframe_depth_mu[7] = 3.0 * kDepth * MapFromWorld(1).scale;
+  for (RunFrame& frame : run.frames) frame.keyframe_id = 7;
+  EXPECT_NEAR(*EvaluateRun(run, TrueReference(400), {}).scene_depth, 3.0 * kDepth, 1.5);
+  EvaluateOptions options;
+  options.scene_depth = 25.0;
+  EXPECT_EQ(EvaluateRun(run, TrueReference(400), options).scene_depth, 25.0);
+}
+
+TEST(EvaluateRun, RunWithoutAnyMapIsEvaluatedToo) {
+  RunOutput run;
+  for (std::int64_t i = 0; i < 20; ++i) run.frames.push_back(MakeRunFrame(i, -1, -1, SE3()));
+  const Evaluation e = EvaluateRun(run, TrueReference(20), {});
+  EXPECT_EQ(e.coverage, 0.0);
+  EXPECT_EQ(e.maps, 0u);
+  EXPECT_FALSE(e.rms_ate.has_value());
+  EXPECT_FALSE(e.mean_map.has_value());
+}
+
+}  // namespace
+}  // namespace haustra::evaluate

@@ -1,0 +1,148 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "tools/evaluate/number_text.h"
+#include "tools/evaluate/report_json.h"
+#include "tools/evaluate/report_text.h"
+#include "tools/evaluate/run_table.h"
+
+namespace haustra::evaluate {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+Evaluation Example(double coverage, double rms_ate) {
+  Evaluation e;
+  e.name = "results/losses/";
+  e.mode = "realtime";
+  e.unit = "mm";
+  e.frames = 1000;
+  e.localised = static_cast<std::size_t>(10 * coverage);
+  e.coverage = coverage;
+  e.rms_ate = rms_ate;
+  e.max_error = 3 * rms_ate;
+  e.maps = 2;
+  e.frame_ms = Percentiles{20, 35, 39, 45};
+  e.deadline_ms = 40;
+  e.deadline_misses = 1;
+  MapEvaluation map;
+  map.map_id = 3;
+  map.frames = 700;
+  map.rms_ate = rms_ate;
+  e.per_map = {map};
+  e.mean_map = e.largest_map = MapTable{38, 2844, 4.61, 12.16, 311.3, 39.1};
+  JoinEvaluation join;
+  join.kind = JoinKind::kRelocalisation;
+  join.frame_idx = 512;
+  join.verdict = Verdict::kFalse;
+  join.reason = "relative position is wrong";
+  e.joins = {join};
+  e.relocalisations = {3, 2, 1};
+  e.false_merges = 1;
+  return e;
+}
+
+TEST(NumberText, FixedDecimalsAndPadding) {
+  EXPECT_EQ(Fixed(1.0 / 3, 3), "0.333");
+  EXPECT_EQ(Fixed(std::optional<double>(), 3), "-");
+  EXPECT_EQ(Fixed(1e300, 1).size(), 303u);
+  EXPECT_EQ(PadLeft("ab", 4), "  ab");
+  EXPECT_EQ(PadRight("ab", 4), "ab  ");
+  EXPECT_EQ(PadLeft("abcde", 4), "abcde");
+}
+
+TEST(ReportJson, HasTheTermsOfTheEvaluation) {
+  const nlohmann::json json = nlohmann::json::parse(ToJson(Example(80, 0.35)));
+  for (const char* key : {"frames", "localised", "coverage", "visible_coverage", "maps", "merges", "loops",
+                          "relocalisations", "false_merges", "rms_ate", "largest_map_frames", "frame_ms", "dropped",
+                          "peak_rss_mb", "realtime_ratio", "per_map", "merge_recall", "scene_depth"}) {
+    EXPECT_TRUE(json.contains(key)) << key;
+  }
+  EXPECT_EQ(json["frames"], 1000);
+  EXPECT_EQ(json["coverage"], 80.0);
+  EXPECT_EQ(json["rms_ate"], 0.35);
+  EXPECT_TRUE(json["visible_coverage"].is_null());
+  EXPECT_EQ(json["frame_ms"]["p999"], 39.0);
+  EXPECT_EQ(json["relocalisations"], 3);
+  EXPECT_EQ(json["join_counts"]["relocalisations"]["precision"], 0.5);
+  EXPECT_EQ(json["per_map"][0]["map_id"], 3);
+  EXPECT_TRUE(json["per_map"][0]["scale_drift"].is_null());
+  EXPECT_EQ(json["joins"][0]["verdict"], "false");
+}
+
+TEST(ReportJson, NameThatIsNotUtf8DoesNotBreakIt) {
+  Evaluation e = Example(80, 0.35);
+  e.name = "\xff\xfe";
+  EXPECT_TRUE(nlohmann::json::accept(ToJson(e)));
+}
+
+TEST(ReportJson, SeveralRunsHaveMeanAndSpread) {
+  const std::vector<Evaluation> runs{Example(80, 0.3), Example(90, 0.5)};
+  const nlohmann::json json = nlohmann::json::parse(ToJson(std::span(runs)));
+  EXPECT_EQ(json["runs"].size(), 2u);
+  EXPECT_EQ(json["mean"]["coverage"], 85.0);
+  EXPECT_EQ(json["spread"]["coverage"]["min"], 80.0);
+  EXPECT_NEAR(json["spread"]["rms_ate"]["deviation"].get<double>(), std::sqrt(0.02), 1e-12);
+  EXPECT_TRUE(json["mean"]["visible_coverage"].is_null());
+}
+
+TEST(ReportText, SaysWhatMatters) {
+  const std::string text = ToText(Example(80, 0.35));
+  EXPECT_THAT(text, HasSubstr("80.00 %"));
+  EXPECT_THAT(text, HasSubstr("0.3500 mm"));
+  EXPECT_THAT(text, HasSubstr("FALSE relocalisation at frame 512: relative position is wrong"));
+  EXPECT_THAT(text, HasSubstr("p99.9 39.0"));
+  EXPECT_THAT(text, HasSubstr("#Obs/F"));
+}
+
+TEST(ReportText, RunWithoutMapsSaysSo) {
+  Evaluation e;
+  e.frames = 10;
+  const std::string text = ToText(e);
+  EXPECT_THAT(text, HasSubstr("no map has 10 localised frames"));
+  EXPECT_THAT(text, Not(HasSubstr("#Obs/F")));
+}
+
+TEST(RunTable, ValuesThatARunDoesNotHaveAreLeftOutOfTheMean) {
+  std::vector<Evaluation> runs{Example(80, 0.3), Example(90, 0.5), Example(70, 0.4)};
+  runs[2].rms_ate.reset();
+  for (const TableRow& row : MakeRunTable(runs)) {
+    ASSERT_EQ(row.values.size(), 3u);
+    if (row.metric == "rms_ate") {
+      EXPECT_DOUBLE_EQ(row.spread->mean, 0.4);
+      EXPECT_EQ(row.spread->count, 2u);
+    }
+    if (row.metric == "visible_coverage") {
+      EXPECT_FALSE(row.spread.has_value());
+    }
+  }
+}
+
+TEST(RunTable, CsvHasAsManyFieldsInEveryLine) {
+  std::vector<Evaluation> runs{Example(80, 0.3), Example(90, 0.5)};
+  runs[1].name = "a,\"b\"";
+  const std::string text = FormatRunTable(runs, TableFormat::kCsv);
+  EXPECT_THAT(text, HasSubstr("metric,mean,std,min,max,losses,\"a,\"\"b\"\"\"\n"));
+  EXPECT_THAT(text, HasSubstr("coverage,85.00,7.07,80.00,90.00,80.00,90.00\n"));
+  EXPECT_THAT(text, HasSubstr("visible_coverage,,,,,,\n"));
+}
+
+TEST(RunTable, MarkdownIsATable) {
+  const std::vector<Evaluation> runs{Example(80, 0.3), Example(90, 0.5)};
+  std::istringstream lines(FormatRunTable(runs, TableFormat::kMarkdown));
+  std::string line;
+  std::size_t num_lines = 0;
+  while (std::getline(lines, line)) {
+    ++num_lines;
+    EXPECT_EQ(std::count(line.begin(), line.end(), '|'), 8) << line;
+    if (num_lines == 2) EXPECT_THAT(line, HasSubstr("---:|"));
+  }
+  EXPECT_EQ(num_lines, MakeRunTable(runs).size() + 2);
+}
+
+}  // namespace
+}  // namespace haustra::evaluate

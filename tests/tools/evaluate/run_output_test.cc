@@ -1,0 +1,135 @@
+#include "tools/evaluate/run_output.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/tools/evaluate/run_folder.h"
+
+namespace haustra::evaluate {
+namespace {
+
+using ::testing::HasSubstr;
+
+class RunOutputTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    for (std::int64_t i = 0; i < 30; ++i) {
+      const int map_id = i < 5 ? -1 : i < 20 ? 1 : 2;
+      run_.frames.push_back(MakeRunFrame(i, map_id, map_id, TruePose(i)));
+    }
+    run_.maps = {{1, "stored", 5, 100}, {2, "active", 6, 120}};
+    run_.events = {Event(20, "relocalised", 1), Event(5, "map_created", 1)};
+    WriteRunFolder(folder_, "out", run_);
+  }
+  Result<RunOutput> Read() { return ReadRunOutput(folder_.At("out")); }
+  // Replaces one text in one file of the folder.
+  void Edit(const std::string& file, const std::string& from, const std::string& to) {
+    std::string text = folder_.Read("out/" + file);
+    const std::size_t position = text.find(from);
+    ASSERT_NE(position, std::string::npos) << from;
+    folder_.Write("out/" + file, text.replace(position, from.size(), to));
+  }
+
+  TextFolder folder_;
+  RunOutput run_;
+};
+
+TEST_F(RunOutputTest, EverythingComesBack) {
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  ASSERT_EQ(run->frames.size(), 30u);
+  EXPECT_EQ(run->frames[4].map_id, -1);
+  EXPECT_EQ(run->frames[29].map_id, 2);
+  EXPECT_EQ(run->frames[29].timestamp_ns, 29 * kPeriodNs);
+  const SE3& expected = run_.frames[10].world_from_cam;
+  EXPECT_LT((run->frames[10].world_from_cam.translation - expected.translation).norm(), 1e-12);
+  EXPECT_LT(RotationAngle(run->frames[10].world_from_cam.rotation, expected.rotation), 1e-7);
+  ASSERT_EQ(run->maps.size(), 2u);
+  EXPECT_EQ(run->maps[1].num_points, 120);
+  ASSERT_EQ(run->events.size(), 2u);
+  EXPECT_EQ(run->events[0].event, "map_created");
+  EXPECT_EQ(run->events[1].matched_frame_idx, 3);
+  EXPECT_EQ(run->figures.mode, "sequential");
+  EXPECT_EQ(run->figures.seed, 3);
+  EXPECT_EQ(run->figures.frame_ms->p99, 33.0);
+  EXPECT_EQ(run->figures.peak_rss_mb, 512.5);
+  EXPECT_EQ(run->figures.mean_stage_ms.at("bundle"), 80.5);
+  EXPECT_TRUE(run->geometry.empty());
+  EXPECT_TRUE(run->warnings.empty());
+}
+
+TEST_F(RunOutputTest, MissingFolderIsNotFound) {
+  const Result<RunOutput> run = ReadRunOutput(folder_.At("nowhere"));
+  EXPECT_EQ(run.code(), StatusCode::kNotFound);
+  EXPECT_THAT(run.status().message(), HasSubstr("nowhere: no such folder"));
+}
+
+TEST_F(RunOutputTest, MissingFilesAreNamed) {
+  for (const char* file : {"frames.csv", "maps.csv", "events.csv", "summary.json", "trajectory/map_0002.tum"}) {
+    WriteRunFolder(folder_, "out", run_);
+    folder_.Remove(std::string("out/") + file);
+    const Result<RunOutput> run = Read();
+    EXPECT_EQ(run.code(), StatusCode::kNotFound) << file;
+    EXPECT_THAT(run.status().message(), HasSubstr(file));
+  }
+}
+
+TEST_F(RunOutputTest, MalformedFilesAreNamedWithTheirLine) {
+  Edit("frames.csv", "\n3,", "\nthree,");
+  EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv:5: frame_idx is 'three'"));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("frames.csv", "\n3,", "\n2,");
+  EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv:5: frame_idx 2 does not come after 2"));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("maps.csv", "\n2,", "\n1,");
+  EXPECT_THAT(Read().status().message(), HasSubstr("maps.csv:3: map_id 1 is there twice"));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("events.csv", ",1,", ",one,");
+  EXPECT_THAT(Read().status().message(), HasSubstr("events.csv:2: map_id is 'one'"));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("summary.json", "\"mode\"", "mode");
+  EXPECT_THAT(Read().status().message(), HasSubstr("summary.json: "));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("summary.json", "\"p99\": 33.0,", "");
+  EXPECT_THAT(Read().status().message(), HasSubstr("frame_ms lacks"));
+  for (const Result<RunOutput>& run : {Read()}) EXPECT_EQ(run.code(), StatusCode::kInvalidArgument);
+}
+
+TEST_F(RunOutputTest, RunWithoutFramesIsRefused) {
+  folder_.Write(
+      "out/frames.csv",
+      "frame_idx,timestamp_ns,state,reason,live_map_id,map_id,keyframe_id,num_matches,num_inliers,frame_ms\n");
+  EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv: no frames"));
+}
+
+TEST_F(RunOutputTest, FrameWithoutItsPoseIsNotLocalisedAndWarnedAbout) {
+  std::string text = folder_.Read("out/trajectory/map_0002.tum");
+  text.erase(text.rfind('\n', text.size() - 2) + 1);
+  folder_.Write("out/trajectory/map_0002.tum", text);
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  EXPECT_EQ(run->frames[29].map_id, -1);
+  EXPECT_EQ(run->frames[28].map_id, 2);
+  ASSERT_EQ(run->warnings.size(), 1u);
+  EXPECT_THAT(run->warnings[0], HasSubstr("no pose for 1 frames"));
+}
+
+TEST_F(RunOutputTest, SummaryOfAnotherRunIsWarnedAbout) {
+  Edit("summary.json", "\"frames\": 30", "\"frames\": 31");
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok());
+  ASSERT_EQ(run->warnings.size(), 1u);
+  EXPECT_THAT(run->warnings[0], HasSubstr("says 31 frames, frames.csv has 30"));
+}
+
+TEST_F(RunOutputTest, FiguresThatAreNotThereAreNotKnown) {
+  folder_.Write("out/summary.json", "{\"peak_rss_mb\": null}");
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  EXPECT_FALSE(run->figures.peak_rss_mb.has_value());
+  EXPECT_FALSE(run->figures.frame_ms.has_value());
+  EXPECT_EQ(run->figures.mode, "");
+}
+
+}  // namespace
+}  // namespace haustra::evaluate

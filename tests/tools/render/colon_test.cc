@@ -1,0 +1,180 @@
+// The geometry of the colon: smooth frames, a lumen that can be passed, a closed end, twins that are alike.
+#include "tools/render/colon.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace haustra::render {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+ColonStyle Style(double length_mm) {
+  ColonStyle style;
+  style.length_mm = length_mm;
+  return style;
+}
+
+TEST(Centreline, FramesAreOrthonormalAndArcLengthIsLength) {
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
+    Rng rng(seed);
+    const Centreline curve(Centreline::Shape{}, rng);
+    double length = 0.0;
+    for (double s = 0.0; s < curve.length_mm() - 0.1; s += 0.1) {
+      const CurveFrame f = curve.At(s);
+      length += (curve.At(s + 0.1).position - f.position).norm();
+      Eigen::Matrix3d axes;
+      axes << f.normal, f.binormal, f.tangent;
+      ASSERT_LT((axes.transpose() * axes - Eigen::Matrix3d::Identity()).norm(), 1e-9);
+      ASSERT_NEAR(axes.determinant(), 1.0, 1e-9);
+      // The curve runs along its tangent.
+      ASSERT_GT((curve.At(s + 0.1).position - f.position).normalized().dot(f.tangent), 0.9999);
+    }
+    EXPECT_NEAR(length, curve.length_mm(), 0.2);
+  }
+}
+
+TEST(Centreline, KeepsAwayFromItself) {
+  for (const std::uint64_t seed : {1u, 2u, 3u, 4u}) {
+    Rng rng(seed);
+    Centreline::Shape shape;
+    shape.length_mm = 400.0;
+    const Centreline curve(shape, rng);
+    for (double a = 0.0; a < 400.0; a += 5.0) {
+      for (double b = a + 110.0; b < 400.0; b += 5.0) {
+        ASSERT_GT((curve.At(a).position - curve.At(b).position).norm(), 50.0) << seed << " " << a << " " << b;
+      }
+    }
+  }
+}
+
+TEST(LumenShape, LeavesRoomForTheScopeAndHasFolds) {
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
+    const Colon colon(Style(200.0), seed);
+    double narrowest = 1e9, widest = 0.0;
+    for (double s = 0.0; s < 180.0; s += 0.5) {
+      for (double a = -kPi; a < kPi; a += 0.05) {
+        const double r = colon.lumen().Radius(s, a);
+        narrowest = std::min(narrowest, r);
+        widest = std::max(widest, r);
+      }
+    }
+    EXPECT_GT(narrowest, 9.5) << seed;
+    EXPECT_LT(narrowest, 15.0) << seed;
+    EXPECT_GT(widest, 21.0) << seed;
+    EXPECT_LT(widest, 30.0) << seed;
+  }
+}
+
+TEST(LumenShape, IsContinuousAroundTheGirth) {
+  const Colon colon(Style(120.0), 5);
+  for (double s = 0.0; s < 100.0; s += 1.7) {
+    EXPECT_NEAR(colon.lumen().Radius(s, -kPi + 1e-6), colon.lumen().Radius(s, kPi - 1e-6), 1e-2) << s;
+    for (double a = 0.0; a < 2.0 * kPi; a += 0.01) {
+      EXPECT_NEAR(colon.lumen().Radius(s, a), colon.lumen().Radius(s, a + 1e-4), 2e-2) << s << " " << a;
+    }
+  }
+}
+
+TEST(ColonMesh, NormalsPointIntoTheLumen) {
+  const Colon colon(Style(120.0), 2);
+  const ColonMesh& mesh = colon.mesh();
+  for (int i = 2; i + 2 < mesh.num_rings(); i += 5) {
+    for (int j = 0; j < ColonMesh::kVerticesPerRing; j += 7) {
+      // One step along the normal leads to the inside: nearer to the axis, or forward from a fold's face.
+      const Eigen::Vector3d at = mesh.Position(i, j, 1.0);
+      const Eigen::Vector3d normal = mesh.Normal(i, j).cast<double>();
+      const Eigen::Vector3d inward = mesh.ring(i).frame.position - at;
+      EXPECT_NEAR(normal.norm(), 1.0, 1e-5);
+      if (mesh.ring(i).arc_mm < 95.0) {
+        EXPECT_GT(normal.dot(inward), 0.0) << i << " " << j;
+      }
+    }
+  }
+}
+
+TEST(ColonMesh, EndsInAClosedDome) {
+  const Colon colon(Style(120.0), 3);
+  const ColonMesh& mesh = colon.mesh();
+  const int last = mesh.num_rings() - 1;
+  for (int j = 0; j < ColonMesh::kVerticesPerRing; ++j) EXPECT_LT(mesh.Radius(last, j), 0.2);
+  EXPECT_NEAR(mesh.ring(last).arc_mm, 120.0, 1e-9);
+}
+
+TEST(ColonMesh, SurfaceCoordinateIsInvertible) {
+  const Colon colon(Style(120.0), 4);
+  const ColonMesh& mesh = colon.mesh();
+  for (double arc = 1.0; arc < 119.0; arc += 2.3) {
+    EXPECT_NEAR(mesh.ArcAtSurface(mesh.SurfaceAtArc(arc)), arc, 1e-6);
+  }
+  // Folds make the wall longer than the axis.
+  EXPECT_GT(mesh.surface_length_mm(), 140.0);
+}
+
+TEST(ColonMesh, ClearanceIsTheDistanceToTheWall) {
+  const Colon colon(Style(120.0), 4);
+  const CurveFrame frame = colon.centreline().At(60.0);
+  const double at_axis = colon.mesh().Clearance(frame.position, 1.0);
+  EXPECT_GT(at_axis, 9.0);
+  EXPECT_LT(at_axis, 26.0);
+  EXPECT_LT(colon.mesh().Clearance(frame.position + 5.0 * frame.normal, 1.0), at_axis + 5.0);
+  EXPECT_LT(colon.mesh().Clearance(frame.position, 0.9), at_axis);
+}
+
+TEST(Breathing, AtRestTheWallStays) { EXPECT_EQ(Breathing{}.Gain(50.0, 3.0), 1.0); }
+
+TEST(Breathing, StaysWithinItsAmplitude) {
+  Breathing breathing;
+  breathing.amplitude = 0.04;
+  breathing.wave_amplitude = 0.03;
+  double low = 2.0, high = 0.0;
+  for (double t = 0.0; t < 20.0; t += 0.05) {
+    for (double s = 0.0; s < 200.0; s += 5.0) {
+      low = std::min(low, breathing.Gain(s, t));
+      high = std::max(high, breathing.Gain(s, t));
+    }
+  }
+  EXPECT_GE(low, breathing.MinGain());
+  EXPECT_LT(low, 0.95);
+  EXPECT_GT(high, 1.03);
+  EXPECT_LE(high, 1.04 + 1e-12);
+}
+
+TEST(TwinSegment, CopyHasTheShapeOfTheOriginal) {
+  ColonStyle style = Style(240.0);
+  style.twin.start_mm = 30.0;
+  style.twin.offset_mm = 90.0;
+  style.twin.length_mm = 40.0;
+  const Colon colon(style, 6);
+  double elsewhere = 0.0;
+  for (double s = 36.0; s < 64.0; s += 0.7) {
+    for (double a = 0.0; a < 6.2; a += 0.3) {
+      EXPECT_NEAR(colon.lumen().Radius(s, a), colon.lumen().Radius(s + 90.0, a), 1e-9);
+      elsewhere = std::max(elsewhere, std::abs(colon.lumen().Radius(s, a) - colon.lumen().Radius(s + 40.0, a)));
+    }
+  }
+  EXPECT_GT(elsewhere, 2.0);  // the rest of the colon is not the same
+  // The curve bends alike: relative poses inside the two segments agree.
+  const CurveFrame a0 = colon.centreline().At(36.0), a1 = colon.centreline().At(62.0);
+  const CurveFrame b0 = colon.centreline().At(126.0), b1 = colon.centreline().At(152.0);
+  EXPECT_NEAR((a1.position - a0.position).dot(a0.normal), (b1.position - b0.position).dot(b0.normal), 0.02);
+  EXPECT_NEAR((a1.position - a0.position).dot(a0.tangent), (b1.position - b0.position).dot(b0.tangent), 0.02);
+  EXPECT_GT((a0.position - b0.position).norm(), 50.0);
+}
+
+TEST(Colon, SeedsGiveDifferentColons) {
+  const Colon a(Style(120.0), 1), again(Style(120.0), 1), b(Style(120.0), 2);
+  double difference = 0.0;
+  for (double s = 10.0; s < 100.0; s += 3.0) {
+    EXPECT_EQ(a.lumen().Radius(s, 1.0), again.lumen().Radius(s, 1.0));
+    difference = std::max(difference, std::abs(a.lumen().Radius(s, 1.0) - b.lumen().Radius(s, 1.0)));
+  }
+  EXPECT_GT(difference, 1.0);
+}
+
+}  // namespace
+}  // namespace haustra::render

@@ -1,0 +1,59 @@
+#include "tools/render/render_command.h"
+
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "tests/capture/temp_folder.h"
+#include "tools/exit_codes.h"
+
+namespace haustra {
+namespace {
+
+// Exit code of `haustra render ARGUMENTS`.
+int Run(std::vector<std::string> arguments) {
+  CLI::App app;
+  std::function<int()> action;
+  AddRenderCommand(app, action);
+  std::vector<const char*> argv = {"haustra", "render"};
+  for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+  app.parse(static_cast<int>(argv.size()), argv.data());
+  return action();
+}
+
+TEST(RenderCommand, WrongArgumentsAreUsageErrors) {
+  const TempFolder root;
+  const std::string out = root.Path("out");
+  EXPECT_EQ(Run({out, "--preset", "nasal"}), kExitUsage);
+  EXPECT_EQ(Run({out, "--size", "720"}), kExitUsage);
+  EXPECT_EQ(Run({out, "--size", "720x540x3"}), kExitUsage);
+  EXPECT_EQ(Run({out, "--events", "smoke@2"}), kExitUsage);
+  EXPECT_EQ(Run({out, "--seconds", "-3"}), kExitUsage);
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+TEST(RenderCommand, MissingFolderArgumentIsRefusedByTheParser) {
+  CLI::App app;
+  std::function<int()> action;
+  AddRenderCommand(app, action);
+  const char* argv[] = {"haustra", "render"};
+  EXPECT_THROW(app.parse(2, argv), CLI::ParseError);
+}
+
+TEST(RenderCommand, WritesASequence) {
+  const TempFolder root;
+  const std::string out = root.Path("out");
+  EXPECT_EQ(Run({out, "--seconds", "0.2", "--size", "160x120", "--quiet", "--events", "water@0.05+0.1", "--seed", "7"}),
+            kExitOk);
+  for (const char* name :
+       {"frames/000004.jpg", "times.txt", "calib.yaml", "mask.png", "groundtruth.txt", "events.csv", "revisits.csv"}) {
+    EXPECT_TRUE(std::filesystem::exists(out + "/" + name)) << name;
+  }
+  EXPECT_EQ(Run({out, "--seconds", "0.2", "--size", "160x120", "--quiet"}), kExitConfig);
+}
+
+}  // namespace
+}  // namespace haustra

@@ -1,0 +1,190 @@
+// The folder that comes out: complete, readable by our own readers, the same for the same seed.
+#include "tools/render/render_sequence.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+
+#include "capture/calibration_reader.h"
+#include "capture/codec/image_codec.h"
+#include "capture/ground_truth.h"
+#include "capture/open_sequence.h"
+#include "tests/capture/temp_folder.h"
+
+namespace haustra::render {
+namespace {
+
+namespace fs = std::filesystem;
+
+class RenderSequenceTest : public testing::Test {
+ protected:
+  static RenderOptions Small(double seconds) {
+    RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
+    options.preset.blind_end_mm = 30.0;  // less to paint
+    options.seconds = seconds;
+    options.width_px = 240;
+    options.height_px = 180;
+    options.num_threads = 2;
+    return options;
+  }
+  std::string Folder(const std::string& name) const { return root_.Path(name); }
+  // Every file of a folder by its relative path.
+  static std::map<std::string, std::string> Content(const std::string& folder) {
+    std::map<std::string, std::string> content;
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      if (!entry.is_regular_file()) continue;
+      std::ifstream file(entry.path(), std::ios::binary);
+      std::stringstream text;
+      text << file.rdbuf();
+      content[fs::relative(entry.path(), folder).string()] = text.str();
+    }
+    return content;
+  }
+
+  TempFolder root_;
+};
+
+TEST_F(RenderSequenceTest, SameSeedGivesSameBytesOnAnyNumberOfThreads) {
+  RenderOptions options = Small(0.6);
+  options.events = {{EventKind::kBubbles, 0.2, 0.2}};
+  options.num_threads = 1;
+  ASSERT_TRUE(RenderSequence(Folder("a"), options, nullptr).ok());
+  options.num_threads = 3;
+  ASSERT_TRUE(RenderSequence(Folder("b"), options, nullptr).ok());
+  options.seed = 2;
+  ASSERT_TRUE(RenderSequence(Folder("c"), options, nullptr).ok());
+  const auto a = Content(Folder("a")), b = Content(Folder("b")), c = Content(Folder("c"));
+  EXPECT_EQ(a.size(), 15u + 6u);
+  EXPECT_EQ(a, b);
+  EXPECT_NE(a.at("frames/000007.jpg"), c.at("frames/000007.jpg"));
+  EXPECT_NE(a.at("groundtruth.txt"), c.at("groundtruth.txt"));
+}
+
+TEST_F(RenderSequenceTest, FolderIsReadByTheSequenceReader) {
+  const RenderOptions options = Small(0.4);
+  int num_calls = 0;
+  ASSERT_TRUE(RenderSequence(Folder("out"), options, [&](int done, int total) {
+                EXPECT_EQ(done, ++num_calls);
+                EXPECT_EQ(total, 10);
+              }).ok());
+  EXPECT_EQ(num_calls, 10);
+
+  const auto source = OpenSequence(Folder("out"), SequenceOptions{});
+  ASSERT_TRUE(source.ok()) << source.status().message();
+  EXPECT_EQ((*source)->num_frames(), 10u);
+  EXPECT_EQ((*source)->calibration().width_px, 240);
+  EXPECT_EQ((*source)->calibration().kind, CameraModelKind::kKannalaBrandt);
+  EXPECT_FALSE((*source)->static_mask().is_empty());
+  const auto poses = ReadGroundTruth(Folder("out") + "/groundtruth.txt");
+  ASSERT_TRUE(poses.ok()) << poses.status().message();
+  ASSERT_EQ(poses->size(), 10u);
+  for (std::size_t i = 0; i < 10; ++i) {
+    const auto frame = (*source)->Next(kNoDeadline);
+    ASSERT_TRUE(frame.ok()) << frame.status().message();
+    EXPECT_NEAR(ToSeconds(frame->timestamp.time_since_epoch()), 0.04 * static_cast<double>(i), 1e-6);
+    EXPECT_NEAR(static_cast<double>((*poses)[i].timestamp_ns) * 1e-9, 0.04 * static_cast<double>(i), 1e-6);
+  }
+}
+
+TEST_F(RenderSequenceTest, PicturesAreWellExposedInsideTheWindowAndBlackOutside) {
+  ASSERT_TRUE(RenderSequence(Folder("out"), Small(0.2), nullptr).ok());
+  const auto picture = ReadImage(Folder("out") + "/frames/000003.jpg", ChannelChoice::kAsStored);
+  const auto mask = ReadImage(Folder("out") + "/mask.png", ChannelChoice::kGrey);
+  ASSERT_TRUE(picture.ok() && mask.ok());
+  ASSERT_EQ(picture->format(), PixelFormat::kBgr8);
+  double red = 0.0, green = 0.0, blue = 0.0;
+  int num_inside = 0, num_burnt = 0;
+  for (int y = 0; y < 180; ++y) {
+    for (int x = 0; x < 240; ++x) {
+      const std::uint8_t* bgr = picture->row(y) + 3 * x;
+      if (mask->row(y)[x] == 0) continue;
+      blue += bgr[0];
+      green += bgr[1];
+      red += bgr[2];
+      num_burnt += bgr[1] > 250 ? 1 : 0;
+      ++num_inside;
+    }
+  }
+  EXPECT_EQ(mask->row(90)[120], 255);
+  EXPECT_LT(picture->row(4)[3 * 4 + 1], 8);
+  red /= num_inside;
+  green /= num_inside;
+  blue /= num_inside;
+  EXPECT_GT(red, 110.0);
+  EXPECT_LT(red, 220.0);
+  EXPECT_GT(red, 1.2 * green);  // mucosa is pink
+  EXPECT_GT(green, blue);
+  EXPECT_LT(num_burnt, num_inside / 8);
+}
+
+TEST_F(RenderSequenceTest, EventsAreMarkedAndHideTheScene) {
+  RenderOptions options = Small(1.0);
+  options.events = {{EventKind::kRedout, 0.4, 0.32}};
+  ASSERT_TRUE(RenderSequence(Folder("out"), options, nullptr).ok());
+  EXPECT_EQ(Content(Folder("out")).at("events.csv"), "first_frame,last_frame,kind,visible\n10,18,redout,0\n");
+  // Edges disappear: mean difference between neighbours, relative to brightness.
+  const auto detail = [&](int frame) {
+    char name[32];
+    std::snprintf(name, sizeof(name), "/frames/%06d.jpg", frame);
+    const auto picture = ReadImage(Folder("out") + name, ChannelChoice::kGrey);
+    double difference = 0.0, sum = 0.0;
+    for (int y = 60; y < 120; ++y) {
+      for (int x = 60; x < 180; ++x) {
+        difference += std::abs(picture->row(y)[x + 4] - picture->row(y)[x - 4]);
+        sum += picture->row(y)[x];
+      }
+    }
+    return difference / sum;
+  };
+  EXPECT_LT(detail(14), 0.4 * detail(5));
+  EXPECT_GT(detail(24), 0.6 * detail(5));
+}
+
+TEST_F(RenderSequenceTest, ExistingFramesAreKeptUnlessOverwriteIsAsked) {
+  RenderOptions options = Small(0.4);
+  ASSERT_TRUE(RenderSequence(Folder("out"), options, nullptr).ok());
+  const auto before = Content(Folder("out"));
+  options.seconds = 0.2;
+  const Status refused = RenderSequence(Folder("out"), options, nullptr);
+  EXPECT_EQ(refused.code(), StatusCode::kFailedPrecondition);
+  EXPECT_NE(refused.message().find("overwrite"), std::string::npos);
+  EXPECT_EQ(Content(Folder("out")), before);
+  options.overwrite = true;
+  ASSERT_TRUE(RenderSequence(Folder("out"), options, nullptr).ok());
+  EXPECT_EQ(Content(Folder("out")).size(), 5u + 6u);
+}
+
+TEST_F(RenderSequenceTest, PlaceThatCannotBeWrittenIsNamed) {
+  std::ofstream(Folder("file")) << "x";
+  const Status status = RenderSequence(Folder("file") + "/out", Small(0.2), nullptr);
+  EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+  EXPECT_NE(status.message().find("file"), std::string::npos);
+}
+
+TEST(RenderOptions, OutOfRangeIsNamed) {
+  const auto with = [](auto change) {
+    RenderOptions options = RenderOptions::FromPreset(Presets().front());
+    change(options);
+    return options.Validate();
+  };
+  EXPECT_TRUE(with([](RenderOptions&) {}).ok());
+  EXPECT_NE(with([](RenderOptions& o) { o.seconds = -1; }).message().find("seconds"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.seconds = NAN; }).message().find("seconds"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.rate_hz = 0; }).message().find("rate"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.width_px = 10; }).message().find("width"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.height_px = 100000; }).message().find("height"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.num_threads = 0; }).message().find("threads"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.jpeg_quality = 101; }).message().find("quality"), std::string::npos);
+}
+
+TEST(FindPreset, UnknownNameListsThoseThatExist) {
+  const auto preset = FindPreset("nasal");
+  ASSERT_FALSE(preset.ok());
+  EXPECT_NE(preset.status().message().find("silicone"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace haustra::render

@@ -1,0 +1,126 @@
+// The tip moves like a hand moves it, stays clear of the wall, and the events do what they say.
+#include "tools/render/scope_path.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numbers>
+
+#include "tools/render/colon.h"
+#include "tools/render/preset.h"
+#include "tools/render/render_sequence.h"
+#include "tools/render/revisits.h"
+#include "tools/render/sequence_model.h"
+
+namespace haustra::render {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+
+struct Journey {
+  explicit Journey(const RenderOptions& sequence)
+      : options(sequence),
+        colon(ColonStyleFor(sequence), sequence.seed),
+        path(sequence.preset.path, colon.centreline(), sequence.events, sequence.seconds, sequence.seed) {}
+  RenderOptions options;
+  Colon colon;
+  ScopePath path;
+};
+
+bool IsDuring(const std::vector<Event>& events, double t) {
+  return std::any_of(events.begin(), events.end(),
+                     [&](const Event& e) { return t > e.start_s - 0.1 && t < e.start_s + e.duration_s + 0.1; });
+}
+
+class EveryPreset : public testing::TestWithParam<std::string> {};
+
+TEST_P(EveryPreset, KeepsClearOfTheWall) {
+  for (const std::uint64_t seed : {1u, 5u}) {
+    RenderOptions options = RenderOptions::FromPreset(*FindPreset(GetParam()));
+    options.seed = seed;
+    const Journey journey(options);
+    const double gain = options.preset.colon.breathing.MinGain();
+    for (double t = 0.0; t < options.seconds; t += 0.5) {
+      const double clearance = journey.colon.mesh().Clearance(journey.path.WorldFromCam(t).translation, gain);
+      EXPECT_GT(clearance, 3.0) << "seed " << seed << " at " << t << " s";
+      EXPECT_LT(clearance, 30.0) << "seed " << seed << " at " << t << " s: not in the lumen";
+    }
+  }
+}
+
+TEST_P(EveryPreset, MovesLikeAHandBetweenEvents) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset(GetParam()));
+  options.seed = 3;
+  const Journey journey(options);
+  const double dt = 1.0 / options.rate_hz;
+  std::vector<double> speeds;
+  for (double t = 0.0; t + dt < options.seconds; t += dt) {
+    const SE3 a = journey.path.WorldFromCam(t), b = journey.path.WorldFromCam(t + dt);
+    if (IsDuring(options.events, t)) continue;
+    speeds.push_back((a.translation - b.translation).norm() / dt);
+    EXPECT_LT(speeds.back(), 45.0) << "mm/s at " << t << " s";
+    EXPECT_LT(RotationAngle(a.rotation, b.rotation) / dt, 60.0 * kDegree) << "rad/s at " << t << " s";
+  }
+  std::nth_element(speeds.begin(), speeds.begin() + speeds.size() / 2, speeds.end());
+  EXPECT_GT(speeds[speeds.size() / 2], 4.0);
+  EXPECT_LT(speeds[speeds.size() / 2], 15.0);
+}
+
+TEST_P(EveryPreset, SeesPlacesAgain) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset(GetParam()));
+  const Journey journey(options);
+  std::vector<SE3> poses;
+  for (int i = 0; i < options.num_frames(); ++i) poses.push_back(journey.path.WorldFromCam(i / options.rate_hz));
+  const auto revisits =
+      FindRevisits(poses, options.rate_hz, FrameSpans(options.events, options.rate_hz, options.num_frames()));
+  EXPECT_GE(revisits.size(), 3u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Presets, EveryPreset, testing::ValuesIn([] {
+                           std::vector<std::string> names;
+                           for (const Preset& preset : Presets()) names.emplace_back(preset.name);
+                           return names;
+                         }()),
+                         [](const auto& test) { return test.param; });
+
+TEST(ScopePath, StandardGoesOutAndComesBack) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("standard"));
+  options.events.clear();
+  const Journey journey(options);
+  const double start = journey.path.ArcMm(0.0), middle = journey.path.ArcMm(10.0), end = journey.path.ArcMm(20.0);
+  EXPECT_GT(middle - start, 60.0);
+  EXPECT_LT(std::abs(end - start), 12.0);
+}
+
+TEST(ScopePath, JumpIsFastAndWearsOff) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
+  options.seconds = 30.0;
+  const Journey calm(options);
+  options.events = {{EventKind::kJump, 8.0, 0.44}};
+  const Journey thrown(options);
+  const auto apart_mm = [&](double t) {
+    return (calm.path.WorldFromCam(t).translation - thrown.path.WorldFromCam(t).translation).norm();
+  };
+  EXPECT_LT(apart_mm(7.9), 0.5);
+  EXPECT_GT(apart_mm(8.5), 15.0);
+  EXPECT_LT(apart_mm(20.0), 0.5);
+}
+
+TEST(ScopePath, ShutterIsLongOnlyInABlurEvent) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
+  options.events = {{EventKind::kBlur, 5.0, 1.0}};
+  const Journey journey(options);
+  EXPECT_LT(journey.path.ShutterS(4.9), 0.005);
+  EXPECT_GT(journey.path.ShutterS(5.5), 0.02);
+  EXPECT_LT(journey.path.ShutterS(6.1), 0.005);
+}
+
+TEST(ScopePath, LongSequencesRepeatTheirStopsInsteadOfGoingOnForEver) {
+  PathStyle style;
+  EXPECT_LE(ScopePath::ReachMm(style, 600.0), style.max_reach_mm + 1e-9);
+  EXPECT_GT(ScopePath::ReachMm(style, 600.0), 0.5 * style.max_reach_mm);
+  EXPECT_NEAR(ScopePath::ReachMm(style, 20.0), 0.5 * style.speed_mm_per_s * (20.0 - style.pause_s), 1e-9);
+}
+
+}  // namespace
+}  // namespace haustra::render

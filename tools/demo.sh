@@ -1,0 +1,14 @@
+#!/usr/bin/env bash
+# The main job on input it makes itself: installs what is missing, builds, renders a colon of about 20 s, maps it and
+# compares the result with the ground truth. Results stay in build/demo.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+bash tools/setup.sh
+cmake --preset release > /dev/null
+cmake --build --preset release --target haustra
+haustra=build/release/tools/haustra
+out=build/demo
+mkdir -p "$out"
+"$haustra" render "$out/colon" --seconds 20
+"$haustra" run "$out/colon" --out "$out/result" --mode sequential
+"$haustra" evaluate "$out/result" --groundtruth "$out/colon/groundtruth.txt"

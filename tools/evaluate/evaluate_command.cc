@@ -1,0 +1,105 @@
+#include "tools/evaluate/evaluate_command.h"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "platform/file_sink.h"
+#include "tools/evaluate/evaluate_run.h"
+#include "tools/evaluate/report_json.h"
+#include "tools/evaluate/report_text.h"
+#include "tools/evaluate/run_table.h"
+#include "tools/exit_codes.h"
+
+namespace haustra {
+namespace {
+
+struct EvaluateArguments {
+  std::vector<std::string> runs;
+  std::string groundtruth;
+  std::string events;
+  std::string json;
+  std::string table;
+  evaluate::EvaluateOptions options;
+};
+
+Status WriteFile(const std::string& path, const std::string& text) {
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path));
+  HAUSTRA_TRY(sink.Write(text));
+  return sink.Commit();
+}
+
+int Fail(const Status& status) {
+  std::fprintf(stderr, "haustra evaluate: %s\n", status.message().c_str());
+  return ExitCodeFor(status.code());
+}
+
+// What cannot be written is always an I/O error, whatever the reason.
+int FailWriting(const Status& status) {
+  std::fprintf(stderr, "haustra evaluate: %s\n", status.message().c_str());
+  return kExitIo;
+}
+
+int Run(const EvaluateArguments& arguments) {
+  const bool is_csv = arguments.table.ends_with(".csv"), is_markdown = arguments.table.ends_with(".md");
+  if (!arguments.table.empty() && !is_csv && !is_markdown) {
+    std::fprintf(stderr, "haustra evaluate: --table %s: the name must end in .csv or .md\n", arguments.table.c_str());
+    return kExitUsage;
+  }
+  const Result<evaluate::Reference> reference = evaluate::ReadReference(arguments.groundtruth, arguments.events);
+  if (!reference.ok()) return Fail(reference.status());
+  std::vector<evaluate::Evaluation> evaluations;
+  for (const std::string& folder : arguments.runs) {
+    const Result<evaluate::RunOutput> run = evaluate::ReadRunOutput(folder);
+    if (!run.ok()) return Fail(run.status());
+    evaluations.push_back(evaluate::EvaluateRun(*run, *reference, arguments.options));
+  }
+
+  const bool is_single = evaluations.size() == 1;
+  for (std::size_t i = 0; i < evaluations.size(); ++i) {
+    std::printf("%s%s", i > 0 ? "\n" : "", evaluate::ToText(evaluations[i]).c_str());
+  }
+  if (!is_single) std::printf("\n%s", FormatRunTable(evaluations, evaluate::TableFormat::kText).c_str());
+  if (!arguments.json.empty()) {
+    const std::string text = is_single ? evaluate::ToJson(evaluations[0]) : evaluate::ToJson(evaluations);
+    if (const Status status = WriteFile(arguments.json, text); !status.ok()) return FailWriting(status);
+  }
+  if (!arguments.table.empty()) {
+    const auto format = is_csv ? evaluate::TableFormat::kCsv : evaluate::TableFormat::kMarkdown;
+    const Status status = WriteFile(arguments.table, FormatRunTable(evaluations, format));
+    if (!status.ok()) return FailWriting(status);
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddEvaluateCommand(CLI::App& app, std::function<int()>& action) {
+  const auto arguments = std::make_shared<EvaluateArguments>();
+  CLI::App* command = app.add_subcommand("evaluate", "Compare runs with the ground truth");
+  command->add_option("out", arguments->runs, "Output folders of haustra run; several: mean and spread are added")
+      ->required();
+  command
+      ->add_option("--groundtruth", arguments->groundtruth,
+                   "True poses: TUM (world_from_cam), EuRoC or C3VD file; matched by nearest time stamp")
+      ->required();
+  command->add_option("--events", arguments->events,
+                      "When the scene cannot be seen: first_frame,last_frame,kind,visible "
+                      "(default: events.csv beside the ground truth)");
+  command->add_option("--json", arguments->json, "Write the figures to this file");
+  command->add_option("--table", arguments->table, "Write metrics, mean and spread to this file (.csv or .md)");
+  command
+      ->add_option("--scene-depth", arguments->options.scene_depth,
+                   "Typical distance of the scene in ground-truth units (default: from the maps' points)")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--deadline-ms", arguments->options.deadline_ms, "Deadline of a frame (default: the frame period)")
+      ->check(CLI::PositiveNumber);
+  command->add_flag("--positions-only", arguments->options.joins.positions_only,
+                    "The true orientations are not to be trusted: do not use them");
+  command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
+}
+
+}  // namespace haustra

@@ -1,0 +1,259 @@
+#include "tools/evaluate/evaluate_run.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tools/evaluate/recall.h"
+
+namespace haustra::evaluate {
+namespace {
+
+double Percent(std::size_t part, std::size_t whole) {
+  return whole == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
+std::vector<EvaluatedFrame> JoinWithReference(const RunOutput& run, const Reference& reference) {
+  const std::vector<std::optional<SE3>> truth = Associate(run.frames, reference.poses);
+  const std::vector<bool> is_clear = FindClearFrames(run.frames, reference);
+  std::vector<EvaluatedFrame> frames;
+  frames.reserve(run.frames.size());
+  for (std::size_t i = 0; i < run.frames.size(); ++i) {
+    const RunFrame& frame = run.frames[i];
+    frames.push_back(
+        {frame.frame_idx, frame.live_map_id, frame.map_id, is_clear[i], truth[i], frame.world_from_cam, 0.0});
+  }
+  return frames;
+}
+
+void CountFrames(const RunOutput& run, const Reference& reference, const std::vector<EvaluatedFrame>& frames,
+                 Evaluation* evaluation) {
+  std::size_t num_clear = 0, num_clear_localised = 0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    evaluation->localised += frames[i].is_localised() ? 1 : 0;
+    evaluation->frames_without_groundtruth += frames[i].truth ? 0 : 1;
+    evaluation->dropped += run.frames[i].is_dropped ? 1 : 0;
+    evaluation->damaged += run.frames[i].is_damaged ? 1 : 0;
+    if (!frames[i].is_clear) continue;
+    ++num_clear;
+    num_clear_localised += frames[i].is_localised() ? 1 : 0;
+  }
+  evaluation->frames = frames.size();
+  evaluation->coverage = Percent(evaluation->localised, evaluation->frames);
+  if (reference.events) {
+    evaluation->visible_frames = num_clear;
+    evaluation->visible_localised = num_clear_localised;
+    evaluation->visible_coverage = Percent(num_clear_localised, num_clear);
+  }
+}
+
+// Trajectory error and the paper's figures of one map.
+MapEvaluation EvaluateMap(int map_id, const RunOutput& run, const std::vector<EvaluatedFrame>& frames,
+                          std::optional<Alignment>* alignment) {
+  MapEvaluation map;
+  map.map_id = map_id;
+  std::vector<PosePair> pairs;
+  double num_observations = 0.0;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (frames[i].map_id != map_id) continue;
+    ++map.frames;
+    num_observations += run.frames[i].num_inliers;
+    if (frames[i].truth) pairs.push_back(frames[i].pair());
+  }
+  *alignment = Align(pairs);
+  if (*alignment) {
+    map.ate_frames = pairs.size();
+    map.rms_ate = (*alignment)->rms();
+    map.max_error = (*alignment)->max_error;
+    map.scale = (*alignment)->truth_from_map.scale;
+    map.scale_drift = FindScaleDrift(pairs);
+  }
+  const auto row = std::find_if(run.maps.begin(), run.maps.end(), [&](const RunMap& m) { return m.map_id == map_id; });
+  if (row != run.maps.end()) {
+    map.keyframes = row->num_keyframes;
+    map.map_points = row->num_points;
+  }
+  map.life_time_s = static_cast<double>(map.frames) * static_cast<double>(FramePeriodNs(run.frames)) * 1e-9;
+  if (map.life_time_s > 0.0) map.keyframes_per_s = map.keyframes / map.life_time_s;
+  map.observations_per_frame = num_observations / static_cast<double>(map.frames);
+  if (map.map_points > 0) map.observations_per_point = num_observations / map.map_points;
+  return map;
+}
+
+// Distance of the scene from each frame, in ground-truth units: of the keyframe that the frame belongs to, else typical
+// for its map, else typical for the run.
+std::optional<double> AssignDepths(const RunOutput& run, const Evaluation& evaluation, double given_depth,
+                                   std::vector<EvaluatedFrame>* frames) {
+  if (given_depth > 0.0) {
+    for (EvaluatedFrame& frame : *frames) frame.depth = given_depth;
+    return given_depth;
+  }
+  std::vector<double> depths;
+  for (const MapEvaluation& map : evaluation.per_map) {
+    const auto geometry = run.geometry.find(map.map_id);
+    if (!map.scale || geometry == run.geometry.end() || geometry->second.depth_mu <= 0.0) continue;
+    for (std::size_t i = 0; i < frames->size(); ++i) {
+      EvaluatedFrame& frame = (*frames)[i];
+      if (frame.map_id != map.map_id) continue;
+      const auto keyframe = geometry->second.keyframe_depth_mu.find(run.frames[i].keyframe_id);
+      const bool is_known = keyframe != geometry->second.keyframe_depth_mu.end();
+      frame.depth = *map.scale * (is_known ? keyframe->second : geometry->second.depth_mu);
+      depths.push_back(frame.depth);
+    }
+  }
+  if (depths.empty()) return std::nullopt;
+  const double typical = Median(std::move(depths));
+  for (EvaluatedFrame& frame : *frames) {
+    if (frame.depth <= 0.0) frame.depth = typical;
+  }
+  return typical;
+}
+
+void CountEvents(const std::vector<RunEventRow>& events, Evaluation* evaluation) {
+  for (const RunEventRow& event : events) {
+    evaluation->maps_created += event.event == "map_created" ? 1 : 0;
+    evaluation->losses += event.event == "lost" ? 1 : 0;
+  }
+}
+
+void CountJoins(Evaluation* evaluation) {
+  for (const JoinEvaluation& join : evaluation->joins) {
+    JoinCount& count = join.kind == JoinKind::kMerge  ? evaluation->merges
+                       : join.kind == JoinKind::kLoop ? evaluation->loops
+                                                      : evaluation->relocalisations;
+    ++count.made;
+    if (join.verdict == Verdict::kUnjudged) continue;
+    ++count.judged;
+    if (join.verdict == Verdict::kFalse) {
+      ++count.wrong;
+      ++evaluation->false_merges;
+    }
+  }
+}
+
+// The camera that the maps were made with.
+std::optional<CameraModel> FindCamera(const RunOutput& run) {
+  for (const auto& [map_id, geometry] : run.geometry) {
+    if (Result<CameraModel> camera = CameraModel::Create(geometry.camera); camera.ok()) return *camera;
+  }
+  return std::nullopt;
+}
+
+void FindRecall(const RunOutput& run, const std::vector<EvaluatedFrame>& frames, bool positions_only,
+                Evaluation* evaluation) {
+  const std::optional<CameraModel> camera = FindCamera(run);
+  if (positions_only || !camera || !evaluation->scene_depth) {
+    evaluation->warnings.push_back(
+        std::string("recall is not known: ") +
+        (positions_only ? "it needs true orientations" : "it needs the maps' export (maps/) for camera and depth"));
+    return;
+  }
+  const SharedView shared_view(*camera);
+  evaluation->merge_recall = FindMergeRecall(frames, shared_view);
+  evaluation->relocalisation_recall = FindRelocalisationRecall(frames, run.events, shared_view);
+}
+
+void FindTimes(const RunOutput& run, double given_deadline_ms, Evaluation* evaluation) {
+  const double period_ms = static_cast<double>(FramePeriodNs(run.frames)) * 1e-6;
+  const double deadline_ms = given_deadline_ms > 0.0 ? given_deadline_ms : period_ms;
+  if (deadline_ms > 0.0) evaluation->deadline_ms = deadline_ms;
+  // A sequential run has no latency: its frames.csv holds zeros, and summary.json the processing times.
+  std::vector<double> latencies_ms;
+  std::size_t num_late = 0;
+  for (const RunFrame& frame : run.frames) {
+    if (frame.is_dropped || frame.is_damaged || frame.frame_ms <= 0.0) continue;
+    latencies_ms.push_back(frame.frame_ms);
+    num_late += frame.frame_ms > deadline_ms ? 1 : 0;
+  }
+  const RunFigures& figures = run.figures;
+  evaluation->frame_ms = latencies_ms.empty() ? figures.frame_ms : FindPercentiles(latencies_ms);
+  if (!latencies_ms.empty() && deadline_ms > 0.0) {
+    evaluation->deadline_misses = num_late;
+  } else if (figures.deadline_misses) {
+    evaluation->deadline_misses = static_cast<std::size_t>(*figures.deadline_misses);
+  }
+  evaluation->peak_rss_mb = figures.peak_rss_mb;
+  evaluation->realtime_ratio = figures.realtime_ratio;
+  evaluation->mean_stage_ms = figures.mean_stage_ms;
+}
+
+MapTable TableOf(const MapEvaluation& map) {
+  return {static_cast<double>(map.keyframes), static_cast<double>(map.map_points), map.keyframes_per_s, map.life_time_s,
+          map.observations_per_frame,         map.observations_per_point};
+}
+
+void FillMapTables(Evaluation* evaluation) {
+  if (evaluation->per_map.empty()) return;
+  MapTable mean;
+  const MapEvaluation* largest = &evaluation->per_map.front();
+  for (const MapEvaluation& map : evaluation->per_map) {
+    const MapTable table = TableOf(map);
+    const double weight = 1.0 / static_cast<double>(evaluation->per_map.size());
+    mean.keyframes += weight * table.keyframes;
+    mean.map_points += weight * table.map_points;
+    mean.keyframes_per_s += weight * table.keyframes_per_s;
+    mean.life_time_s += weight * table.life_time_s;
+    mean.observations_per_frame += weight * table.observations_per_frame;
+    mean.observations_per_point += weight * table.observations_per_point;
+    if (map.frames > largest->frames) largest = &map;
+    evaluation->keyframes += static_cast<std::size_t>(map.keyframes);
+    evaluation->map_points += static_cast<std::size_t>(map.map_points);
+  }
+  evaluation->mean_map = mean;
+  evaluation->largest_map = TableOf(*largest);
+  evaluation->largest_map_frames = largest->frames;
+}
+
+// All maps, and their errors pooled.
+void EvaluateMaps(const RunOutput& run, const std::vector<EvaluatedFrame>& frames, Evaluation* evaluation) {
+  std::set<int> map_ids;
+  for (const EvaluatedFrame& frame : frames) {
+    if (frame.is_localised()) map_ids.insert(frame.map_id);
+  }
+  double squared_error = 0.0, max_error = 0.0;
+  for (const int map_id : map_ids) {
+    std::optional<Alignment> alignment;
+    evaluation->per_map.push_back(EvaluateMap(map_id, run, frames, &alignment));
+    if (!alignment) {
+      ++evaluation->left_out_maps;
+      continue;
+    }
+    squared_error += alignment->squared_error;
+    max_error = std::max(max_error, alignment->max_error);
+    evaluation->ate_frames += alignment->count;
+  }
+  evaluation->maps = map_ids.size();
+  evaluation->left_out_frames = evaluation->localised - evaluation->ate_frames;
+  if (evaluation->ate_frames > 0) {
+    evaluation->rms_ate = std::sqrt(squared_error / static_cast<double>(evaluation->ate_frames));
+    evaluation->max_error = max_error;
+  }
+}
+
+}  // namespace
+
+Evaluation EvaluateRun(const RunOutput& run, const Reference& reference, const EvaluateOptions& options) {
+  Evaluation evaluation;
+  evaluation.name = run.folder;
+  evaluation.mode = run.figures.mode;
+  evaluation.device = run.figures.device;
+  evaluation.seed = run.figures.seed;
+  evaluation.unit = reference.unit;
+  evaluation.warnings = run.warnings;
+
+  std::vector<EvaluatedFrame> frames = JoinWithReference(run, reference);
+  CountFrames(run, reference, frames, &evaluation);
+  if (evaluation.frames_without_groundtruth == frames.size()) {
+    evaluation.warnings.push_back("no frame of the run has a true pose: do the time stamps belong together?");
+  }
+  EvaluateMaps(run, frames, &evaluation);
+  FillMapTables(&evaluation);
+  evaluation.scene_depth = AssignDepths(run, evaluation, options.scene_depth, &frames);
+  CountEvents(run.events, &evaluation);
+  evaluation.joins = JudgeJoins(frames, run.events, options.joins);
+  CountJoins(&evaluation);
+  FindRecall(run, frames, options.joins.positions_only, &evaluation);
+  FindTimes(run, options.deadline_ms, &evaluation);
+  return evaluation;
+}
+
+}  // namespace haustra::evaluate

@@ -1,0 +1,135 @@
+// What an evaluation says: plain data, separate from how it is found (evaluate_run.h) and shown (report_*.h,
+// run_table.h). The terms are those of the project's evaluation rules; lengths are in the unit of the ground truth.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/evaluate/statistics.h"
+
+namespace haustra::evaluate {
+
+// One map that exists at the end.
+struct MapEvaluation {
+  int map_id = -1;
+  std::size_t frames = 0;         // localised in it
+  std::size_t ate_frames = 0;     // of these with a true pose
+  std::optional<double> rms_ate;  // after its own Sim(3); nothing when left out (too few frames, all on a line)
+  std::optional<double> max_error;
+  std::optional<double> scale;        // ground-truth units per map unit
+  std::optional<double> scale_drift;  // scale of the last quarter over that of the first; 1: none
+  // The paper's table.
+  int keyframes = 0;
+  int map_points = 0;
+  double life_time_s = 0.0;  // localised frames times the frame period
+  double keyframes_per_s = 0.0;
+  double observations_per_frame = 0.0;  // map points observed in a frame (#Obs/F)
+  double observations_per_point = 0.0;  // frames that observe a map point (#Obs(F)/MP)
+};
+
+enum class JoinKind { kMerge, kLoop, kRelocalisation };
+enum class Verdict { kTrue, kFalse, kUnjudged };
+
+std::string_view ToString(JoinKind kind);
+std::string_view ToString(Verdict verdict);
+
+// One merge, loop or relocalisation against the ground truth.
+struct JoinEvaluation {
+  JoinKind kind = JoinKind::kMerge;
+  std::int64_t frame_idx = 0;
+  int map_id = -1;
+  int other_map_id = -1;
+  Verdict verdict = Verdict::kUnjudged;
+  std::string reason;                              // why it is false or cannot be judged
+  std::optional<double> ate_parts;                 // pooled over the two parts, each aligned on its own
+  std::optional<double> ate_joined;                // both aligned by one Sim(3)
+  std::optional<double> rotation_error_deg;        // of the relative pose of the two parts
+  std::optional<double> translation_error_depths;  // the same, as a share of the scene depth
+};
+
+// Merges, loops or relocalisations in numbers.
+struct JoinCount {
+  std::size_t made = 0;
+  std::size_t judged = 0;
+  std::size_t wrong = 0;
+  // Right ones over judged ones; nothing when none was judged.
+  std::optional<double> precision() const {
+    if (judged == 0) return std::nullopt;
+    return static_cast<double>(judged - wrong) / static_cast<double>(judged);
+  }
+};
+
+// How many of the occasions were taken.
+struct Recall {
+  std::size_t occasions = 0;
+  std::size_t taken = 0;
+  std::optional<double> value() const {
+    if (occasions == 0) return std::nullopt;
+    return static_cast<double>(taken) / static_cast<double>(occasions);
+  }
+};
+
+// Means over maps, or the values of one map.
+struct MapTable {
+  double keyframes = 0.0;
+  double map_points = 0.0;
+  double keyframes_per_s = 0.0;
+  double life_time_s = 0.0;
+  double observations_per_frame = 0.0;
+  double observations_per_point = 0.0;
+};
+
+struct Evaluation {
+  std::string name;  // folder of the run
+  std::string mode;
+  std::string device;
+  std::optional<std::int64_t> seed;
+  std::string unit = "units";
+  std::vector<std::string> warnings;
+
+  std::size_t frames = 0;
+  std::size_t localised = 0;
+  double coverage = 0.0;  // percent
+  std::size_t frames_without_groundtruth = 0;
+  std::optional<std::size_t> visible_frames;
+  std::optional<std::size_t> visible_localised;
+  std::optional<double> visible_coverage;  // percent
+
+  std::size_t maps = 0;  // that have a localised frame at the end
+  std::size_t maps_created = 0;
+  std::size_t losses = 0;
+  std::size_t largest_map_frames = 0;
+  std::size_t keyframes = 0;
+  std::size_t map_points = 0;
+
+  std::optional<double> rms_ate;  // pooled over the frames of all maps that are not left out
+  std::optional<double> max_error;
+  std::size_t ate_frames = 0;
+  std::size_t left_out_maps = 0;      // of the ATE
+  std::size_t left_out_frames = 0;    // localised, but not in the ATE
+  std::optional<double> scene_depth;  // typical, in ground-truth units
+
+  JoinCount merges, loops, relocalisations;
+  std::size_t false_merges = 0;                 // of all three kinds: one of them is one too many
+  std::optional<Recall> merge_recall;           // pairs of maps that share a view; nothing: cannot be known
+  std::optional<Recall> relocalisation_recall;  // losses after which the lost map came into view again
+
+  std::optional<Percentiles> frame_ms;
+  std::optional<double> deadline_ms;
+  std::optional<std::size_t> deadline_misses;  // real-time runs only
+  std::size_t dropped = 0;
+  std::size_t damaged = 0;
+  std::optional<double> peak_rss_mb;
+  std::optional<double> realtime_ratio;
+  std::map<std::string, double> mean_stage_ms;
+
+  std::optional<MapTable> mean_map;
+  std::optional<MapTable> largest_map;
+  std::vector<MapEvaluation> per_map;  // by map id
+  std::vector<JoinEvaluation> joins;   // by frame
+};
+
+}  // namespace haustra::evaluate

@@ -1,0 +1,41 @@
+// Whether what a run joined belongs together: precision of merges, loops and relocalisations.
+//
+// A join brings two parts into one frame of reference:
+//   merge           the frames of the one map and those of the other, up to the merge
+//   relocalisation  the frames of the map before it, and those tracked from it on until tracking ends or the map
+//   changes loop            the frames of the map up to it, older and newer: parted half way between the loop and the
+//   frame that
+//                   it met again (details of the event: matched_frame=N), or in the middle when that is not known
+// It is judged by the final poses of these frames, and it is false when
+//   - one Sim(3) aligns both parts to the ground truth only with more than 3 times the RMS ATE that they have when each
+//   is
+//     aligned on its own (parts with fewer than 10 frames, and parts on a line, have no ATE of their own: the other
+//     part's counts alone). Two errors that are both below 1 % of the scene depth are not compared: the ratio of two
+//     numbers near nothing says nothing; or
+//   - the relative pose of the parts is off by more than 10 degrees or 20 % of the scene depth: median over the pairs
+//   of
+//     frames, one of each part, that were nearest to each other (in place and direction), by the scale of the larger
+//     part.
+// It cannot be judged when a part has no final pose with a true one (its map was dropped).
+#pragma once
+
+#include <vector>
+
+#include "tools/evaluate/evaluated_frame.h"
+#include "tools/evaluate/evaluation.h"
+
+namespace haustra::evaluate {
+
+struct JoinOptions {
+  double max_ate_ratio = 3.0;
+  double negligible_ate_depths = 0.01;
+  double max_rotation_deg = 10.0;
+  double max_translation_depths = 0.20;
+  bool positions_only = false;  // the true orientations are not to be trusted: rotations are not compared
+};
+
+// One entry for each event merged, loop_closed and relocalised, in order.
+std::vector<JoinEvaluation> JudgeJoins(const std::vector<EvaluatedFrame>& frames,
+                                       const std::vector<RunEventRow>& events, const JoinOptions& options);
+
+}  // namespace haustra::evaluate

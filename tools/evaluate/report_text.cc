@@ -1,0 +1,163 @@
+#include "tools/evaluate/report_text.h"
+
+#include "tools/evaluate/number_text.h"
+
+namespace haustra::evaluate {
+namespace {
+
+constexpr std::size_t kLabelWidth = 18;
+
+std::string Line(std::string_view label, const std::string& value) {
+  return std::string("  ").append(PadRight(label, kLabelWidth)).append(value).append("\n");
+}
+
+std::string Count(std::size_t count, const char* singular, const char* plural) {
+  return std::to_string(count) + " " + (count == 1 ? singular : plural);
+}
+
+std::string CoverageLines(const Evaluation& e) {
+  std::string text = Line("coverage", Fixed(e.coverage, 2) + " %   (" + std::to_string(e.localised) + " of " +
+                                          Count(e.frames, "frame", "frames") + ")");
+  if (e.visible_coverage) {
+    text += Line("visible coverage", Fixed(e.visible_coverage, 2) + " %   (" + std::to_string(*e.visible_localised) +
+                                         " of " + Count(*e.visible_frames, "frame", "frames") +
+                                         " in which the scene can be seen)");
+  }
+  if (e.frames_without_groundtruth > 0) {
+    text += Line("no true pose", Count(e.frames_without_groundtruth, "frame", "frames"));
+  }
+  return text;
+}
+
+std::string ErrorLines(const Evaluation& e) {
+  std::string text;
+  if (e.rms_ate) {
+    text += Line("RMS ATE", Fixed(e.rms_ate, 4) + " " + e.unit + "   (max " + Fixed(e.max_error, 3) + ", " +
+                                Count(e.ate_frames, "frame", "frames") + " in " +
+                                Count(e.maps - e.left_out_maps, "map", "maps") + ", each with its own Sim(3))");
+  } else {
+    text += Line("RMS ATE", "-   (no map has 10 localised frames with a true pose)");
+  }
+  if (e.left_out_maps > 0 || e.left_out_frames > 0) {
+    text += Line("", "left out: " + Count(e.left_out_maps, "map", "maps") + " with too few frames or on a line, " +
+                         Count(e.left_out_frames, "localised frame", "localised frames") + " in all");
+  }
+  if (e.scene_depth) text += Line("scene depth", Fixed(e.scene_depth, 2) + " " + e.unit);
+  return text;
+}
+
+std::string JoinText(const JoinCount& count) {
+  std::string text = std::to_string(count.made);
+  if (count.made == 0) return text;
+  const std::size_t unjudged = count.made - count.judged;
+  text += " (" + std::to_string(count.wrong) + " false";
+  if (unjudged > 0) text += ", " + std::to_string(unjudged) + " not judged";
+  return text + ")";
+}
+
+std::string RecallText(const std::optional<Recall>& recall, const char* of_what) {
+  if (!recall) return "-";
+  if (recall->occasions == 0) return std::string("-   (no ") + of_what + ")";
+  return Fixed(100.0 * *recall->value(), 1) + " %   (" + std::to_string(recall->taken) + " of " +
+         std::to_string(recall->occasions) + " " + of_what + ")";
+}
+
+std::string JoinLines(const Evaluation& e) {
+  std::string text = Line("maps", std::to_string(e.maps) + "   (" + std::to_string(e.maps_created) +
+                                      " begun; largest: " + Count(e.largest_map_frames, "frame", "frames") + ")");
+  text += Line("merges", JoinText(e.merges));
+  text += Line("loops", JoinText(e.loops));
+  text += Line("relocalisations", JoinText(e.relocalisations) + ", " + Count(e.losses, "loss", "losses"));
+  text += Line("false merges", std::to_string(e.false_merges) + "   (of all three kinds)");
+  text += Line("merge recall", RecallText(e.merge_recall, "pairs of maps that share a view"));
+  text += Line("relocal. recall", RecallText(e.relocalisation_recall, "losses with the lost map in view again"));
+  for (const JoinEvaluation& join : e.joins) {
+    if (join.verdict != Verdict::kFalse) continue;
+    text += Line("", "FALSE " + std::string(ToString(join.kind)) + " at frame " + std::to_string(join.frame_idx) +
+                         ": " + join.reason + " (ATE " + Fixed(join.ate_parts, 3) + " -> " + Fixed(join.ate_joined, 3) +
+                         ", " + Fixed(join.rotation_error_deg, 1) + " deg, " + Fixed(join.translation_error_depths, 2) +
+                         " depths)");
+  }
+  return text;
+}
+
+std::string TimeLines(const Evaluation& e) {
+  std::string text;
+  if (e.frame_ms) {
+    text += Line("frame time", "p50 " + Fixed(e.frame_ms->p50, 1) + ", p99 " + Fixed(e.frame_ms->p99, 1) + ", p99.9 " +
+                                   Fixed(e.frame_ms->p999, 1) + ", max " + Fixed(e.frame_ms->max, 1) + " ms" +
+                                   (e.mode == "sequential" ? "   (processing, not latency)" : ""));
+  }
+  if (e.deadline_misses) {
+    text += Line("deadline misses",
+                 std::to_string(*e.deadline_misses) + "   (deadline " + Fixed(e.deadline_ms, 1) + " ms)");
+  }
+  text += Line("dropped, damaged", std::to_string(e.dropped) + ", " + Count(e.damaged, "frame", "frames"));
+  if (e.realtime_ratio) text += Line("real-time ratio", Fixed(e.realtime_ratio, 2));
+  if (e.peak_rss_mb) text += Line("peak memory", Fixed(e.peak_rss_mb, 0) + " MB");
+  if (!e.mean_stage_ms.empty()) {
+    std::string stages;
+    for (const auto& [name, mean_ms] : e.mean_stage_ms) {
+      stages += (stages.empty() ? "" : ", ") + name + " " + Fixed(mean_ms, 1);
+    }
+    text += Line("mapping stages", stages + " ms a keyframe");
+  }
+  return text;
+}
+
+std::string TableLine(std::string_view label, const std::vector<std::string>& cells) {
+  std::string text = std::string("  ").append(PadRight(label, 10));
+  for (const std::string& cell : cells) text += PadLeft(cell, 10);
+  return text + "\n";
+}
+
+std::vector<std::string> PaperCells(const MapTable& t) {
+  return {Fixed(t.keyframes, 1),
+          Fixed(t.map_points, 1),
+          Fixed(t.keyframes_per_s, 2),
+          Fixed(t.life_time_s, 2),
+          Fixed(t.observations_per_frame, 1),
+          Fixed(t.observations_per_point, 1)};
+}
+
+std::string MapLines(const Evaluation& e) {
+  if (!e.mean_map || !e.largest_map) return {};
+  std::string text = "\n";
+  text += TableLine(
+      "map", {"#KF", "#MP", "KF/s", "life s", "#Obs/F", "#Obs/MP", "frames", "RMS ATE", "max", "scale", "drift"});
+  text += TableLine("mean", PaperCells(*e.mean_map));
+  text += TableLine("largest", PaperCells(*e.largest_map));
+  for (const MapEvaluation& map : e.per_map) {
+    std::vector<std::string> cells =
+        PaperCells({static_cast<double>(map.keyframes), static_cast<double>(map.map_points), map.keyframes_per_s,
+                    map.life_time_s, map.observations_per_frame, map.observations_per_point});
+    cells.push_back(std::to_string(map.frames));
+    for (const auto& value : {map.rms_ate, map.max_error, map.scale, map.scale_drift}) {
+      cells.push_back(Fixed(value, 4));
+    }
+    text += TableLine(std::to_string(map.map_id), cells);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string ToText(const Evaluation& evaluation) {
+  std::string text = evaluation.name;
+  if (!evaluation.mode.empty()) {
+    text += " (" + evaluation.mode;
+    if (!evaluation.device.empty()) text += ", " + evaluation.device;
+    if (evaluation.seed) text += ", seed " + std::to_string(*evaluation.seed);
+    text += ")";
+  }
+  text += '\n';
+  text += CoverageLines(evaluation);
+  text += ErrorLines(evaluation);
+  text += JoinLines(evaluation);
+  text += TimeLines(evaluation);
+  text += MapLines(evaluation);
+  for (const std::string& warning : evaluation.warnings) text += "  warning: " + warning + "\n";
+  return text;
+}
+
+}  // namespace haustra::evaluate

@@ -1,0 +1,243 @@
+#include "tools/evaluate/run_output.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "capture/ground_truth.h"
+#include "tools/evaluate/colmap_reader.h"
+#include "tools/evaluate/csv_table.h"
+#include "tools/evaluate/text_input.h"
+
+namespace haustra::evaluate {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Trajectories carry nanoseconds; other writers of the format round to microseconds.
+constexpr std::int64_t kSameStampNs = 1000;
+
+std::string MapName(int map_id) {
+  char name[32];
+  std::snprintf(name, sizeof(name), "map_%04d", map_id);
+  return name;
+}
+
+// Copies table fields into plain variables; the first error stays and ends the reading of the row.
+class RowReader {
+ public:
+  RowReader(const CsvTable& table, std::size_t row) : table_(table), row_(row) {}
+
+  template <typename T>
+  RowReader& Integer(std::size_t column, T* value) {
+    if (!status_.ok()) return *this;
+    if (const Result<std::int64_t> field = table_.Integer(row_, column); field.ok()) {
+      *value = static_cast<T>(*field);
+    } else {
+      status_ = field.status();
+    }
+    return *this;
+  }
+  RowReader& Number(std::size_t column, double* value) {
+    if (!status_.ok()) return *this;
+    if (const Result<double> field = table_.Number(row_, column); field.ok()) {
+      *value = *field;
+    } else {
+      status_ = field.status();
+    }
+    return *this;
+  }
+  const Status& status() const { return status_; }
+
+ private:
+  const CsvTable& table_;
+  std::size_t row_;
+  Status status_;
+};
+
+Status ReadFrames(const std::string& path, std::vector<RunFrame>* frames) {
+  HAUSTRA_ASSIGN(const CsvTable table,
+                 CsvTable::Read(path, {"frame_idx", "timestamp_ns", "state", "reason", "live_map_id", "map_id",
+                                       "keyframe_id", "num_inliers", "frame_ms"}));
+  for (std::size_t row = 0; row < table.num_rows(); ++row) {
+    RunFrame frame;
+    RowReader reader(table, row);
+    reader.Integer(0, &frame.frame_idx).Integer(1, &frame.timestamp_ns).Integer(4, &frame.live_map_id);
+    reader.Integer(5, &frame.map_id).Integer(6, &frame.keyframe_id).Integer(7, &frame.num_inliers);
+    HAUSTRA_TRY(reader.Number(8, &frame.frame_ms).status());
+    frame.is_dropped = table.Text(row, 2) == "dropped";
+    frame.is_damaged = table.Text(row, 3) == "damaged_frame";
+    if (!frames->empty() && frame.frame_idx <= frames->back().frame_idx) {
+      return InvalidArgument(table.Where(row) + "frame_idx " + std::to_string(frame.frame_idx) +
+                             " does not come after " + std::to_string(frames->back().frame_idx));
+    }
+    frames->push_back(frame);
+  }
+  if (frames->empty()) return InvalidArgument(path + ": no frames");
+  return Status::Ok();
+}
+
+Status ReadMaps(const std::string& path, std::vector<RunMap>* maps) {
+  HAUSTRA_ASSIGN(const CsvTable table, CsvTable::Read(path, {"map_id", "status", "num_keyframes", "num_points"}));
+  std::set<int> ids;
+  for (std::size_t row = 0; row < table.num_rows(); ++row) {
+    RunMap map;
+    RowReader reader(table, row);
+    reader.Integer(0, &map.map_id).Integer(2, &map.num_keyframes).Integer(3, &map.num_points);
+    HAUSTRA_TRY(reader.status());
+    map.status = table.Text(row, 1);
+    if (!ids.insert(map.map_id).second) {
+      return InvalidArgument(table.Where(row) + "map_id " + std::to_string(map.map_id) + " is there twice");
+    }
+    maps->push_back(std::move(map));
+  }
+  return Status::Ok();
+}
+
+std::optional<std::int64_t> MatchedFrame(std::string_view details) {
+  constexpr std::string_view kKey = "matched_frame=";
+  const std::size_t start = details.find(kKey);
+  if (start == std::string_view::npos) return std::nullopt;
+  const std::string_view value = details.substr(start + kKey.size());
+  return ParseInteger(value.substr(0, value.find_first_not_of("0123456789")));
+}
+
+Status ReadEvents(const std::string& path, std::vector<RunEventRow>* events) {
+  HAUSTRA_ASSIGN(const CsvTable table,
+                 CsvTable::Read(path, {"frame_idx", "event", "map_id", "other_map_id", "details"}));
+  for (std::size_t row = 0; row < table.num_rows(); ++row) {
+    RunEventRow event;
+    RowReader reader(table, row);
+    reader.Integer(0, &event.frame_idx).Integer(2, &event.map_id).Integer(3, &event.other_map_id);
+    HAUSTRA_TRY(reader.status());
+    event.event = table.Text(row, 1);
+    event.matched_frame_idx = MatchedFrame(table.Text(row, 4));
+    events->push_back(std::move(event));
+  }
+  std::stable_sort(events->begin(), events->end(),
+                   [](const RunEventRow& a, const RunEventRow& b) { return a.frame_idx < b.frame_idx; });
+  return Status::Ok();
+}
+
+SE3 ToSE3(const GroundTruthPose& pose) {
+  const auto& q = pose.world_from_cam_xyzw;
+  const auto& p = pose.position_in_world;
+  return SE3(Eigen::Quaterniond(q[3], q[0], q[1], q[2]), Eigen::Vector3d(p[0], p[1], p[2]));
+}
+
+// Gives the frames of one map their final poses; returns how many have none.
+std::size_t AssignPoses(const std::vector<GroundTruthPose>& poses, int map_id, std::vector<RunFrame>* frames) {
+  std::size_t num_missing = 0;
+  for (RunFrame& frame : *frames) {
+    if (frame.map_id != map_id) continue;
+    const auto found = std::lower_bound(
+        poses.begin(), poses.end(), frame.timestamp_ns - kSameStampNs,
+        [](const GroundTruthPose& pose, std::int64_t stamp_ns) { return pose.timestamp_ns < stamp_ns; });
+    if (found == poses.end() || found->timestamp_ns > frame.timestamp_ns + kSameStampNs) {
+      frame.map_id = -1;
+      ++num_missing;
+    } else {
+      frame.world_from_cam = ToSE3(*found);
+    }
+  }
+  return num_missing;
+}
+
+Status ReadTrajectories(RunOutput* run) {
+  std::set<int> map_ids;
+  for (const RunFrame& frame : run->frames) {
+    if (frame.map_id >= 0) map_ids.insert(frame.map_id);
+  }
+  for (const int map_id : map_ids) {
+    const std::string path = (fs::path(run->folder) / "trajectory" / (MapName(map_id) + ".tum")).string();
+    HAUSTRA_ASSIGN(const std::vector<GroundTruthPose> poses, ReadGroundTruth(path));
+    const std::size_t num_missing = AssignPoses(poses, map_id, &run->frames);
+    if (num_missing > 0) {
+      run->warnings.push_back(path + ": no pose for " + std::to_string(num_missing) +
+                              " frames that frames.csv puts into this map; they count as not localised");
+    }
+  }
+  return Status::Ok();
+}
+
+Status ReadGeometry(RunOutput* run) {
+  for (const RunMap& map : run->maps) {
+    const fs::path folder = fs::path(run->folder) / "maps" / MapName(map.map_id);
+    std::error_code error;
+    if (!fs::is_directory(folder, error)) continue;
+    HAUSTRA_ASSIGN(run->geometry[map.map_id], ReadColmapGeometry(folder.string()));
+  }
+  return Status::Ok();
+}
+
+template <typename T>
+std::optional<T> NumberAt(const nlohmann::json& json, const char* key) {
+  const auto found = json.find(key);
+  if (found == json.end() || !found->is_number()) return std::nullopt;
+  return found->template get<T>();
+}
+
+std::string TextAt(const nlohmann::json& json, const char* key) {
+  const auto found = json.find(key);
+  return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();
+}
+
+Status ReadFigures(const std::string& path, RunFigures* figures) {
+  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
+  nlohmann::json json;
+  try {
+    json = nlohmann::json::parse(text);
+  } catch (const nlohmann::json::exception& error) {
+    return InvalidArgument(path + ": " + error.what());
+  }
+  if (!json.is_object()) return InvalidArgument(path + ": not a JSON object");
+  figures->mode = TextAt(json, "mode");
+  figures->device = TextAt(json, "device");
+  figures->seed = NumberAt<std::int64_t>(json, "seed");
+  figures->frames = NumberAt<std::int64_t>(json, "frames");
+  figures->dropped = NumberAt<std::int64_t>(json, "dropped");
+  figures->deadline_misses = NumberAt<std::int64_t>(json, "deadline_misses");
+  figures->peak_rss_mb = NumberAt<double>(json, "peak_rss_mb");
+  figures->realtime_ratio = NumberAt<double>(json, "realtime_ratio");
+  if (const auto times = json.find("frame_ms"); times != json.end() && times->is_object()) {
+    const auto p50 = NumberAt<double>(*times, "p50"), p99 = NumberAt<double>(*times, "p99");
+    const auto p999 = NumberAt<double>(*times, "p999"), max = NumberAt<double>(*times, "max");
+    if (!p50 || !p99 || !p999 || !max) {
+      return InvalidArgument(path + ": frame_ms lacks one of the numbers p50, p99, p999, max");
+    }
+    figures->frame_ms = Percentiles{*p50, *p99, *p999, *max};
+  }
+  const nlohmann::json::json_pointer stages("/mapping/mean_ms");
+  if (json.contains(stages) && json[stages].is_object()) {
+    for (const auto& [name, value] : json[stages].items()) {
+      if (value.is_number()) figures->mean_stage_ms[name] = value.get<double>();
+    }
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Result<RunOutput> ReadRunOutput(const std::string& folder) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return NotFound(folder + ": no such folder");
+  const auto path = [&](const char* name) { return (fs::path(folder) / name).string(); };
+  RunOutput run;
+  run.folder = folder;
+  HAUSTRA_TRY(ReadFrames(path("frames.csv"), &run.frames));
+  HAUSTRA_TRY(ReadMaps(path("maps.csv"), &run.maps));
+  HAUSTRA_TRY(ReadEvents(path("events.csv"), &run.events));
+  HAUSTRA_TRY(ReadFigures(path("summary.json"), &run.figures));
+  HAUSTRA_TRY(ReadTrajectories(&run));
+  HAUSTRA_TRY(ReadGeometry(&run));
+  if (run.figures.frames && *run.figures.frames != static_cast<std::int64_t>(run.frames.size())) {
+    run.warnings.push_back(path("summary.json") + ": says " + std::to_string(*run.figures.frames) +
+                           " frames, frames.csv has " + std::to_string(run.frames.size()));
+  }
+  return run;
+}
+
+}  // namespace haustra::evaluate

@@ -1,0 +1,85 @@
+// The output folder of a run, read back: frames.csv, maps.csv, events.csv, the final trajectory and the exported
+// geometry of each map, and the times in summary.json.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/geometry/se3.h"
+#include "hal/camera_calibration.h"
+#include "hal/core/status.h"
+
+namespace haustra::evaluate {
+
+struct RunFrame {
+  std::int64_t frame_idx = 0;
+  std::int64_t timestamp_ns = 0;
+  bool is_dropped = false;
+  bool is_damaged = false;
+  int live_map_id = -1;  // map of the pose that was answered, -1: none
+  int map_id = -1;       // map that the frame belongs to at the end, -1: not localised
+  std::int64_t keyframe_id = -1;
+  int num_inliers = 0;    // map points observed
+  double frame_ms = 0.0;  // 0 in a sequential run
+  SE3 world_from_cam;     // final pose in the map's frame, map units; when map_id >= 0
+};
+
+struct RunMap {
+  int map_id = -1;
+  std::string status;  // active, stored, merged, dropped
+  int num_keyframes = 0;
+  int num_points = 0;
+};
+
+struct RunEventRow {
+  std::int64_t frame_idx = 0;
+  std::string event;
+  int map_id = -1;
+  int other_map_id = -1;
+  std::optional<std::int64_t> matched_frame_idx;  // "matched_frame=N" among the details
+};
+
+// What a map's export says about the camera and the distance of the scene.
+struct MapGeometry {
+  CameraCalibration camera;
+  std::map<std::int64_t, double> keyframe_depth_mu;  // by keyframe id: median distance of the points that it sees
+  double depth_mu = 0.0;                             // median over the keyframes, 0: no points
+};
+
+struct Percentiles {
+  double p50 = 0.0, p99 = 0.0, p999 = 0.0, max = 0.0;
+};
+
+// summary.json, where it says something that the tables do not.
+struct RunFigures {
+  std::string mode;
+  std::string device;
+  std::optional<std::int64_t> seed;
+  std::optional<std::int64_t> frames;
+  std::optional<Percentiles> frame_ms;
+  std::optional<std::int64_t> dropped;
+  std::optional<std::int64_t> deadline_misses;
+  std::optional<double> peak_rss_mb;
+  std::optional<double> realtime_ratio;
+  std::map<std::string, double> mean_stage_ms;  // of the mapper, a keyframe
+};
+
+struct RunOutput {
+  std::string folder;
+  std::vector<RunFrame> frames;  // by frame_idx, strictly increasing
+  std::vector<RunMap> maps;
+  std::vector<RunEventRow> events;      // by frame_idx
+  std::map<int, MapGeometry> geometry;  // by map id; maps without an export are missing
+  RunFigures figures;
+  std::vector<std::string> warnings;  // what did not fit together, but can be evaluated
+};
+
+// kNotFound: no such folder, or one of its tables or trajectories is missing. kInvalidArgument: a file is not what it
+// should be, with file and line. A frame that frames.csv calls localised but that has no pose in its map's trajectory
+// counts as not localised, with a warning.
+Result<RunOutput> ReadRunOutput(const std::string& folder);
+
+}  // namespace haustra::evaluate

@@ -1,0 +1,44 @@
+#include "tools/evaluate/statistics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace haustra::evaluate {
+
+double Median(std::vector<double> values) {
+  HAUSTRA_CHECK(!values.empty());
+  const std::size_t middle = values.size() / 2;
+  std::nth_element(values.begin(), values.begin() + middle, values.end());
+  if (values.size() % 2 == 1) return values[middle];
+  return 0.5 * (values[middle] + *std::max_element(values.begin(), values.begin() + middle));
+}
+
+std::optional<Percentiles> FindPercentiles(std::vector<double> values) {
+  if (values.empty()) return std::nullopt;
+  std::sort(values.begin(), values.end());
+  // Shares in thousandths: 0.999 * 1000 in floating point is not 999.
+  const auto at = [&](std::size_t per_mille) {
+    const std::size_t rank = (per_mille * values.size() + 999) / 1000;
+    return values[std::max<std::size_t>(rank, 1) - 1];
+  };
+  return Percentiles{at(500), at(990), at(999), values.back()};
+}
+
+Spread FindSpread(const std::vector<double>& values) {
+  HAUSTRA_CHECK(!values.empty());
+  Spread spread;
+  spread.count = values.size();
+  spread.mean = std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+  const auto [min, max] = std::minmax_element(values.begin(), values.end());
+  spread.min = *min;
+  spread.max = *max;
+  if (values.size() > 1) {
+    double sum = 0.0;
+    for (const double value : values) sum += (value - spread.mean) * (value - spread.mean);
+    spread.deviation = std::sqrt(sum / static_cast<double>(values.size() - 1));
+  }
+  return spread;
+}
+
+}  // namespace haustra::evaluate

@@ -1,0 +1,31 @@
+// haustra: the command line. Each subcommand lives in a folder of its own.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <functional>
+
+#include "tools/evaluate/evaluate_command.h"
+#include "tools/exit_codes.h"
+#include "tools/render/render_command.h"
+#include "tools/run/run_command.h"
+
+int main(int argc, char** argv) {
+  CLI::App app{"haustra: monocular visual SLAM for endoscopy"};
+  app.set_version_flag("--version", "haustra 0.1.0");
+  app.require_subcommand(1);
+  std::function<int()> action;
+  haustra::AddRenderCommand(app, action);
+  haustra::AddRunCommand(app, action);
+  haustra::AddEvaluateCommand(app, action);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? haustra::kExitOk : haustra::kExitUsage;
+  }
+  try {
+    return action();
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "haustra: %s\n", error.what());
+    return haustra::kExitInternal;
+  }
+}

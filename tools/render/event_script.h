@@ -1,0 +1,42 @@
+// Scripted events that break tracking: what happens, when, and which frames it hides. reentrant.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "hal/core/status.h"
+
+namespace haustra::render {
+
+enum class EventKind {
+  kRedout,   // the wall or a fold lies on the lens: red, bright, no detail
+  kWater,    // a film of water runs over the lens
+  kBubbles,  // water jet: foam and drops
+  kDebris,   // turbid water and flecks
+  kBlur,     // shaking hand and a long exposure
+  kJump,     // the scope slips and turns fast
+};
+std::string_view ToString(EventKind kind);
+
+struct Event {
+  EventKind kind = EventKind::kRedout;
+  double start_s = 0.0;
+  double duration_s = 1.0;
+
+  // 0 outside, 1 in the middle, with ramps of at most 0.16 s inside of the event.
+  double Envelope(double time_s) const;
+};
+
+// "redout@8+1.4" or "redout@8" (with the kind's usual duration); several joined by commas; "none" or nothing: no
+// events. kInvalidArgument names the part that is wrong.
+Result<std::vector<Event>> ParseEvents(std::string_view script);
+
+struct FrameSpan {
+  int first_frame = 0, last_frame = 0;
+  EventKind kind = EventKind::kRedout;
+};
+// The frames that each event touches, within [0, num_frames); in order. Events wholly outside are left out.
+std::vector<FrameSpan> FrameSpans(const std::vector<Event>& events, double rate_hz, int num_frames);
+
+}  // namespace haustra::render

@@ -1,0 +1,143 @@
+#include "tools/render/frame_renderer.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "tools/render/lighting.h"
+
+namespace haustra::render {
+namespace {
+
+// Samples of one pixel whose ranges differ by more than this share see different walls.
+constexpr float kEdgeRatio = 1.05f;
+
+}  // namespace
+
+FrameRenderer::FrameRenderer(const Colon& colon, const MucosaTexture& mucosa, const CameraModel& camera,
+                             const WindowMask& window)
+    : colon_(colon),
+      mucosa_(mucosa),
+      camera_(camera),
+      window_(window),
+      visibility_(camera.width_px(), camera.height_px()) {
+  const int width = camera.width_px(), height = camera.height_px();
+  const auto ray_at = [&](double x, double y) {
+    Eigen::Vector3d ray;
+    if (!camera.Unproject(Eigen::Vector2d(x, y), &ray)) ray = Eigen::Vector3d::UnitZ();
+    return ray;
+  };
+  rays_.reserve(std::size_t(width) * height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      rays_.push_back(ray_at(x, y).cast<float>());
+      ray_dx_.push_back((ray_at(x + 0.5, y) - ray_at(x - 0.5, y)).cast<float>());
+      ray_dy_.push_back((ray_at(x, y + 0.5) - ray_at(x, y - 0.5)).cast<float>());
+    }
+  }
+}
+
+void FrameRenderer::Accumulate(const SE3& world_from_cam, double camera_arc_mm, double time_s, float weight,
+                               LinearImage* image) {
+  mesh_.Project(colon_, camera_, world_from_cam, camera_arc_mm, time_s);
+  visibility_.Rasterise(mesh_);
+  for (int y = 0; y < image->height; ++y) {
+    for (int x = 0; x < image->width; ++x) {
+      if (window_.coverage(x, y) <= 0.0f) continue;
+      float rgb[3];
+      ShadePixel(x, y, rgb);
+      float* out = image->pixel(x, y);
+      for (int c = 0; c < 3; ++c) out[c] += weight * rgb[c];
+    }
+  }
+}
+
+void FrameRenderer::ShadePixel(int x, int y, float rgb[3]) const {
+  const std::size_t index = std::size_t(y) * camera_.width_px() + x;
+  float nearest = 0.0f, farthest = 1e9f;
+  for (int k = 0; k < 4; ++k) {
+    const float inverse_range = visibility_.inverse_range(2 * x + (k & 1), 2 * y + (k >> 1));
+    nearest = std::max(nearest, inverse_range);
+    farthest = std::min(farthest, inverse_range);
+  }
+  if (nearest <= farthest * kEdgeRatio) {
+    const std::uint32_t triangle = visibility_.triangle(2 * x, 2 * y);
+    if (triangle == VisibilityBuffer::kNothing) {
+      rgb[0] = rgb[1] = rgb[2] = 0.0f;
+    } else {
+      ShadeRay(triangle, rays_[index], rgb);
+    }
+    return;
+  }
+  rgb[0] = rgb[1] = rgb[2] = 0.0f;
+  for (int k = 0; k < 4; ++k) {
+    const std::uint32_t triangle = visibility_.triangle(2 * x + (k & 1), 2 * y + (k >> 1));
+    if (triangle == VisibilityBuffer::kNothing) continue;
+    const float dx = (k & 1) != 0 ? 0.25f : -0.25f, dy = (k >> 1) != 0 ? 0.25f : -0.25f;
+    float sample[3];
+    ShadeRay(triangle, (rays_[index] + dx * ray_dx_[index] + dy * ray_dy_[index]).normalized(), sample);
+    for (int c = 0; c < 3; ++c) rgb[c] += 0.25f * sample[c];
+  }
+}
+
+void FrameRenderer::ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, float rgb[3]) const {
+  int corners[3];
+  ProjectedMesh::Corners(triangle, corners);
+  const ProjectedMesh::Vertex& a = mesh_.vertices[corners[0]];
+  const ProjectedMesh::Vertex& b = mesh_.vertices[corners[1]];
+  const ProjectedMesh::Vertex& c = mesh_.vertices[corners[2]];
+
+  // Ray against the triangle's plane (Moller and Trumbore 1997); the ray starts at the camera.
+  const Eigen::Vector3f edge_b = b.position - a.position, edge_c = c.position - a.position;
+  const Eigen::Vector3f p = ray.cross(edge_c);
+  const Eigen::Vector3f q = edge_b.cross(a.position);  // (-a) x edge_b
+  const float determinant = edge_b.dot(p);
+  const float inverse = std::abs(determinant) > 1e-12f ? 1.0f / determinant : 0.0f;
+  // The fisheye lets a sample lie a little outside of the triangle it was given to; not more than that.
+  const float wb = std::clamp(-a.position.dot(p) * inverse, -0.5f, 1.5f);
+  const float wc = std::clamp(ray.dot(q) * inverse, -0.5f, 1.5f);
+  const float wa = 1.0f - wb - wc;
+
+  const int quad = static_cast<int>(triangle >> 1);
+  const int ring = quad / ProjectedMesh::kM, j = quad % ProjectedMesh::kM;
+  const bool is_upper = (triangle & 1) != 0;  // corners (0, 0), (1, 1), (0, 1) of the quad, else (0, 0), (1, 0), (1, 1)
+  const float across = is_upper ? wb : wb + wc;
+  const float around = is_upper ? wb + wc : wc;
+
+  SurfacePoint point;
+  point.position = wa * a.position + wb * b.position + wc * c.position;
+  point.normal = (wa * a.normal + wb * b.normal + wc * c.normal).normalized();
+  point.openness = wa * a.openness + wb * b.openness + wc * c.openness;
+  const Eigen::Vector3f& axis = mesh_.rings[ring].axis;
+  const Eigen::Vector3f along = axis - axis.dot(point.normal) * point.normal;
+  const float along_norm = along.norm();
+  point.along = along_norm > 1e-3f ? Eigen::Vector3f(along / along_norm) : point.normal.unitOrthogonal();
+  point.around = point.normal.cross(point.along);
+
+  constexpr float kTextureRadiusMm = MucosaTexture::kGirthMm / 6.2831853f;
+  const float radius = wa * a.radius_mm + wb * b.radius_mm + wc * c.radius_mm;
+  point.girth_stretch = kTextureRadiusMm / std::max(radius, 1.0f);
+
+  const float range = point.position.norm();
+  const float facing = std::max(-point.normal.dot(ray), 0.04f);
+  Footprint footprint;
+  const float surface_0 = mesh_.rings[ring].surface_mm, surface_1 = mesh_.rings[ring + 1].surface_mm;
+  footprint.u_mm = surface_0 + across * (surface_1 - surface_0);
+  footprint.v_mm = (static_cast<float>(j) + around) * (MucosaTexture::kGirthMm / ProjectedMesh::kM);
+  footprint.minor_mm = range / static_cast<float>(camera_.focal_px());
+  const float lean_u = ray.dot(point.along), lean_v = ray.dot(point.around);
+  const float lean = std::max(std::sqrt(lean_u * lean_u + lean_v * lean_v), 1e-6f);
+  const float extent = footprint.minor_mm / facing;
+  const float extent_u = extent * lean_u / lean, extent_v = extent * lean_v / lean * point.girth_stretch;
+  footprint.major_mm = std::max(std::sqrt(extent_u * extent_u + extent_v * extent_v), 1e-6f);
+  footprint.major_u = extent_u / footprint.major_mm;
+  footprint.major_v = extent_v / footprint.major_mm;
+  point.footprint_mm = footprint.minor_mm;
+
+  Shade(point, mucosa_.Sample(footprint), rgb);
+  // What lies far down the lumen fades out before the rendered part of the wall ends.
+  const float fade = std::clamp((165.0f - range) * (1.0f / 50.0f), 0.0f, 1.0f);
+  for (int k = 0; k < 3; ++k) rgb[k] *= fade;
+}
+
+}  // namespace haustra::render

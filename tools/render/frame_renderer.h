@@ -1,0 +1,44 @@
+// One picture of the scene in linear light: visibility, exact ray against triangle, filtered mucosa, lighting; edges
+// are smoothed with 2 x 2 samples. thread-bound(its owner): holds the scratch memory of one thread (about 40 MB at
+// 720x540).
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "engine/camera/camera_model.h"
+#include "engine/geometry/se3.h"
+#include "tools/render/colon.h"
+#include "tools/render/linear_image.h"
+#include "tools/render/mucosa_texture.h"
+#include "tools/render/projected_mesh.h"
+#include "tools/render/visibility_buffer.h"
+#include "tools/render/window_mask.h"
+
+namespace haustra::render {
+
+class FrameRenderer {
+ public:
+  // Keeps references: all must outlive the renderer.
+  FrameRenderer(const Colon& colon, const MucosaTexture& mucosa, const CameraModel& camera, const WindowMask& window);
+
+  // camera_arc_mm: where along the centre line the camera is. Adds weight * radiance to the image, which has the
+  // camera's size.
+  void Accumulate(const SE3& world_from_cam, double camera_arc_mm, double time_s, float weight, LinearImage* image);
+
+ private:
+  // Radiance along a unit ray that meets `triangle`.
+  void ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, float rgb[3]) const;
+  void ShadePixel(int x, int y, float rgb[3]) const;
+
+  const Colon& colon_;
+  const MucosaTexture& mucosa_;
+  const CameraModel& camera_;
+  const WindowMask& window_;
+  std::vector<Eigen::Vector3f> rays_;             // unit, of the pixel centres
+  std::vector<Eigen::Vector3f> ray_dx_, ray_dy_;  // change to the next pixel
+  ProjectedMesh mesh_;
+  VisibilityBuffer visibility_;
+};
+
+}  // namespace haustra::render

@@ -1,0 +1,48 @@
+// The part of the colon that a camera may see, in its coordinates and its image. Scratch memory of one thread: filled
+// anew for every frame. thread-bound(its owner).
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "engine/camera/camera_model.h"
+#include "engine/geometry/se3.h"
+#include "tools/render/colon.h"
+#include "tools/render/colon_mesh.h"
+
+namespace haustra::render {
+
+struct ProjectedMesh {
+  static constexpr int kM = ColonMesh::kVerticesPerRing;
+
+  struct Vertex {
+    Eigen::Vector3f position;  // camera, mm
+    Eigen::Vector3f normal;    // camera, into the lumen
+    float x_px, y_px;          // image; only when in_front
+    float inverse_range;       // 1/mm
+    float radius_mm, openness;
+    bool in_front;  // inside the camera model
+  };
+  struct Ring {
+    Eigen::Vector3f axis;  // direction of the centre line, camera
+    float surface_mm;
+  };
+  std::vector<Vertex> vertices;  // kM a ring
+  std::vector<Ring> rings;
+
+  int num_rings() const { return static_cast<int>(rings.size()); }
+  // Triangles are numbered 2 * (ring * kM + vertex) and + 1; corners in order.
+  static void Corners(std::uint32_t triangle, int corners[3]) {
+    const int quad = static_cast<int>(triangle >> 1);
+    const int ring = quad / kM, j = quad % kM, k = j + 1 == kM ? 0 : j + 1;
+    corners[0] = ring * kM + j;
+    corners[1] = (triangle & 1) == 0 ? (ring + 1) * kM + j : (ring + 1) * kM + k;
+    corners[2] = (triangle & 1) == 0 ? (ring + 1) * kM + k : ring * kM + k;
+  }
+
+  // Rings from `behind_mm` behind the camera's place along the centre line to `ahead_mm` before it.
+  void Project(const Colon& colon, const CameraModel& camera, const SE3& world_from_cam, double camera_arc_mm,
+               double time_s);
+};
+
+}  // namespace haustra::render

@@ -1,0 +1,119 @@
+#include "tools/render/render_command.h"
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "tools/exit_codes.h"
+#include "tools/render/render_sequence.h"
+
+namespace haustra {
+namespace {
+
+struct Arguments {
+  std::string out;
+  std::string preset = "standard";
+  std::string size;
+  std::vector<std::string> events;
+  double seconds = 0.0, rate_hz = 0.0;
+  std::uint64_t seed = 1;
+  int threads = 0;
+  int quality = 92;
+  bool overwrite = false, quiet = false;
+};
+
+Status ParseSize(const std::string& text, render::RenderOptions* options) {
+  int width = 0, height = 0;
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%dx%d%c", &width, &height, &rest) != 2) {
+    return InvalidArgument("size '" + text + "' is not WIDTHxHEIGHT, like 720x540");
+  }
+  options->width_px = width;
+  options->height_px = height;
+  return Status::Ok();
+}
+
+Result<render::RenderOptions> OptionsFrom(const Arguments& arguments) {
+  HAUSTRA_ASSIGN(const render::Preset preset, render::FindPreset(arguments.preset));
+  render::RenderOptions options = render::RenderOptions::FromPreset(preset);
+  if (arguments.seconds != 0.0) options.seconds = arguments.seconds;
+  if (arguments.rate_hz != 0.0) options.rate_hz = arguments.rate_hz;
+  if (!arguments.size.empty()) HAUSTRA_TRY(ParseSize(arguments.size, &options));
+  options.seed = arguments.seed;
+  options.jpeg_quality = arguments.quality;
+  options.overwrite = arguments.overwrite;
+  options.num_threads =
+      arguments.threads > 0 ? arguments.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  options.events = render::PlaceEvents(preset.events, options.seconds);
+  if (!arguments.events.empty()) {
+    options.events.clear();
+    for (const std::string& script : arguments.events) {
+      HAUSTRA_ASSIGN(const std::vector<render::Event> events, render::ParseEvents(script));
+      options.events.insert(options.events.end(), events.begin(), events.end());
+    }
+  }
+  HAUSTRA_TRY(options.Validate());
+  return options;
+}
+
+int Run(const Arguments& arguments) {
+  const Result<render::RenderOptions> options = OptionsFrom(arguments);
+  if (!options.ok()) {
+    std::fprintf(stderr, "haustra render: %s\n", options.status().message().c_str());
+    return kExitUsage;
+  }
+  const auto start = std::chrono::steady_clock::now();
+  const auto elapsed_s = [&] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  const bool shows_progress = !arguments.quiet && isatty(fileno(stderr)) != 0;
+  const auto progress = [&](int done, int total) {
+    if (!shows_progress) return;
+    std::fprintf(stderr, "\rrendering %d / %d frames, %.1f frames/s ", done, total, done / elapsed_s());
+  };
+  const Status status = render::RenderSequence(arguments.out, *options, progress);
+  if (shows_progress) std::fprintf(stderr, "\n");
+  if (!status.ok()) {
+    std::fprintf(stderr, "haustra render: %s\n", status.ToString().c_str());
+    return status.code() == StatusCode::kUnavailable ? kExitIo : ExitCodeFor(status.code());
+  }
+  if (!arguments.quiet) {
+    std::printf("%s: %d frames of %s, seed %llu, %zu events, %.1f s\n", arguments.out.c_str(), options->num_frames(),
+                arguments.preset.c_str(), static_cast<unsigned long long>(arguments.seed), options->events.size(),
+                elapsed_s());
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
+  auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand("render", "Render a colon sequence with exact ground truth");
+  std::string presets = "Kind of sequence:";
+  for (const render::Preset& preset : render::Presets()) {
+    presets += "\n  " + std::string(preset.name) + ": " + std::string(preset.summary);
+  }
+  command->add_option("OUT", arguments->out, "Folder to write the sequence to")->required();
+  command->add_option("--preset", arguments->preset, presets)->capture_default_str();
+  command->add_option("--seconds", arguments->seconds, "Length; by default the preset's");
+  command->add_option("--rate", arguments->rate_hz, "Frames a second; by default the preset's");
+  command->add_option("--size", arguments->size, "Picture size, like 720x540; by default the preset's");
+  command->add_option("--seed", arguments->seed, "Colon, mucosa and path")->capture_default_str();
+  command->add_option(
+      "--events", arguments->events,
+      "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "
+      "redout, water, bubbles, debris, blur, jump; none");
+  command->add_option("--threads", arguments->threads, "Threads; 0: all cores. The pictures do not depend on it");
+  command->add_option("--quality", arguments->quality, "JPEG quality")->capture_default_str();
+  command->add_flag("--overwrite", arguments->overwrite, "Replace a sequence that is already in OUT");
+  command->add_flag("--quiet", arguments->quiet, "Say nothing unless it fails");
+  command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
+}
+
+}  // namespace haustra

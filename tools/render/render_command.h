@@ -1,0 +1,12 @@
+// `haustra render OUT`: renders a colon sequence with exact ground truth.
+#pragma once
+
+#include <CLI/App.hpp>
+#include <functional>
+
+namespace haustra {
+
+// Adds the subcommand; `action` is set when it was chosen and returns the exit code.
+void AddRenderCommand(CLI::App& app, std::function<int()>& action);
+
+}  // namespace haustra

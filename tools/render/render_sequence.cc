@@ -1,0 +1,134 @@
+#include "tools/render/render_sequence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <mutex>
+
+#include "capture/calibration_reader.h"
+#include "capture/codec/image_codec.h"
+#include "capture/image.h"
+#include "tools/render/exposure.h"
+#include "tools/render/parallel_for.h"
+#include "tools/render/revisits.h"
+#include "tools/render/sequence_model.h"
+#include "tools/render/sequence_writer.h"
+
+namespace haustra::render {
+namespace {
+
+// Frames in flight for each thread: enough that threads seldom wait for the last one of a batch.
+constexpr int kBatchPerThread = 6;
+
+Status OutOfRange(const char* name, double value, const char* range) {
+  return InvalidArgument(std::string(name) + " is " + std::to_string(value) + ", must be in " + range);
+}
+
+// Keeps the first error of many threads.
+class FirstError {
+ public:
+  void Note(const Status& status) {
+    if (status.ok()) return;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (status_.ok()) status_ = status;
+  }
+  Status status() const { return status_; }
+
+ private:
+  std::mutex mutex_;
+  Status status_;
+};
+
+Status WriteDescription(const std::string& folder, const SequenceModel& model) {
+  const RenderOptions& options = model.options();
+  std::vector<double> times_s;
+  std::vector<SE3> world_from_cam;
+  for (int i = 0; i < options.num_frames(); ++i) {
+    times_s.push_back(model.TimeS(i));
+    world_from_cam.push_back(model.path().WorldFromCam(model.TimeS(i)));
+  }
+  HAUSTRA_TRY(WriteTimes(folder, times_s));
+  HAUSTRA_TRY(WriteGroundTruth(folder, times_s, world_from_cam));
+  HAUSTRA_TRY(WriteEvents(folder, model.spans()));
+  HAUSTRA_TRY(WriteRevisits(folder, FindRevisits(world_from_cam, options.rate_hz, model.spans())));
+  HAUSTRA_TRY(WriteCalibration(folder + "/calib.yaml", model.camera().calibration()));
+  return WritePng(folder + "/mask.png", model.window().mask());
+}
+
+}  // namespace
+
+RenderOptions RenderOptions::FromPreset(const Preset& preset) {
+  RenderOptions options;
+  options.preset = preset;
+  options.seconds = preset.seconds;
+  options.rate_hz = preset.rate_hz;
+  options.width_px = preset.width_px;
+  options.height_px = preset.height_px;
+  options.events = PlaceEvents(preset.events, preset.seconds);
+  return options;
+}
+
+Status RenderOptions::Validate() const {
+  if (!(seconds >= 0.2 && seconds <= 3600.0)) return OutOfRange("seconds", seconds, "[0.2, 3600]");
+  if (!(rate_hz >= 1.0 && rate_hz <= 120.0)) return OutOfRange("rate", rate_hz, "[1, 120] Hz");
+  if (width_px < 64 || width_px > 4096) return OutOfRange("width", width_px, "[64, 4096]");
+  if (height_px < 64 || height_px > 4096) return OutOfRange("height", height_px, "[64, 4096]");
+  if (num_threads < 1 || num_threads > 256) return OutOfRange("threads", num_threads, "[1, 256]");
+  if (jpeg_quality < 50 || jpeg_quality > 100) return OutOfRange("quality", jpeg_quality, "[50, 100]");
+  return Status::Ok();
+}
+
+int RenderOptions::num_frames() const { return std::max(1, static_cast<int>(std::lround(seconds * rate_hz))); }
+
+std::vector<Event> PlaceEvents(const std::vector<PresetEvent>& events, double seconds) {
+  std::vector<Event> placed;
+  for (const PresetEvent& event : events) placed.push_back({event.kind, event.at_share * seconds, event.duration_s});
+  return placed;
+}
+
+Status RenderSequence(const std::string& folder, const RenderOptions& options, const Progress& progress) {
+  HAUSTRA_ASSIGN(const std::unique_ptr<SequenceModel> model, SequenceModel::Create(options));
+  HAUSTRA_TRY(PrepareFolder(folder, options.overwrite));
+  HAUSTRA_TRY(WriteDescription(folder, *model));
+
+  const int num_frames = options.num_frames(), num_threads = options.num_threads;
+  std::vector<std::unique_ptr<FrameRenderer>> renderers;
+  for (int i = 0; i < num_threads; ++i) {
+    renderers.push_back(
+        std::make_unique<FrameRenderer>(model->colon(), model->mucosa(), model->camera(), model->window()));
+  }
+  std::vector<Image> pictures(num_threads);
+  const int batch = std::min(num_frames, kBatchPerThread * num_threads);
+  std::vector<LinearImage> light(batch, LinearImage(options.width_px, options.height_px));
+  std::vector<Metering> metering(batch);
+  std::vector<float> gain(batch);
+
+  // Light does not depend on exposure, and exposure only on earlier frames: each batch is rendered in parallel, exposed
+  // in order, and developed in parallel.
+  AutoExposure exposure;
+  FirstError error;
+  std::mutex progress_mutex;
+  int num_done = 0;
+  for (int begin = 0; begin < num_frames && error.status().ok(); begin += batch) {
+    const int count = std::min(batch, num_frames - begin);
+    ParallelFor(count, num_threads, [&](int i, int worker) {
+      model->Expose(begin + i, renderers[worker].get(), &light[i]);
+      metering[i] = Meter(light[i], model->window());
+    });
+    for (int i = 0; i < count; ++i) {
+      if (begin + i == 0) exposure.Start(metering[0]);
+      gain[i] = exposure.gain();
+      exposure.Update(metering[i], 1.0 / options.rate_hz);
+    }
+    ParallelFor(count, num_threads, [&](int i, int worker) {
+      model->sensor().Develop(gain[i], begin + i, &light[i], &pictures[worker]);
+      error.Note(WriteJpeg(FramePath(folder, begin + i), pictures[worker].view(), options.jpeg_quality));
+      const std::lock_guard<std::mutex> lock(progress_mutex);
+      ++num_done;
+      if (progress) progress(num_done, num_frames);
+    });
+  }
+  return error.status();
+}
+
+}  // namespace haustra::render

@@ -1,0 +1,49 @@
+// A whole sequence: the folder that `haustra run` reads, with exact ground truth.
+//   frames/%06d.jpg, times.txt (s), calib.yaml, mask.png,
+//   groundtruth.txt  TUM, world_from_cam, mm; the middle of the exposure
+//   events.csv       first_frame,last_frame,kind,visible
+//   revisits.csv     frame_a,frame_b,dt_s,distance_mm,axis_angle_deg
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "engine/geometry/se3.h"
+#include "hal/camera_calibration.h"
+#include "hal/core/status.h"
+#include "tools/render/preset.h"
+
+namespace haustra::render {
+
+struct RenderOptions {
+  Preset preset;
+  std::vector<Event> events;
+  double seconds = 20.0;  // [0.2, 3600]
+  double rate_hz = 25.0;  // [1, 120]
+  int width_px = 720;     // [64, 4096]
+  int height_px = 540;    // [64, 4096]
+  std::uint64_t seed = 1;
+  int num_threads = 1;     // [1, 256]; the pictures do not depend on it
+  int jpeg_quality = 92;   // [50, 100]
+  bool overwrite = false;  // replace a sequence that is already there
+
+  // The preset as it is: its length, rate, size and events.
+  static RenderOptions FromPreset(const Preset& preset);
+  // kInvalidArgument names the option and its range.
+  Status Validate() const;
+  int num_frames() const;
+};
+
+// Events of a preset, placed in a sequence of that length.
+std::vector<Event> PlaceEvents(const std::vector<PresetEvent>& events, double seconds);
+
+// Called after each frame with how many are done, from one thread at a time.
+using Progress = std::function<void(int done, int total)>;
+
+// kInvalidArgument: options. kFailedPrecondition: the folder holds a sequence and overwrite is off.
+// kUnavailable: a file cannot be written. What was written before an error stays.
+Status RenderSequence(const std::string& folder, const RenderOptions& options, const Progress& progress);
+
+}  // namespace haustra::render

@@ -1,0 +1,209 @@
+#include "tools/render/scope_path.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace haustra::render {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180.0;
+constexpr double kPlanStepS = 0.01;
+constexpr double kPlanMarginS = 2.0;
+constexpr double kSmoothingS = 0.8;  // of changes of speed
+constexpr double kLookAheadMm = 15.0;
+constexpr double kPushMm = 1.1;
+constexpr double kBaseShutterS = 1.0 / 500.0;
+constexpr double kBlurShutterS = 1.0 / 32.0;
+
+double SmoothStep(double x) {
+  x = std::clamp(x, 0.0, 1.0);
+  return x * x * x * (x * (x * 6.0 - 15.0) + 10.0);
+}
+
+double Travel(const std::vector<double>& stops) {
+  double sum = 0.0;
+  for (std::size_t i = 1; i < stops.size(); ++i) sum += std::abs(stops[i] - stops[i - 1]);
+  return sum;
+}
+
+int Repeats(const PathStyle& style, double duration_s) {
+  const double travel = Travel(style.stops);
+  return std::max(1, static_cast<int>(std::ceil(style.speed_mm_per_s * duration_s / (travel * style.max_reach_mm))));
+}
+
+std::vector<double> MovingAverage(const std::vector<double>& values, int half) {
+  std::vector<double> sums(values.size() + 1, 0.0), out(values.size());
+  for (std::size_t i = 0; i < values.size(); ++i) sums[i + 1] = sums[i] + values[i];
+  const int count = static_cast<int>(values.size());
+  for (int i = 0; i < count; ++i) {
+    const int begin = std::max(0, i - half), end = std::min(count, i + half + 1);
+    out[i] = (sums[end] - sums[begin]) / (end - begin);
+  }
+  return out;
+}
+
+}  // namespace
+
+double ScopePath::ReachMm(const PathStyle& style, double duration_s) {
+  const int repeats = Repeats(style, duration_s);
+  const double num_pauses = repeats * (static_cast<double>(style.stops.size()) - 1.0) - 1.0;
+  const double moving_s = std::max(duration_s - num_pauses * style.pause_s, 0.5 * duration_s);
+  return style.speed_mm_per_s * moving_s / (repeats * Travel(style.stops));
+}
+
+ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events,
+                     double duration_s, std::uint64_t seed)
+    : ScopePath(style, centreline, events, duration_s, Rng(seed, 0x9a7)) {}
+
+ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events,
+                     double duration_s, Rng rng)
+    : style_(style),
+      centreline_(centreline),
+      events_(events),
+      reach_mm_(ReachMm(style, duration_s)),
+      offset_x_by_place_(rng, 1.0 / 120.0, 1.0 / 30.0),
+      offset_y_by_place_(rng, 1.0 / 120.0, 1.0 / 30.0),
+      yaw_by_place_(rng, 1.0 / 110.0, 1.0 / 35.0),
+      pitch_by_place_(rng, 1.0 / 110.0, 1.0 / 35.0),
+      roll_by_place_(rng, 1.0 / 200.0, 1.0 / 60.0),
+      offset_x_(rng, 0.12, 0.8),
+      offset_y_(rng, 0.12, 0.8),
+      yaw_(rng, 0.15, 1.1),
+      pitch_(rng, 0.15, 1.1),
+      roll_(rng, 0.08, 0.5),
+      push_(rng, 0.3, 1.1) {
+  PlanArc(duration_s);
+  const double low = style.start_arc_mm - 4.0, high = style.start_arc_mm + reach_mm_ + 4.0;
+  for (const Event& event : events) {
+    double size_mm = 0.0, turn_deg = 0.0;
+    switch (event.kind) {
+      case EventKind::kJump: size_mm = rng.Uniform(22.0, 30.0), turn_deg = rng.Uniform(16.0, 24.0); break;
+      case EventKind::kRedout: size_mm = rng.Uniform(4.0, 9.0), turn_deg = rng.Uniform(6.0, 12.0); break;
+      case EventKind::kBlur: size_mm = rng.Uniform(1.0, 3.0), turn_deg = rng.Uniform(2.0, 5.0); break;
+      default: size_mm = rng.Uniform(2.0, 6.0), turn_deg = rng.Uniform(3.0, 9.0); break;
+    }
+    // Scopes slip outwards when there is room for it.
+    const double arc = PlannedArc(event.start_s + event.duration_s);
+    double slip = -size_mm;
+    if (arc + slip < low && arc + size_mm < high) slip = size_mm;
+    slip = std::clamp(arc + slip, low, high) - arc;
+    const double direction = rng.Uniform(0.0, 2.0 * std::numbers::pi);
+    slips_.push_back({event.start_s, event.duration_s, std::max(3.0, size_mm / 5.0), slip,
+                      turn_deg * kDegree * std::cos(direction), turn_deg * kDegree * std::sin(direction)});
+  }
+  for (Look& look : looks_) {
+    const double direction = rng.Uniform(0.0, 2.0 * std::numbers::pi), angle = rng.Uniform(9.0, 15.0) * kDegree;
+    look.yaw_rad = angle * std::cos(direction);
+    look.pitch_rad = angle * std::sin(direction);
+  }
+}
+
+void ScopePath::PlanArc(double duration_s) {
+  std::vector<double> stops;
+  for (int r = 0; r < Repeats(style_, duration_s); ++r) {
+    for (std::size_t i = r == 0 ? 0 : 1; i < style_.stops.size(); ++i) stops.push_back(style_.stops[i]);
+  }
+  const double moving_s = reach_mm_ * Travel(stops) / style_.speed_mm_per_s;
+  const double pause_s =
+      stops.size() > 2 ? std::max(0.0, duration_s - moving_s) / (static_cast<double>(stops.size()) - 2.0) : 0.0;
+  // (time, place) of a plan with sudden turns.
+  std::vector<std::pair<double, double>> corners = {{0.0, stops[0]}};
+  for (std::size_t i = 1; i < stops.size(); ++i) {
+    const double travel_s = reach_mm_ * std::abs(stops[i] - stops[i - 1]) / style_.speed_mm_per_s;
+    corners.emplace_back(corners.back().first + travel_s, stops[i]);
+    if (i + 1 == stops.size()) break;
+    looks_.push_back({corners.back().first + 0.5 * pause_s, 0.0, 0.0});
+    corners.emplace_back(corners.back().first + pause_s, stops[i]);
+  }
+  const int count = static_cast<int>((duration_s + 2.0 * kPlanMarginS) / kPlanStepS) + 2;
+  std::size_t leg = 0;
+  for (int i = 0; i < count; ++i) {
+    const double t = i * kPlanStepS - kPlanMarginS;
+    while (leg + 2 < corners.size() && t > corners[leg + 1].first) ++leg;
+    const auto& [t0, s0] = corners[leg];
+    const auto& [t1, s1] = corners[std::min(leg + 1, corners.size() - 1)];
+    const double share = t1 > t0 ? std::clamp((t - t0) / (t1 - t0), 0.0, 1.0) : 1.0;
+    planned_arc_mm_.push_back(style_.start_arc_mm + reach_mm_ * (s0 + share * (s1 - s0)));
+  }
+  // Three averages in a row: the acceleration is continuous.
+  const int half = static_cast<int>(0.5 * kSmoothingS / kPlanStepS);
+  for (int pass = 0; pass < 3; ++pass) planned_arc_mm_ = MovingAverage(planned_arc_mm_, half);
+}
+
+double ScopePath::PlannedArc(double time_s) const {
+  const double x =
+      std::clamp((time_s + kPlanMarginS) / kPlanStepS, 1.0, static_cast<double>(planned_arc_mm_.size()) - 3.0);
+  const int i = static_cast<int>(x);
+  const double t = x - i;
+  // Catmull-Rom.
+  const double a = planned_arc_mm_[i - 1], b = planned_arc_mm_[i], c = planned_arc_mm_[i + 1],
+               d = planned_arc_mm_[i + 2];
+  return b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)));
+}
+
+double ScopePath::Slip::Share(double time_s) const {
+  if (time_s <= start_s + duration_s) return SmoothStep((time_s - start_s) / duration_s);
+  return 1.0 - SmoothStep((time_s - start_s - duration_s) / recovery_s);
+}
+
+double ScopePath::ArcMm(double time_s) const {
+  double arc = PlannedArc(time_s) + kPushMm * push_.At(time_s);
+  for (const Slip& slip : slips_) arc += slip.arc_mm * slip.Share(time_s);
+  return std::clamp(arc, style_.start_arc_mm - 8.0, style_.start_arc_mm + reach_mm_ + 8.0);
+}
+
+double ScopePath::ShutterS(double time_s) const {
+  double blur = 0.0;
+  for (const Event& event : events_) {
+    if (event.kind == EventKind::kBlur) blur = std::max(blur, event.Envelope(time_s));
+  }
+  return kBaseShutterS + blur * (kBlurShutterS - kBaseShutterS);
+}
+
+SE3 ScopePath::WorldFromCam(double time_s) const {
+  const double arc = ArcMm(time_s);
+  const CurveFrame frame = centreline_.At(arc);
+
+  Eigen::Vector2d offset(3.4 * offset_x_by_place_.At(arc) + 1.3 * offset_x_.At(time_s),
+                         3.4 * offset_y_by_place_.At(arc) + 1.3 * offset_y_.At(time_s));
+  // Bounded for good, without a corner: the scope must not meet the wall.
+  const double norm = offset.norm();
+  if (norm > 1e-9) offset *= style_.max_offset_mm * std::tanh(norm / style_.max_offset_mm) / norm;
+  const Eigen::Vector3d position = frame.position + offset.x() * frame.normal + offset.y() * frame.binormal;
+
+  double yaw = kDegree * (style_.gaze_deg * yaw_by_place_.At(arc) + style_.tremble_deg * yaw_.At(time_s));
+  double pitch = kDegree * (style_.gaze_deg * pitch_by_place_.At(arc) + style_.tremble_deg * pitch_.At(time_s));
+  const double roll = kDegree * (14.0 * roll_by_place_.At(arc) + 4.0 * roll_.At(time_s));
+  for (const Slip& slip : slips_) {
+    const double share = slip.Share(time_s);
+    yaw += share * slip.yaw_rad;
+    pitch += share * slip.pitch_rad;
+  }
+  for (const Look& look : looks_) {
+    const double x = (time_s - look.time_s) / 1.1;
+    const double bump = std::exp(-x * x);
+    yaw += bump * look.yaw_rad;
+    pitch += bump * look.pitch_rad;
+  }
+  for (const Event& event : events_) {
+    if (event.kind != EventKind::kBlur) continue;
+    const double shake = event.Envelope(time_s) * 2.1 * kDegree;
+    yaw += shake * std::sin(2.0 * std::numbers::pi * 5.1 * (time_s - event.start_s));
+    pitch += shake * std::sin(2.0 * std::numbers::pi * 4.3 * (time_s - event.start_s) + 1.0);
+  }
+
+  // Straight ahead is the lumen a little farther on.
+  const CurveFrame ahead = centreline_.At(arc + kLookAheadMm);
+  const Eigen::Vector3d forward = (ahead.position - frame.position + 0.3 * kLookAheadMm * frame.tangent).normalized();
+  Eigen::Matrix3d axes;
+  axes.col(2) = forward;
+  axes.col(0) = (frame.normal - frame.normal.dot(forward) * forward).normalized();
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+  const Eigen::Quaterniond turn = Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY())) *
+                                  Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
+                                  Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ());
+  return SE3(Eigen::Quaterniond(axes) * turn, position);
+}
+
+}  // namespace haustra::render

@@ -1,0 +1,68 @@
+// Where the tip of the scope is at any time: along the centre line by a plan of advances and withdrawals, off it and
+// looking around like a hand would, and thrown about by the events. A pure function of time. Lengths in mm. reentrant.
+#pragma once
+
+#include <vector>
+
+#include "engine/geometry/rng.h"
+#include "engine/geometry/se3.h"
+#include "tools/render/centreline.h"
+#include "tools/render/event_script.h"
+#include "tools/render/lattice_noise.h"
+
+namespace haustra::render {
+
+struct PathStyle {
+  // Places as shares of the reach that the scope visits in turn.
+  std::vector<double> stops = {0.0, 1.0, 0.0};
+  double speed_mm_per_s = 8.8;
+  double pause_s = 0.8;         // at each turn, looking around
+  double max_reach_mm = 260.0;  // longer sequences repeat the stops
+  double start_arc_mm = 32.0;
+  double max_offset_mm = 4.0;  // from the centre line
+  double gaze_deg = 15.0;      // by place: how far it looks away from straight ahead
+  double tremble_deg = 3.6;    // by time
+};
+
+class ScopePath {
+ public:
+  // How far beyond start_arc_mm a sequence of this length goes.
+  static double ReachMm(const PathStyle& style, double duration_s);
+
+  // Keeps a reference to the centre line.
+  ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events, double duration_s,
+            std::uint64_t seed);
+
+  SE3 WorldFromCam(double time_s) const;
+  // Place along the centre line.
+  double ArcMm(double time_s) const;
+  // Exposure time of a frame: long while a blur event lasts.
+  double ShutterS(double time_s) const;
+
+ private:
+  // The members draw from one generator in order.
+  ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events, double duration_s,
+            Rng rng);
+
+  struct Slip {
+    double start_s, duration_s, recovery_s, arc_mm, yaw_rad, pitch_rad;
+    double Share(double time_s) const;
+  };
+  struct Look {
+    double time_s, yaw_rad, pitch_rad;
+  };
+  void PlanArc(double duration_s);
+  double PlannedArc(double time_s) const;
+
+  PathStyle style_;
+  const Centreline& centreline_;
+  std::vector<Event> events_;
+  double reach_mm_;
+  std::vector<double> planned_arc_mm_;  // every kPlanStepS, from -kPlanMarginS
+  std::vector<Slip> slips_;
+  std::vector<Look> looks_;
+  Wander offset_x_by_place_, offset_y_by_place_, yaw_by_place_, pitch_by_place_, roll_by_place_;
+  Wander offset_x_, offset_y_, yaw_, pitch_, roll_, push_;
+};
+
+}  // namespace haustra::render

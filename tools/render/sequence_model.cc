@@ -1,0 +1,70 @@
+#include "tools/render/sequence_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace haustra::render {
+namespace {
+
+// Less motion than this does not show; more is averaged over pictures this far apart.
+constexpr double kUnseenMotionPx = 1.6;
+constexpr double kMotionStepPx = 2.2;
+constexpr int kMaxExposures = 12;
+constexpr double kNearMm = 15.0;  // depth at which the motion is judged
+
+}  // namespace
+
+ColonStyle ColonStyleFor(const RenderOptions& options) {
+  ColonStyle style = options.preset.colon;
+  const double reach = ScopePath::ReachMm(options.preset.path, options.seconds);
+  const double far_end = options.preset.path.start_arc_mm + reach;
+  style.length_mm = far_end + options.preset.blind_end_mm + style.dome_mm;
+  if (options.preset.twin_length_mm > 0.0) {
+    // One in the first half of the path, one in the second.
+    style.twin.length_mm = std::min(options.preset.twin_length_mm, 0.42 * reach);
+    style.twin.start_mm = options.preset.path.start_arc_mm + 14.0;
+    style.twin.offset_mm = std::max(0.56 * reach, style.twin.length_mm + 10.0);
+  }
+  return style;
+}
+
+Result<std::unique_ptr<SequenceModel>> SequenceModel::Create(const RenderOptions& options) {
+  HAUSTRA_TRY(options.Validate());
+  HAUSTRA_ASSIGN(const CameraModel camera,
+                 CameraModel::Create(CalibrationFor(options.width_px, options.height_px, options.rate_hz)));
+  return std::unique_ptr<SequenceModel>(new SequenceModel(options, camera));
+}
+
+SequenceModel::SequenceModel(const RenderOptions& options, const CameraModel& camera)
+    : options_(options),
+      camera_(camera),
+      window_(options.width_px, options.height_px),
+      colon_(ColonStyleFor(options), options.seed),
+      mucosa_(options.preset.mucosa, colon_, options.seed, options.num_threads),
+      path_(options.preset.path, colon_.centreline(), options.events, options.seconds, options.seed),
+      effects_(options.events, window_, options.seed),
+      sensor_(window_, options.width_px, options.height_px, options.preset.noise, options.seed),
+      spans_(FrameSpans(options.events, options.rate_hz, options.num_frames())) {}
+
+double SequenceModel::MotionPx(double time_s, double shutter_s) const {
+  const SE3 before = path_.WorldFromCam(time_s - 0.5 * shutter_s), after = path_.WorldFromCam(time_s + 0.5 * shutter_s);
+  const double turn = RotationAngle(before.rotation, after.rotation);
+  const double shift = (before.translation - after.translation).norm() / kNearMm;
+  return camera_.focal_px() * (turn + shift);
+}
+
+void SequenceModel::Expose(int frame, FrameRenderer* renderer, LinearImage* light) const {
+  const double time_s = TimeS(frame), shutter_s = path_.ShutterS(time_s);
+  const double motion_px = MotionPx(time_s, shutter_s);
+  const int count = motion_px < kUnseenMotionPx
+                        ? 1
+                        : std::clamp(static_cast<int>(std::ceil(motion_px / kMotionStepPx)), 2, kMaxExposures);
+  std::fill(light->rgb.begin(), light->rgb.end(), 0.0f);
+  for (int i = 0; i < count; ++i) {
+    const double t = time_s + shutter_s * ((i + 0.5) / count - 0.5);
+    renderer->Accumulate(path_.WorldFromCam(t), path_.ArcMm(t), t, 1.0f / static_cast<float>(count), light);
+  }
+  if (effects_.IsActive(time_s)) effects_.Apply(time_s, light);
+}
+
+}  // namespace haustra::render

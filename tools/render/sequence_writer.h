@@ -1,0 +1,26 @@
+// Text files and folder of a rendered sequence. reentrant. Errors: kUnavailable names the path.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "engine/geometry/se3.h"
+#include "hal/core/status.h"
+#include "tools/render/event_script.h"
+#include "tools/render/revisits.h"
+
+namespace haustra::render {
+
+// Makes `folder` and `folder`/frames. kFailedPrecondition: frames are there already and `overwrite` is off; else they
+// are removed.
+Status PrepareFolder(const std::string& folder, bool overwrite);
+// "FOLDER/frames/000042.jpg"
+std::string FramePath(const std::string& folder, int frame);
+
+Status WriteTimes(const std::string& folder, const std::vector<double>& times_s);
+Status WriteGroundTruth(const std::string& folder, const std::vector<double>& times_s,
+                        const std::vector<SE3>& world_from_cam);
+Status WriteEvents(const std::string& folder, const std::vector<FrameSpan>& spans);
+Status WriteRevisits(const std::string& folder, const std::vector<Revisit>& revisits);
+
+}  // namespace haustra::render

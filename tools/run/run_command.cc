@@ -1,0 +1,200 @@
+#include "tools/run/run_command.h"
+
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "capture/open_sequence.h"
+#include "engine/engine.h"
+#include "platform/assemble.h"
+#include "platform/clock/system_clock.h"
+#include "platform/config/engine_config_table.h"
+#include "platform/session/session.h"
+#include "tools/exit_codes.h"
+#include "tools/run/progress.h"
+#include "tools/run/run_outputs.h"
+
+namespace haustra {
+namespace {
+
+struct RunArguments {
+  std::string sequence;
+  std::string out;
+  std::string mode = "sequential";
+  double rate = 1.0;
+  std::optional<std::uint64_t> seed;
+  std::string config;
+  std::vector<std::string> assignments;
+  std::string device = "cpu";
+  int threads = 0;
+  std::uint32_t every_nth = 1;
+  bool halve = false;
+};
+
+std::atomic<bool> stop_requested{false};
+
+void RequestStop(int) { stop_requested.store(true); }
+
+int Fail(const Status& status) {
+  std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());
+  return ExitCodeFor(status.code());
+}
+
+SequenceOptions OptionsOf(const RunArguments& arguments) {
+  SequenceOptions options;
+  options.every_nth = arguments.every_nth;
+  options.halve = arguments.halve;
+  return options;
+}
+
+// Colours of the points of all maps, from a second reading of the frames that became keyframes.
+class ColourReader {
+ public:
+  Status Read(const RunArguments& arguments, const Engine& engine) {
+    std::set<std::uint32_t> wanted;
+    engine.atlas().keyframes().ForEach([&](KeyframeHandle, const Keyframe& k) { wanted.insert(k.frame_index); });
+    if (wanted.empty()) return Status::Ok();
+    HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(arguments.sequence, OptionsOf(arguments)));
+    while (true) {
+      const Result<Frame> frame = source->Next(kNoDeadline);
+      if (frame.code() == StatusCode::kDataLoss) continue;
+      if (!frame.ok()) break;
+      if (wanted.count(frame->index) != 0) Keep(*frame);
+      if (frame->index >= *wanted.rbegin()) break;
+    }
+    return Status::Ok();
+  }
+
+  std::array<std::uint8_t, 3> operator()(std::uint32_t frame_index, const Eigen::Vector2d& pixel) const {
+    const auto it = images_.find(frame_index);
+    if (it == images_.end()) return {128, 128, 128};
+    const Small& image = it->second;
+    const int x = std::clamp(static_cast<int>(pixel.x()) / kStep, 0, image.width - 1);
+    const int y = std::clamp(static_cast<int>(pixel.y()) / kStep, 0, image.height - 1);
+    return image.rgb[static_cast<std::size_t>(y) * image.width + x];
+  }
+
+ private:
+  static constexpr int kStep = 4;  // a quarter of the resolution is plenty for the colour of a point
+  struct Small {
+    int width = 0;
+    int height = 0;
+    std::vector<std::array<std::uint8_t, 3>> rgb;
+  };
+
+  void Keep(const Frame& frame) {
+    Small small;
+    small.width = (frame.image.width + kStep - 1) / kStep;
+    small.height = (frame.image.height + kStep - 1) / kStep;
+    const int bytes = BytesPerPixel(frame.image.format);
+    for (int y = 0; y < frame.image.height; y += kStep) {
+      for (int x = 0; x < frame.image.width; x += kStep) {
+        const std::uint8_t* p = frame.image.row(y) + x * bytes;
+        small.rgb.push_back(bytes == 1 ? std::array<std::uint8_t, 3>{p[0], p[0], p[0]}
+                                       : std::array<std::uint8_t, 3>{p[2], p[1], p[0]});
+      }
+    }
+    images_[frame.index] = std::move(small);
+  }
+
+  std::map<std::uint32_t, Small> images_;
+};
+
+int Run(const RunArguments& arguments) {
+  const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
+  if (!loaded.ok()) {
+    std::fprintf(stderr, "haustra run: %s\n", loaded.status().message().c_str());
+    return kExitConfig;
+  }
+  EngineConfig config = loaded->config();
+  if (arguments.seed) config.seed = *arguments.seed;
+
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, OptionsOf(arguments));
+  if (!source.ok()) return Fail(source.status());
+  const CameraCalibration& calibration = (*source)->calibration();
+  const Result<CameraModel> camera = CameraModel::Create(calibration);
+  if (!camera.ok()) return Fail(camera.status());
+  if (const Status status = PrepareOutputFolder(arguments.out); !status.ok()) return Fail(status);
+  Result<std::unique_ptr<VisionDevice>> device =
+      CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
+  if (!device.ok()) return Fail(device.status());
+  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return Fail(status);
+
+  const bool is_realtime = arguments.mode == "realtime";
+  const SystemClock clock;
+  Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock);
+  std::fprintf(stderr, "haustra run: %s, %u frames %dx%d, %s mode, device %s\n", arguments.sequence.c_str(),
+               (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
+               std::string((*device)->name()).c_str());
+
+  std::signal(SIGINT, RequestStop);
+  std::signal(SIGTERM, RequestStop);
+  Progress progress((*source)->num_frames());
+  RunRecord record([&progress](const RunRecord& r) { progress.Update(r); });
+  const Result<SessionSummary> session =
+      is_realtime ? RunRealTime(**source, engine, clock, arguments.rate, record, stop_requested)
+                  : RunSequential(**source, engine, clock, record, stop_requested);
+  progress.Finish(record);
+
+  // Whatever ended the session, what was mapped until then is written.
+  const std::vector<FinalPose> poses = ResolveAll(record, engine);
+  RunSummary summary = Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{});
+  summary.mode = arguments.mode;
+  summary.device = arguments.device;
+  summary.seed = config.seed;
+  ColourReader colours;
+  if (const Status status = colours.Read(arguments, engine); !status.ok()) return Fail(status);
+  if (const Status status = WriteOutputs(arguments.out, record, poses, summary, engine, std::ref(colours));
+      !status.ok()) {
+    std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());
+    return kExitIo;
+  }
+  for (const RunEvent& event : record.events()) {
+    if (event.event == "frame_damaged") std::fprintf(stderr, "haustra run: warning: %s\n", event.details.c_str());
+  }
+  std::printf("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(), arguments.out.c_str());
+  if (!session.ok()) return Fail(session.status());
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddRunCommand(CLI::App& app, std::function<int()>& action) {
+  const auto arguments = std::make_shared<RunArguments>();
+  CLI::App* command = app.add_subcommand("run", "Map a sequence: folder of frames, data set or video");
+  command
+      ->add_option("sequence", arguments->sequence,
+                   "Folder with frames/, times.txt, calib.yaml; C3VD, EuRoC, TUM; video")
+      ->required();
+  command->add_option("--out", arguments->out, "Folder for the results (made when missing)")->required();
+  command
+      ->add_option("--mode", arguments->mode,
+                   "sequential: every frame, repeats to the bit; realtime: at the camera's pace")
+      ->check(CLI::IsMember({"sequential", "realtime"}))
+      ->capture_default_str();
+  command->add_option("--rate", arguments->rate, "Pace of real-time mode relative to the camera (0.5: half as fast)")
+      ->check(CLI::Range(0.01, 100.0))
+      ->capture_default_str();
+  command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)");
+  command->add_option("--config", arguments->config, "Configuration file (YAML); see config/");
+  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value");
+  command->add_option("--device", arguments->device, "Vision device")
+      ->check(CLI::IsMember({"cpu", "cuda"}))
+      ->capture_default_str();
+  command->add_option("--threads", arguments->threads, "Threads of the CPU device, 0: one a core")
+      ->check(CLI::Range(0, 256))
+      ->capture_default_str();
+  command->add_option("--every-nth", arguments->every_nth, "Use only every n-th frame")
+      ->check(CLI::Range(1u, 1000u))
+      ->capture_default_str();
+  command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
+  command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
+}
+
+}  // namespace haustra

@@ -1,0 +1,221 @@
+#include "tools/run/run_outputs.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "engine/io/colmap_writer.h"
+#include "engine/io/ply_writer.h"
+#include "engine/io/text_writer.h"
+#include "engine/io/trajectory_writer.h"
+#include "platform/file_sink.h"
+
+namespace haustra {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string MapName(MapId id) {
+  char name[32];
+  std::snprintf(name, sizeof(name), "map_%04u", id);
+  return name;
+}
+
+std::string FrameName(std::uint32_t frame_index) {
+  char name[32];
+  std::snprintf(name, sizeof(name), "%06u.jpg", frame_index);
+  return name;
+}
+
+// Opens, writes and finishes one file.
+template <typename Writer>
+Status WriteFile(const fs::path& path, Writer&& write) {
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path.string()));
+  HAUSTRA_TRY(write(sink));
+  return sink.Commit();
+}
+
+std::string_view StateName(const FrameOutcome& frame) {
+  if (frame.is_dropped) return "dropped";
+  return ToString(frame.result.state);
+}
+
+Status WriteFrames(ByteSink& sink, const RunRecord& record, const std::vector<FinalPose>& poses, bool with_times) {
+  TextWriter text(sink);
+  text.Text("frame_idx,timestamp_ns,state,reason,live_map_id,map_id,keyframe_id,num_matches,num_inliers,num_expected,num_established,is_keyframe,frame_ms\n");
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const FrameOutcome& frame = record.frames()[i];
+    const FrameResult& result = frame.result;
+    const bool is_live = result.state == TrackingState::kTracking;
+    text.Integer(result.frame_index).Text(",").Integer(result.timestamp.time_since_epoch().count()).Text(",");
+    text.Text(StateName(frame)).Text(",");
+    text.Text(frame.is_dropped ? "newer_frame" : ToString(result.reason)).Text(",");
+    text.Integer(is_live ? static_cast<std::int64_t>(result.map_id) : -1).Text(",");
+    text.Integer(poses[i].is_localised ? static_cast<std::int64_t>(poses[i].pose.map_id) : -1).Text(",");
+    text.Integer(poses[i].is_localised ? static_cast<std::int64_t>(poses[i].keyframe) : -1).Text(",");
+    text.Integer(result.num_matches).Text(",").Integer(result.num_inliers).Text(",");
+    text.Integer(result.num_expected).Text(",").Integer(result.num_established).Text(",");
+    text.Integer(result.is_keyframe ? 1 : 0).Text(",");
+    // Sequential runs repeat to the byte, so no time may stand in this file; summary.json has them.
+    text.Number(with_times ? ToMilliseconds(frame.latency) : 0.0).Text("\n");
+  }
+  return text.Finish();
+}
+
+struct MapRow {
+  MapId id = 0;
+  std::string_view status;
+  std::int64_t merged_into = -1;
+  std::size_t num_keyframes = 0;
+  int num_points = 0;
+  std::size_t num_frames = 0;
+  std::int64_t first_ns = -1;
+  std::int64_t last_ns = -1;
+};
+
+std::string_view StatusName(MapStatus status) {
+  switch (status) {
+    case MapStatus::kActive: return "active";
+    case MapStatus::kStored: return "stored";
+    case MapStatus::kMerged: return "merged";
+    case MapStatus::kDropped: return "dropped";
+  }
+  return "unknown";
+}
+
+Status WriteMaps(ByteSink& sink, const RunRecord& record, const std::vector<FinalPose>& poses, const Engine& engine) {
+  std::map<MapId, MapRow> rows;
+  engine.atlas().maps().ForEach([&](MapHandle, const Map& map) {
+    rows[map.id] = {map.id,
+                    StatusName(map.status),
+                    map.merged_into == kNoId ? -1 : static_cast<std::int64_t>(map.merged_into),
+                    map.keyframes.size(),
+                    map.num_points,
+                    0,
+                    -1,
+                    -1};
+  });
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    if (!poses[i].is_localised) continue;
+    MapRow& row = rows[poses[i].pose.map_id];
+    const std::int64_t stamp = record.frames()[i].result.timestamp.time_since_epoch().count();
+    if (row.num_frames++ == 0) row.first_ns = stamp;
+    row.last_ns = stamp;
+  }
+  TextWriter text(sink);
+  text.Text("map_id,status,merged_into,num_keyframes,num_points,num_frames,first_timestamp_ns,last_timestamp_ns\n");
+  for (const auto& [id, row] : rows) {
+    text.Integer(row.id).Text(",").Text(row.status).Text(",").Integer(row.merged_into).Text(",");
+    text.Integer(static_cast<std::int64_t>(row.num_keyframes)).Text(",").Integer(row.num_points).Text(",");
+    text.Integer(static_cast<std::int64_t>(row.num_frames)).Text(",").Integer(row.first_ns).Text(",");
+    text.Integer(row.last_ns).Text("\n");
+  }
+  return text.Finish();
+}
+
+// Commas and quotes have no place in a field of a simple table.
+std::string Field(std::string text) {
+  std::replace(text.begin(), text.end(), ',', ';');
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+Status WriteEvents(ByteSink& sink, const RunRecord& record) {
+  std::vector<RunEvent> events = record.events();
+  std::stable_sort(events.begin(), events.end(),
+                   [](const RunEvent& a, const RunEvent& b) { return a.frame_index < b.frame_index; });
+  TextWriter text(sink);
+  text.Text("frame_idx,timestamp_ns,event,map_id,other_map_id,details\n");
+  for (const RunEvent& event : events) {
+    text.Integer(event.frame_index).Text(",").Integer(event.timestamp.time_since_epoch().count()).Text(",");
+    text.Text(event.event).Text(",").Integer(event.map_id).Text(",").Integer(event.other_map_id).Text(",");
+    text.Text(Field(event.details)).Text("\n");
+  }
+  return text.Finish();
+}
+
+Status WriteTrajectories(const fs::path& folder, const RunRecord& record, const std::vector<FinalPose>& poses) {
+  std::vector<StampedPose> live;
+  std::map<MapId, std::vector<StampedPose>> by_map;
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const FrameResult& result = record.frames()[i].result;
+    const std::int64_t stamp = result.timestamp.time_since_epoch().count();
+    if (result.state == TrackingState::kTracking) live.push_back({stamp, result.cam_from_map});
+    if (poses[i].is_localised) by_map[poses[i].pose.map_id].push_back({stamp, poses[i].pose.cam_from_map});
+  }
+  HAUSTRA_TRY(WriteFile(folder / "live.tum", [&](ByteSink& sink) {
+    return WriteTum(
+        sink, live,
+        "poses as they were answered, each in the map that was active then (see frames.csv); world_from_cam");
+  }));
+  for (const auto& [id, trajectory] : by_map) {
+    HAUSTRA_TRY(WriteFile(folder / (MapName(id) + ".tum"), [&, &trajectory = trajectory](ByteSink& sink) {
+      return WriteTum(sink, trajectory, "final poses of all localised frames of this map; map units; world_from_cam");
+    }));
+  }
+  return Status::Ok();
+}
+
+Status WriteMapExports(const fs::path& folder, const Engine& engine, const PointColour& colour) {
+  Status status;
+  engine.atlas().maps().ForEach([&](MapHandle handle, const Map& map) {
+    if (!status.ok() || map.keyframes.empty()) return;
+    const MapExport data = ExportMap(engine, handle, FrameName, colour);
+    const fs::path colmap = folder / MapName(map.id);
+    std::error_code error;
+    fs::create_directories(colmap, error);
+    const auto write_all = [&]() -> Status {
+      HAUSTRA_TRY(WriteFile(folder / (MapName(map.id) + ".ply"), [&](ByteSink& s) { return WritePly(s, data); }));
+      HAUSTRA_ASSIGN(const ColmapCamera camera, MakeColmapCamera(data.calibration));
+      HAUSTRA_TRY(WriteFile(colmap / "cameras.txt", [&](ByteSink& s) { return WriteColmapCameras(s, camera); }));
+      HAUSTRA_TRY(WriteFile(colmap / "images.txt", [&](ByteSink& s) { return WriteColmapImages(s, data); }));
+      return WriteFile(colmap / "points3D.txt", [&](ByteSink& s) { return WriteColmapPoints3D(s, data); });
+    };
+    status = write_all();
+  });
+  return status;
+}
+
+const std::set<std::string> kOwnEntries = {"trajectory", "maps",       "frames.csv",
+                                           "maps.csv",   "events.csv", "summary.json"};
+
+}  // namespace
+
+Status PrepareOutputFolder(const std::string& folder) {
+  if (folder.empty()) return InvalidArgument("--out: the name of the output folder is empty");
+  std::error_code error;
+  if (fs::exists(folder, error)) {
+    if (!fs::is_directory(folder, error)) return InvalidArgument(folder + ": exists and is not a folder");
+    // A folder is taken over only when it is empty or plainly an earlier run's.
+    const bool is_run = fs::is_directory(fs::path(folder) / "trajectory", error);
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+      if (!is_run || kOwnEntries.count(entry.path().filename().string()) == 0) {
+        return InvalidArgument(folder + ": holds '" + entry.path().filename().string() +
+                               "', which is not part of a run; choose an empty or a new folder");
+      }
+    }
+    // What an earlier run left must not be taken for part of this one.
+    for (const std::string& name : kOwnEntries) fs::remove_all(fs::path(folder) / name, error);
+  }
+  for (const char* name : {"trajectory", "maps"}) {
+    fs::create_directories(fs::path(folder) / name, error);
+    if (error) return Unavailable(folder + "/" + name + ": cannot be made: " + error.message());
+  }
+  return Status::Ok();
+}
+
+Status WriteOutputs(const std::string& folder, const RunRecord& record, const std::vector<FinalPose>& poses,
+                    const RunSummary& summary, const Engine& engine, const PointColour& colour) {
+  const fs::path root(folder);
+  HAUSTRA_TRY(WriteTrajectories(root / "trajectory", record, poses));
+  HAUSTRA_TRY(WriteFile(root / "frames.csv",
+                        [&](ByteSink& sink) { return WriteFrames(sink, record, poses, summary.mode == "realtime"); }));
+  HAUSTRA_TRY(WriteFile(root / "maps.csv", [&](ByteSink& sink) { return WriteMaps(sink, record, poses, engine); }));
+  HAUSTRA_TRY(WriteFile(root / "events.csv", [&](ByteSink& sink) { return WriteEvents(sink, record); }));
+  HAUSTRA_TRY(WriteMapExports(root / "maps", engine, colour));
+  return WriteFile(root / "summary.json", [&](ByteSink& sink) { return sink.Write(ToJson(summary)); });
+}
+
+}  // namespace haustra

@@ -1,0 +1,42 @@
+#include "tools/run/run_record.h"
+
+namespace haustra {
+
+void RunRecord::OnFrame(const FrameOutcome& outcome) {
+  frames_.push_back(outcome);
+  const FrameResult& result = outcome.result;
+  if (outcome.is_dropped) {
+    ++num_dropped_;
+  } else if (outcome.is_damaged) {
+    ++num_damaged_;
+  } else if (result.state == TrackingState::kTracking) {
+    ++num_tracked_;
+    if (result.reason == TrackingReason::kRelocalised) {
+      ++num_relocalisations_;
+      events_.push_back({result.frame_index, result.timestamp, "relocalised", result.map_id, -1,
+                         std::to_string(result.num_inliers) + " inliers"});
+    }
+    was_tracking_ = true;
+    last_map_ = result.map_id;
+  } else if (was_tracking_) {
+    was_tracking_ = false;
+    ++num_losses_;
+    events_.push_back(
+        {result.frame_index, result.timestamp, "lost", last_map_, -1, std::string(ToString(result.reason))});
+  }
+  if (on_progress_) on_progress_(*this);
+}
+
+void RunRecord::OnMapEvent(const MapEvent& event) {
+  events_.push_back(
+      {event.frame_index, event.timestamp, std::string(ToString(event.kind)),
+       event.map_id == kNoId ? -1 : static_cast<std::int64_t>(event.map_id),
+       event.other_map_id == kNoId ? -1 : static_cast<std::int64_t>(event.other_map_id),
+       std::to_string(event.num_keyframes) + " keyframes " + std::to_string(event.num_points) + " points"});
+}
+
+void RunRecord::OnDamagedFrame(std::uint32_t frame_index, const std::string& message) {
+  events_.push_back({frame_index, TimePoint{}, "frame_damaged", -1, -1, message});
+}
+
+}  // namespace haustra

@@ -1,0 +1,51 @@
+// Everything that is remembered of a run: the answer to every frame and what happened to the maps. thread-bound(main).
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "platform/session/session.h"
+
+namespace haustra {
+
+struct RunEvent {
+  std::uint32_t frame_index = 0;
+  TimePoint timestamp;
+  std::string event;
+  std::int64_t map_id = -1;        // -1: none
+  std::int64_t other_map_id = -1;  // -1: none
+  std::string details;
+};
+
+class RunRecord : public SessionObserver {
+ public:
+  // `on_progress` (may be empty) is called after every frame.
+  explicit RunRecord(std::function<void(const RunRecord&)> on_progress) : on_progress_(std::move(on_progress)) {}
+
+  void OnFrame(const FrameOutcome& outcome) override;
+  void OnMapEvent(const MapEvent& event) override;
+  void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override;
+
+  const std::vector<FrameOutcome>& frames() const { return frames_; }
+  const std::vector<RunEvent>& events() const { return events_; }
+  std::size_t num_tracked() const { return num_tracked_; }
+  std::size_t num_dropped() const { return num_dropped_; }
+  std::size_t num_damaged() const { return num_damaged_; }
+  std::size_t num_losses() const { return num_losses_; }
+  std::size_t num_relocalisations() const { return num_relocalisations_; }
+
+ private:
+  std::function<void(const RunRecord&)> on_progress_;
+  std::vector<FrameOutcome> frames_;
+  std::vector<RunEvent> events_;
+  std::size_t num_tracked_ = 0;
+  std::size_t num_dropped_ = 0;
+  std::size_t num_damaged_ = 0;
+  std::size_t num_losses_ = 0;
+  std::size_t num_relocalisations_ = 0;
+  bool was_tracking_ = false;
+  MapId last_map_ = kNoId;
+};
+
+}  // namespace haustra

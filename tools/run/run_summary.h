@@ -1,0 +1,59 @@
+// The figures of a run, in the terms of the evaluation: what summary.json and the console show.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/run/run_record.h"
+
+namespace haustra {
+
+// Final pose of one frame, or that it has none.
+struct FinalPose {
+  bool is_localised = false;
+  ResolvedPose pose;
+  KeyframeId keyframe = kNoId;  // that it was tracked against, or that it is
+};
+
+struct LatencyFigures {
+  double p50 = 0.0, p99 = 0.0, p999 = 0.0, max = 0.0;  // ms
+};
+
+struct RunSummary {
+  std::string mode;
+  std::string device;
+  std::uint64_t seed = 0;
+  std::size_t frames = 0;
+  std::size_t localised = 0;
+  double coverage = 0.0;  // percent
+  std::size_t maps = 0;   // that exist at the end with at least one localised frame
+  std::size_t maps_created = 0;
+  std::size_t merges = 0;
+  std::size_t loops = 0;
+  std::size_t relocalisations = 0;
+  std::size_t losses = 0;
+  std::size_t largest_map_frames = 0;
+  std::size_t keyframes = 0;
+  std::size_t map_points = 0;
+  LatencyFigures frame_ms;
+  std::size_t dropped = 0;
+  std::size_t damaged = 0;
+  double peak_rss_mb = 0.0;
+  double video_s = 0.0;
+  double wall_s = 0.0;
+  double realtime_ratio = 0.0;  // wall time over video time
+  MapperCounters mapping;
+};
+
+// Final poses of all frames of the record, also of those that became keyframes of a map after their live answer was
+// given.
+std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine);
+
+RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, const Engine& engine,
+                     const SessionSummary& session);
+
+std::string ToJson(const RunSummary& summary);
+// A few lines for a person.
+std::string ToText(const RunSummary& summary);
+
+}  // namespace haustra

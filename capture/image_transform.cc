@@ -36,8 +36,8 @@ void HalveMask(ImageView mask, Image* half) {
     const std::uint8_t* upper = mask.row(2 * y);
     const std::uint8_t* lower = mask.row(2 * y + 1);
     std::uint8_t* out = half->row(y);
-    for (int x = 0; x < half->width(); ++x) {
-      const int all = upper[2 * x] & upper[2 * x + 1] & lower[2 * x] & lower[2 * x + 1];
+    for (int x = 0; x < half->width(); ++x, upper += 2, lower += 2) {
+      const int all = upper[0] & upper[1] & lower[0] & lower[1];
       out[x] = (all & 0x80) != 0 ? 255 : 0;
     }
   }

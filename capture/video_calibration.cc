@@ -1,6 +1,7 @@
 #include "capture/video_calibration.h"
 
 #include <filesystem>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -31,10 +32,14 @@ Result<std::string> FindByEndoscopeNumber(const std::string& folder, const std::
                            "': the endoscope was not recorded; name a calibration file");
   }
   const std::string endoscope = Concat("Endoscope_", *number < 10 ? "0" : "", std::to_string(*number));
-  const std::filesystem::path data_set =
-      std::filesystem::absolute(folder).lexically_normal().parent_path().parent_path();
+  std::error_code error;
+  const std::filesystem::path absolute = std::filesystem::absolute(info_path, error);
+  if (error) return Unavailable(info_path + ": " + error.message());
+  const std::filesystem::path sequence = absolute.lexically_normal().parent_path();
+  const std::filesystem::path data_set = sequence.parent_path().parent_path();
   const std::string path = (data_set / "Calibrations" / endoscope / (endoscope + std::string(kGeometrical))).string();
-  if (!IsFile(path)) return NotFound(path + ": no such file; " + info_path + " says that it belongs to the recording");
+  if (!IsFile(path))
+    return NotFound(Concat(path, ": no such file; ", info_path, " says that it belongs to the recording"));
   return path;
 }
 
@@ -47,8 +52,8 @@ Result<std::string> FindCalibration(const std::string& folder, const std::string
   for (const std::string& name : names) {
     if (!name.ends_with(kGeometrical)) continue;
     if (!geometrical.empty()) {
-      return InvalidArgument(folder + ": more than one calibration (" + FileName(geometrical) + ", " + name +
-                             "); name the one to use");
+      return InvalidArgument(
+          Concat(folder, ": more than one calibration (", FileName(geometrical), ", ", name, "); name the one to use"));
     }
     geometrical = Joined(folder, name);
   }

@@ -22,14 +22,14 @@ struct FeatureConfig {
 // Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint
 // (paper, Section III-F). Rigid phantom: k 1, sigma_0 0. Living tissue: k 2, sigma_0 5.
 struct NoiseConfig {
-  double k = 1.0;           // [0, 10]
-  double sigma_0_px = 1.0;  // [0, 20]
+  double k = 0.5;           // [0, 10]
+  double sigma_0_px = 0.5;  // [0, 20]
   double SigmaPx(double scale_px) const { return k * scale_px + sigma_0_px; }
 };
 
 // Ratios are of angles (hal/vision_device.h).
 struct MatchingConfig {
-  double min_similarity = 0.7;       // cosine; below it two descriptors show different things [0, 1]
+  double min_similarity = 0.85;      // cosine; below it two descriptors show different things [0, 1]
   double guided_ratio = 0.9;         // guided search: geometry already excludes most impostors [0.1, 1]
   double brute_force_ratio = 0.85;   // search without a prediction [0.1, 1]
   double scale_tolerance = 1.8;      // factor by which a keypoint's scale may differ from its prediction [1.1, 4]
@@ -45,7 +45,8 @@ struct InitialisationConfig {
   // The two views are near in time: nothing has deformed between them, and only the localisation of the features is
   // noise (sigma = noise_k * scale). With the noise of mapping, small motions would vanish in the tolerance [0.05, 10]
   double noise_k = 0.5;
-  double min_parallax_deg = 0.5;  // median over the points [0.05, 30]
+  double min_parallax_deg = 1.2;  // median over the points [0.05, 30]
+  int min_gap_frames = 4;         // between the two views: one step of a trembling hand is no baseline [1, 100]
   double min_inlier_share = 0.5;  // inliers of the epipolar geometry over matches [0, 1]
   double min_spread = 0.40;       // area of the ellipse fitted to the points over the image (paper: 0.59 ok, 0.35 not)
   int max_reference_age_frames = 40;  // a reference older than this is renewed [1, 1000]
@@ -57,6 +58,7 @@ struct TrackingConfig {
   int min_motion_matches = 20;      // below it: second try, then brute force [5, 1000]
   int min_inliers = 15;             // a pose with fewer is not a pose [6, 1000]
   int min_recovery_inliers = 20;    // a pose found by brute force needs more [6, 1000]
+  int max_unclear_frames = 12;           // in a row with much less in sight than usual, then lost [1, 1000]
   double max_jump_depth_ratio =
       0.5;                     // tracked motion in one frame over the median depth: more is inconsistent [0.01, 10]
   double max_jump_deg = 25.0;  // rotation in one frame [1, 180]
@@ -82,9 +84,8 @@ struct MappingConfig {
   int min_shared_points = 15;     // to be a covisible neighbour [1, 1000]
   int bundle_iterations = 10;     // [1, 100]
   int max_bundle_ms = 150;        // real-time mode only; sequential mode counts iterations [1, 10000]
-  double min_found_share = 0.25;         // keyframes that find a point over those that should see it [0, 1]
-  int trial_views = 3;                   // keyframes that should see a point before it is judged [1, 100]
-  int lasting_observations = 8;          // a point seen so often is never judged again [3, 40]
+  int point_trial_keyframes = 20;        // made after a point, before it is judged by its observations [1, 1000]
+  int min_lasting_observations = 4;      // a point with fewer after its trial is culled [2, 40]
   double redundant_share = 0.90;  // a keyframe whose points are seen so much elsewhere is culled [0.5, 1]
   int min_map_keyframes = 4;      // a map with fewer is dropped when it is lost [2, 100]
 };

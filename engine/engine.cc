@@ -5,7 +5,8 @@ namespace {
 
 // The tracker asks for a keyframe only when the mapper is idle, but for one in need; more would be stale work.
 constexpr int kMaxProposals = 3;
-// Beside those of the keyframes: current and last frame, reference view, proposals, retired ones.
+// Beside those of the keyframes: current and last frame, reference view, proposals, retired ones; and the frames that an
+// initialisation keeps, here and in a proposal that waits.
 constexpr int kSpareFeatureSets = 32;
 
 }  // namespace
@@ -15,7 +16,7 @@ VisionPlan Engine::PlanFor(const EngineConfig& config, const CameraCalibration& 
   plan.max_width_px = calibration.width_px;
   plan.max_height_px = calibration.height_px;
   plan.max_features = config.features.max;
-  plan.max_feature_sets = config.memory.max_keyframes + kSpareFeatureSets;
+  plan.max_feature_sets = config.memory.max_keyframes + kSpareFeatureSets + 2 * config.initialisation.max_reference_age_frames;
   plan.max_match_list = std::max(config.memory.max_local_points, config.features.max);
   return plan;
 }
@@ -36,7 +37,8 @@ Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevi
                const Clock* clock)
     : config_(config),
       camera_(camera),
-      link_(kMaxProposals, config.features.max, config.memory.max_local_points),
+      link_(kMaxProposals, config.features.max, config.initialisation.max_reference_age_frames,
+            config.memory.max_local_points),
       mapper_(config_, camera_, device, link_, clock, mode == Mode::kRealTime),
       tracker_(config_, camera_, device, link_) {}
 

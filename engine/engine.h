@@ -47,6 +47,7 @@ class Engine {
   const Atlas& atlas() const { return mapper_.atlas(); }
   const MapperCounters& mapper_counters() const { return mapper_.counters(); }
   SpscRing<MapEvent>& map_events() { return mapper_.events(); }
+  SpscRing<LatePose>& late_poses() { return mapper_.late_poses(); }
   // The pose of a frame in the map that it belongs to now. False when it was never tracked or its map was dropped.
   bool Resolve(const FrameResult& result, ResolvedPose* pose) const;
 

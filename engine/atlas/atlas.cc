@@ -96,7 +96,6 @@ MapPointHandle Atlas::AddPoint(MapHandle map, const Eigen::Vector3d& position, K
   point.descriptor = DescriptorRef{};
   point.observations.Clear();
   point.first_keyframe_id = made_by;
-  point.num_visible = 0;
   ++maps_.At(map).num_points;
   return handle;
 }
@@ -152,13 +151,10 @@ bool Atlas::RemoveObservation(MapPointHandle handle, KeyframeHandle keyframe_han
 void Atlas::FusePoints(MapPointHandle from, MapPointHandle into) {
   MapPoint& source = points_.At(from);
   const FixedVector<Observation, kMaxObservations> observations = source.observations;
-  const int num_visible = source.num_visible;
   RemovePoint(from);
   for (const Observation& observation : observations) {
     AddObservation(into, observation.keyframe, observation.feature_idx);
   }
-  MapPoint& target = points_.At(into);
-  target.num_visible = std::max(target.num_visible, num_visible);
   UpdatePoint(into);
 }
 

@@ -38,7 +38,6 @@ struct MapPoint {
   DescriptorRef descriptor;  // of the observation most like all others
   FixedVector<Observation, kMaxObservations> observations;
   KeyframeId first_keyframe_id = 0;  // keyframe whose insertion made it
-  int num_visible = 0;               // keyframes since then in which it should have been seen
 };
 
 struct Keyframe {

@@ -8,6 +8,7 @@ namespace {
 
 constexpr int kFoundingIterations = 20;
 constexpr std::size_t kMaxEvents = 1024;
+constexpr std::size_t kMaxLatePoses = 1024;
 
 Atlas::Capacity CapacityOf(const EngineConfig& config) {
   return {config.memory.max_keyframes, config.memory.max_map_points, config.memory.max_maps,
@@ -29,7 +30,9 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       creator_(config, camera, device),
       fuser_(config, camera, device),
       bundle_(config, camera),
+      late_placement_(config, camera, device),
       events_(kMaxEvents),
+      late_poses_(kMaxLatePoses),
       is_candidate_(static_cast<std::size_t>(config.memory.max_map_points), 0) {}
 
 bool Mapper::Step() {
@@ -48,19 +51,13 @@ bool Mapper::Step() {
 
 void Mapper::FoundMap(const KeyframeProposal& proposal) {
   if (!MakeFoundingBundle(proposal)) {
-    ++counters_.num_foundings_refused;
-    device_.ReleaseFeatureSet(proposal.reference.features.set);
-    device_.ReleaseFeatureSet(proposal.view.features.set);
-    Report(MapEventKind::kMapRefused, proposal.view, active_);
-    Publish(founding_proposal_, proposal.founding_id);
+    RefuseFounding(proposal);
     return;
   }
   RetireActiveMap(proposal);
   active_ = atlas_.CreateMap();
   if (!active_) {
-    device_.ReleaseFeatureSet(proposal.reference.features.set);
-    device_.ReleaseFeatureSet(proposal.view.features.set);
-    Publish(founding_proposal_, proposal.founding_id);
+    RefuseFounding(proposal);
     return;
   }
   // The unit of a new map is its median depth in the first view.
@@ -77,9 +74,14 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
       atlas_.AddKeyframe(active_, proposal.view.frame_index, proposal.view.timestamp, second, proposal.view.features);
   if (!reference || !newest_) {
     ++counters_.num_keyframes_refused;
+    std::vector<FeatureSetHandle> sets;
+    atlas_.DropMap(active_, &sets);
+    active_ = MapHandle{};
+    newest_ = KeyframeHandle{};
+    RefuseFounding(proposal);
     return;
   }
-  int num_points = 0;
+  recent_points_.clear();
   for (int i = 0; i < proposal.num_pairs; ++i) {
     if (founding_.observations[2 * i].is_outlier || founding_.observations[2 * i + 1].is_outlier) continue;
     const MapPointHandle point =
@@ -91,13 +93,43 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
       continue;
     }
     atlas_.UpdatePoint(point);
-    ++num_points;
+    recent_points_.push_back(point);
   }
   counters_.num_keyframes += 2;
-  counters_.num_points_created += num_points;
+  counters_.num_points_created += recent_points_.size();
+  PlaceBetween(proposal, reference);
   founding_proposal_ = proposal.founding_id;
   Report(MapEventKind::kMapCreated, proposal.view, active_);
   Publish(founding_proposal_, 0);
+}
+
+void Mapper::RefuseFounding(const KeyframeProposal& proposal) {
+  ++counters_.num_foundings_refused;
+  device_.ReleaseFeatureSet(proposal.reference.features.set);
+  device_.ReleaseFeatureSet(proposal.view.features.set);
+  for (int i = 0; i < proposal.num_between; ++i) device_.ReleaseFeatureSet(proposal.between[i].features.set);
+  Report(MapEventKind::kMapRefused, proposal.view, active_);
+  Publish(founding_proposal_, proposal.founding_id);
+}
+
+// Between the two views the scope is taken to have moved evenly; each frame placed corrects the guess for the next.
+void Mapper::PlaceBetween(const KeyframeProposal& proposal, KeyframeHandle reference) {
+  const SE3& second = atlas_.keyframe(newest_).cam_from_map;
+  SE3 last;
+  std::uint32_t last_index = proposal.reference.frame_index;
+  for (int i = 0; i < proposal.num_between; ++i) {
+    const ProposedView& view = proposal.between[i];
+    const double share = static_cast<double>(view.frame_index - last_index) /
+                         static_cast<double>(proposal.view.frame_index - last_index);
+    const SE3 guess = SE3::Exp(share * (second * last.Inverse()).Log()) * last;
+    LatePose pose;
+    if (late_placement_.Place(view, guess, reference, atlas_, &pose)) {
+      late_poses_.TryPush(pose);
+      last = pose.cam_from_reference * atlas_.keyframe(reference).cam_from_map;
+      last_index = view.frame_index;
+    }
+    device_.ReleaseFeatureSet(view.features.set);
+  }
 }
 
 // Adjusts both views and their points; false when what is left does not carry a map.
@@ -162,14 +194,15 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   }
   atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
   CollectPoints(covisible_, config_.mapping.fuse_neighbours, &candidates_);
-  counters_.num_points_fused += fuser_.SearchInto(handle, candidates_, true, &atlas_);
-  CullPoints(candidates_);
+  counters_.num_points_fused += fuser_.SearchInto(handle, candidates_, &atlas_);
+  CullPoints();
   const TimePoint inserted = Now();
 
   atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
   created_.clear();
   creator_.Create(handle, covisible_, &atlas_, &created_);
   counters_.num_points_created += created_.size();
+  recent_points_.insert(recent_points_.end(), created_.begin(), created_.end());
   const TimePoint made = Now();
 
   // What the new keyframe brings is searched in its neighbours.
@@ -179,7 +212,7 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
     if (keyframe.points[i]) candidates_.push_back(keyframe.points[i]);
   }
   for (std::size_t i = 0; i < covisible_.size() && i < static_cast<std::size_t>(config_.mapping.fuse_neighbours); ++i) {
-    counters_.num_points_fused += fuser_.SearchInto(covisible_[i].keyframe, candidates_, false, &atlas_);
+    counters_.num_points_fused += fuser_.SearchInto(covisible_[i].keyframe, candidates_, &atlas_);
   }
   const TimePoint fused = Now();
 
@@ -213,20 +246,23 @@ void Mapper::CollectPoints(std::span<const Covisible> keyframes, int max_keyfram
   for (const MapPointHandle point : *out) is_candidate_[point.index] = 0;
 }
 
-// A point must be found again in enough of the keyframes that should show it. One that was seen often stays: that it is not
-// seen now is more likely a fold in between than a mistake.
-void Mapper::CullPoints(std::span<const MapPointHandle> points) {
-  const MappingConfig& options = config_.mapping;
-  for (const MapPointHandle handle : points) {
+// A point seen in a few neighbouring keyframes only helped to place those; when they have settled it has done its work. What
+// the map keeps are the points that can be found again.
+void Mapper::CullPoints() {
+  const KeyframeId now = atlas_.keyframe(newest_).id;
+  std::size_t kept = 0;
+  for (const MapPointHandle handle : recent_points_) {
     const MapPoint* point = atlas_.GetPoint(handle);
     if (point == nullptr) continue;
-    const int num_observations = static_cast<int>(point->observations.size());
-    if (num_observations >= options.lasting_observations || point->num_visible < options.trial_views) continue;
-    const int found_again = num_observations - 2;
-    if (found_again >= options.min_found_share * point->num_visible) continue;
+    if (now - point->first_keyframe_id < static_cast<KeyframeId>(config_.mapping.point_trial_keyframes)) {
+      recent_points_[kept++] = handle;
+      continue;
+    }
+    if (static_cast<int>(point->observations.size()) >= config_.mapping.min_lasting_observations) continue;
     atlas_.RemovePoint(handle);
     ++counters_.num_points_culled;
   }
+  recent_points_.resize(kept);
 }
 
 void Mapper::CullKeyframes(KeyframeHandle newest) {

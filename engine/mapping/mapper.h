@@ -10,6 +10,7 @@
 #include "engine/atlas/local_map.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/mapping/late_placement.h"
 #include "engine/mapping/local_bundle.h"
 #include "engine/mapping/map_event.h"
 #include "engine/mapping/point_creation.h"
@@ -45,14 +46,18 @@ class Mapper {
   const MapperCounters& counters() const { return counters_; }
   // Events since the last call, oldest first; the same thread as Step, or after the mapping thread has ended.
   SpscRing<MapEvent>& events() { return events_; }
+  // Poses of frames that were answered before their map stood; read like events.
+  SpscRing<LatePose>& late_poses() { return late_poses_; }
 
  private:
   void FoundMap(const KeyframeProposal& proposal);
   bool MakeFoundingBundle(const KeyframeProposal& proposal);
+  void PlaceBetween(const KeyframeProposal& proposal, KeyframeHandle reference);
+  void RefuseFounding(const KeyframeProposal& proposal);
   void RetireActiveMap(const KeyframeProposal& proposal);
   void InsertKeyframe(const KeyframeProposal& proposal);
   void CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out);
-  void CullPoints(std::span<const MapPointHandle> points);
+  void CullPoints();
   void CullKeyframes(KeyframeHandle newest);
   bool IsRedundant(KeyframeHandle handle) const;
   void Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal);
@@ -72,7 +77,9 @@ class Mapper {
   PointCreator creator_;
   PointFuser fuser_;
   LocalBundle bundle_;
+  LatePlacement late_placement_;
   SpscRing<MapEvent> events_;
+  SpscRing<LatePose> late_poses_;
   MapperCounters counters_;
 
   MapHandle active_;
@@ -84,6 +91,7 @@ class Mapper {
     FeatureSetHandle set;
   };
   std::vector<RetiredSet> retired_;
+  std::vector<MapPointHandle> recent_points_;  // still on trial
   std::vector<MapPointHandle> candidates_;
   std::vector<MapPointHandle> created_;
   std::vector<Covisible> covisible_;

@@ -15,7 +15,7 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 PointFuser::PointFuser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
     : config_(config), camera_(camera), device_(device) {}
 
-int PointFuser::SearchInto(KeyframeHandle handle, std::span<const MapPointHandle> candidates, bool count_visible,
+int PointFuser::SearchInto(KeyframeHandle handle, std::span<const MapPointHandle> candidates,
                            Atlas* atlas) {
   queries_.clear();
   query_points_.clear();
@@ -26,14 +26,13 @@ int PointFuser::SearchInto(KeyframeHandle handle, std::span<const MapPointHandle
   const double gate = std::sqrt(kChi2TwoDof);
   const std::size_t max_queries = static_cast<std::size_t>(device_.plan().max_match_list);
   for (const MapPointHandle candidate : candidates) {
-    MapPoint* point = atlas->GetPoint(candidate);
+    const MapPoint* point = atlas->GetPoint(candidate);
     if (point == nullptr || queries_.size() == max_queries) continue;
     const Eigen::Vector3d to_camera = centre - point->position;
     const double distance = to_camera.norm();
     if (distance <= 0.0 || point->normal.dot(to_camera) < min_cos * distance) continue;
     Eigen::Vector2d pixel;
     if (!camera_.Project(keyframe.cam_from_map * point->position, &pixel) || !camera_.IsInImage(pixel)) continue;
-    if (count_visible) ++point->num_visible;
     if (atlas->FeatureOf(*point, handle) >= 0) continue;
     const double scale = point->scale_times_distance / distance;
     queries_.push_back({point->descriptor, static_cast<float>(pixel.x()), static_cast<float>(pixel.y()),

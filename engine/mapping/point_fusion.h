@@ -17,9 +17,9 @@ class PointFuser {
  public:
   PointFuser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
 
-  // Searches `candidates` (stale handles are skipped) in the keyframe. Counts every candidate that should be visible in
-  // it (num_visible) when `count_visible`. Returns the number of observations gained plus points fused.
-  int SearchInto(KeyframeHandle handle, std::span<const MapPointHandle> candidates, bool count_visible, Atlas* atlas);
+  // Searches `candidates` (stale handles are skipped) in the keyframe. Returns the number of observations gained plus
+  // points fused.
+  int SearchInto(KeyframeHandle handle, std::span<const MapPointHandle> candidates, Atlas* atlas);
 
  private:
   const EngineConfig& config_;

@@ -24,6 +24,8 @@ Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, 
       rng_(config.seed, 1),
       reference_(config.features.max),
       pairs_(static_cast<std::size_t>(config.features.max)),
+      between_(static_cast<std::size_t>(config.initialisation.max_reference_age_frames),
+               ProposedView(config.features.max)),
       matches_(static_cast<std::size_t>(config.features.max)) {
   bearings_a_.reserve(matches_.size());
   bearings_b_.reserve(matches_.size());
@@ -35,22 +37,31 @@ Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, 
 void Initialiser::Reset() {
   if (has_reference_) device_.ReleaseFeatureSet(reference_.features.set);
   has_reference_ = false;
+  for (std::size_t i = 0; i < num_between_; ++i) device_.ReleaseFeatureSet(between_[i].features.set);
+  num_between_ = 0;
 }
 
 void Initialiser::SetReference(const ProposedView& view) {
   Reset();
-  reference_.frame_index = view.frame_index;
-  reference_.timestamp = view.timestamp;
-  reference_.features.set = view.features.set;
-  reference_.features.num = view.features.num;
-  std::copy_n(view.features.keypoints.begin(), view.features.num, reference_.features.keypoints.begin());
-  std::copy_n(view.features.bearings.begin(), view.features.num, reference_.features.bearings.begin());
+  CopyView(view, &reference_);
   has_reference_ = true;
 }
 
-FeatureSetHandle Initialiser::TakeReferenceSet() {
+bool Initialiser::KeepBetween(const ProposedView& view) {
+  if (num_between_ == between_.size()) return false;
+  CopyView(view, &between_[num_between_++]);
+  return true;
+}
+
+void Initialiser::MoveInto(KeyframeProposal* proposal) {
+  proposal->cam_from_reference = cam_from_reference_;
+  std::swap(proposal->reference, reference_);
+  std::swap(proposal->pairs, pairs_);
+  proposal->num_pairs = num_pairs_;
+  std::swap(proposal->between, between_);
+  proposal->num_between = static_cast<std::int32_t>(num_between_);
   has_reference_ = false;
-  return reference_.features.set;
+  num_between_ = 0;
 }
 
 TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
@@ -71,6 +82,10 @@ TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
   if (view.frame_index - reference_.frame_index > static_cast<std::uint32_t>(options.max_reference_age_frames)) {
     return TrackingReason::kFewMatches;
+  }
+
+  if (view.frame_index - reference_.frame_index < static_cast<std::uint32_t>(options.min_gap_frames)) {
+    return TrackingReason::kLowParallax;
   }
 
   bearings_a_.clear();

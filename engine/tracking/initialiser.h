@@ -32,14 +32,16 @@ class Initialiser {
   // the reference is still held. kFewMatches: the caller should renew the reference.
   TrackingReason Try(const ProposedView& view, TimePoint deadline);
 
-  const ProposedView& reference() const { return reference_; }
-  std::span<const FoundingPair> pairs() const { return {pairs_.data(), static_cast<std::size_t>(num_pairs_)}; }
-  const SE3& cam_from_reference() const { return cam_from_reference_; }
   int num_matches() const { return num_matches_; }
   int num_inliers() const { return num_inliers_; }
 
-  // Hands the reference's feature set to the caller (with the proposal) and forgets the view.
-  FeatureSetHandle TakeReferenceSet();
+  // Keeps a view that came after the reference but did not found a map, with its feature set. False when there is no room
+  // left: the caller keeps the set then.
+  bool KeepBetween(const ProposedView& view);
+
+  // Moves everything that founds the map into the proposal, with the feature sets of reference and kept views, and
+  // forgets the reference. The proposal's own view is the caller's.
+  void MoveInto(KeyframeProposal* proposal);
 
  private:
   const EngineConfig& config_;
@@ -54,6 +56,8 @@ class Initialiser {
   int num_inliers_ = 0;
   std::int32_t num_pairs_ = 0;
   std::vector<FoundingPair> pairs_;
+  std::size_t num_between_ = 0;
+  std::vector<ProposedView> between_;
   std::vector<Match> matches_;
   std::vector<Eigen::Vector3d> bearings_a_;
   std::vector<Eigen::Vector3d> bearings_b_;

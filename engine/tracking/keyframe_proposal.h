@@ -28,13 +28,18 @@ struct ProposedView {
   FrameFeatures features;
 };
 
+// Copies frame number, time, feature set and features into a view of the same capacity; allocates nothing.
+void CopyView(const ProposedView& from, ProposedView* to);
+
 struct KeyframeProposal {
   KeyframeProposal() = default;
-  explicit KeyframeProposal(int max_features)
+  // max_between: frames between the views of a founding that can be carried.
+  KeyframeProposal(int max_features, int max_between)
       : view(max_features),
         points(static_cast<std::size_t>(max_features)),
         reference(max_features),
-        pairs(static_cast<std::size_t>(max_features)) {}
+        pairs(static_cast<std::size_t>(max_features)),
+        between(static_cast<std::size_t>(max_between), ProposedView(max_features)) {}
 
   bool founds_map = false;
   ProposedView view;
@@ -50,6 +55,9 @@ struct KeyframeProposal {
   SE3 cam_from_reference;
   std::int32_t num_pairs = 0;
   std::vector<FoundingPair> pairs;
+  // The frames between the two views, oldest first: they are placed when the map stands.
+  std::int32_t num_between = 0;
+  std::vector<ProposedView> between;
 };
 
 }  // namespace haustra

@@ -86,7 +86,11 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   result.num_features = current_.features.num;
   if (state_ == TrackingState::kTracking) {
     FillPose(&result);
-    ConsiderKeyframe(&result);
+    if (IsClearView()) {
+      LearnUsualShare();
+      num_unclear_ = 0;
+      ConsiderKeyframe(&result);
+    }
   }
   EndFrame();
   link_.version_done.store(local_map().version, std::memory_order_release);
@@ -139,6 +143,7 @@ void Tracker::ReadSnapshot() {
 void Tracker::SetLost() {
   if (state_ == TrackingState::kTracking) state_ = TrackingState::kLost;
   has_velocity_ = false;
+  num_unclear_ = 0;
   matches_.clear();
 }
 
@@ -179,6 +184,10 @@ void Tracker::TrackMap(TimePoint deadline, FrameResult* result) {
     result->reason = TrackingReason::kRecovered;
     result->num_matches = static_cast<int>(matches_.size());
   }
+  if (has_pose && !IsClearView() && ++num_unclear_ > config_.tracking.max_unclear_frames) {
+    has_pose = false;
+    result->reason = TrackingReason::kUnclearView;
+  }
   if (!has_pose) SetLost();
 }
 
@@ -213,10 +222,13 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
   result->reason = initialiser_.Try(current_, deadline);
   result->num_matches = initialiser_.num_matches();
   result->num_inliers = initialiser_.num_inliers();
-  if (result->reason == TrackingReason::kMapProposed) ProposeMap();
-  if (result->reason == TrackingReason::kFewMatches) {
+  if (result->reason == TrackingReason::kMapProposed) {
+    ProposeMap();
+  } else if (result->reason == TrackingReason::kFewMatches) {
     initialiser_.SetReference(current_);
     current_is_proposed_ = true;
+  } else {
+    current_is_proposed_ = initialiser_.KeepBetween(current_);
   }
 }
 
@@ -395,7 +407,7 @@ bool Tracker::RecoverPose(TimePoint deadline) {
   KeepInliers();
   if (!SearchLocalMap(0.0, deadline) || !OptimiseMatches()) return false;
   KeepInliers();
-  return static_cast<int>(matches_.size()) >= config_.tracking.min_recovery_inliers;
+  return static_cast<int>(matches_.size()) >= config_.tracking.min_recovery_inliers && IsClearView();
 }
 
 // The keyframe of the window that shares most points with the frame.
@@ -420,18 +432,19 @@ void Tracker::FillPose(FrameResult* result) const {
   result->num_established = num_established_;
 }
 
-// Whether the frame shows what the map says it should; keeps the usual share up to date.
-bool Tracker::IsClearView() {
-  if (num_expected_ < kMinExpected) return true;
+// Whether the frame shows what the map says it should, compared with what is usual.
+bool Tracker::IsClearView() const {
+  return num_expected_ < kMinExpected || num_established_ >= kDegradedShare * usual_share_ * num_expected_;
+}
+
+void Tracker::LearnUsualShare() {
+  if (num_expected_ < kMinExpected) return;
   const double share = static_cast<double>(num_established_) / num_expected_;
-  if (usual_share_ > 0.0 && share < kDegradedShare * usual_share_) return false;
   usual_share_ = usual_share_ > 0.0 ? kUsualShareMemory * usual_share_ + (1.0 - kUsualShareMemory) * share : share;
-  return true;
 }
 
 void Tracker::ConsiderKeyframe(FrameResult* result) {
   const KeyframeConfig& options = config_.keyframes;
-  if (!IsClearView()) return;
   const int spacing = static_cast<int>(current_.frame_index - last_keyframe_frame_);
   if (spacing < options.min_spacing_frames) return;
   if (link_.num_pending.load(std::memory_order_acquire) > 0) return;  // the mapper is busy
@@ -452,14 +465,8 @@ void Tracker::ProposeKeyframe(FrameResult* result) {
   slot->founds_map = false;
   slot->map_id = map_id_;
   slot->cam_from_map = pose_;
-  slot->view.frame_index = current_.frame_index;
-  slot->view.timestamp = current_.timestamp;
-  const FrameFeatures& features = current_.features;
-  slot->view.features.set = features.set;
-  slot->view.features.num = features.num;
-  std::copy_n(features.keypoints.begin(), features.num, slot->view.features.keypoints.begin());
-  std::copy_n(features.bearings.begin(), features.num, slot->view.features.bearings.begin());
-  std::fill_n(slot->points.begin(), features.num, MapPointHandle{});
+  CopyView(current_, &slot->view);
+  std::fill_n(slot->points.begin(), current_.features.num, MapPointHandle{});
   for (const PointMatch& match : matches_) {
     slot->points[match.feature_idx] = local_map().points[match.point_idx].handle;
   }
@@ -476,21 +483,10 @@ void Tracker::ProposeMap() {
   if (slot == nullptr) return;
   slot->founds_map = true;
   slot->founding_id = awaited_founding_ = next_founding_id_++;
-  slot->cam_from_reference = initialiser_.cam_from_reference();
-  for (ProposedView* target : {&slot->view, &slot->reference}) {
-    const ProposedView& source = target == &slot->view ? current_ : initialiser_.reference();
-    target->frame_index = source.frame_index;
-    target->timestamp = source.timestamp;
-    target->features.set = source.features.set;
-    target->features.num = source.features.num;
-    std::copy_n(source.features.keypoints.begin(), source.features.num, target->features.keypoints.begin());
-    std::copy_n(source.features.bearings.begin(), source.features.num, target->features.bearings.begin());
-  }
-  slot->num_pairs = static_cast<std::int32_t>(initialiser_.pairs().size());
-  std::copy(initialiser_.pairs().begin(), initialiser_.pairs().end(), slot->pairs.begin());
+  CopyView(current_, &slot->view);
+  initialiser_.MoveInto(slot);
   link_.num_pending.fetch_add(1, std::memory_order_acq_rel);
   link_.proposals.CommitPush();
-  initialiser_.TakeReferenceSet();
   founding_frame_ = current_.frame_index;
   current_is_proposed_ = true;
 }

@@ -29,8 +29,8 @@ namespace haustra {
 
 // The only things that tracking and mapping share.
 struct TrackingLink {
-  TrackingLink(int num_proposals, int max_features, int max_local_points)
-      : proposals(static_cast<std::size_t>(num_proposals), KeyframeProposal(max_features)),
+  TrackingLink(int num_proposals, int max_features, int max_between, int max_local_points)
+      : proposals(static_cast<std::size_t>(num_proposals), KeyframeProposal(max_features, max_between)),
         snapshots(LocalMap(max_local_points)) {}
 
   SpscRing<KeyframeProposal> proposals;  // tracking to mapping
@@ -77,7 +77,8 @@ class Tracker {
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose(TimePoint deadline);
 
-  bool IsClearView();
+  bool IsClearView() const;
+  void LearnUsualShare();
   void ConsiderKeyframe(FrameResult* result);
   void ProposeKeyframe(FrameResult* result);
   void ProposeMap();
@@ -119,7 +120,7 @@ class Tracker {
 
   std::uint32_t last_keyframe_frame_ = 0;
   SE3 last_keyframe_pose_;
-  bool current_is_proposed_ = false;
+  bool current_is_proposed_ = false;  // its feature set has a new owner: mapper or initialiser
 
   // Workspaces.
   std::vector<GuidedQuery> queries_;
@@ -136,6 +137,7 @@ class Tracker {
   int num_expected_ = 0;     // established points that should be visible from the pose
   int num_established_ = 0;  // established points among the matches
   double usual_share_ = 0.0;  // of established points over expected ones, in clear frames; 0: not known yet
+  int num_unclear_ = 0;  // frames in a row that were tracked without a clear view
   double median_depth_ = 1.0;
   std::vector<double> depths_;
 };

@@ -219,16 +219,14 @@ inline VecF Atan2(VecF y, VecF x) {
 
 // Gradients of a plane at the points of a grid around a keypoint: the pixel nearest to each point, differences over two
 // pixels. A pixel is at most half the blur of any level, so this is both sharper than differences between the grid's
-// points would be, and the same in all directions; the distance to the nearest pixel is small against the windows. Grid
-// axes (ux, uy) and (-uy, ux) in octave pixels. magnitudes: 0 outside the plane; angles: relative to the grid's axes,
-// in parts of `turn` to the full circle.
-template <typename Tables>
-inline void SampleGradients(const Plane& plane, const Tables& tables, float x, float y, float ux, float uy, float turn,
-                            float* magnitudes, float* angles) {
+// points would be, and the same in all directions; the distance to the nearest pixel is small against the cells. Grid
+// axes (ux, uy) and (-uy, ux) in octave pixels. magnitudes: weighted, 0 outside the plane; bins: angles relative to the
+// grid's axes, in orientations of the descriptor.
+inline void SampleGradients(const Plane& plane, const DescriptorTables& tables, float x, float y, float ux, float uy,
+                            float* magnitudes, float* bins) {
   const float last_x = static_cast<float>(plane.width - 2);
   const float last_y = static_cast<float>(plane.height - 2);
-  const float factor = turn / kTwoPi;
-  for (int i = 0; i < Tables::kPaddedSize; i += kLanes) {
+  for (int i = 0; i < DescriptorTables::kPaddedSize; i += kLanes) {
     const VecF u = Load(tables.u + i);
     const VecF v = Load(tables.v + i);
     const VecF px = x + u * ux - v * uy + 0.5f;
@@ -241,17 +239,43 @@ inline void SampleGradients(const Plane& plane, const Tables& tables, float x, f
     const VecF dy = Gather(plane.data + plane.stride, index) - Gather(plane.data - plane.stride, index);
     // The axes have the length of the grid's spacing, which an angle does not notice.
     Store(magnitudes + i, Select(is_inside, Sqrt(dx * dx + dy * dy) * Load(tables.weights + i), Splat(0.0f)));
-    Store(angles + i, Atan2(dy * ux - dx * uy, dx * ux + dy * uy) * factor);
+    Store(bins + i, Atan2(dy * ux - dx * uy, dx * ux + dy * uy) * (kDescriptorOrientations / kTwoPi));
   }
 }
 
 int FindOrientations(const Plane& level, const PatchFrame& frame, float* angles) {
-  alignas(64) float magnitudes[OrientationTables::kPaddedSize];
-  alignas(64) float bins[OrientationTables::kPaddedSize];
-  SampleGradients(level, GetOrientationTables(), frame.x, frame.y, kOrientationSpacing * frame.scale, 0.0f,
-                  static_cast<float>(kOrientationBins), magnitudes, bins);
+  // Every second pixel, at its true distance from the point: rounding to a coarser grid would cost precision here.
+  constexpr int kSide = 2 * kOrientationReachPx / kOrientationStepPx;
+  static_assert(kSide % kStrideAlignment == 0);
+  const int centre_x = static_cast<int>(frame.x);
+  const int centre_y = static_cast<int>(frame.y);
+  const float falloff = -0.5f / (kOrientationWindowSigma * kOrientationWindowSigma * frame.scale * frame.scale);
+  alignas(64) float column_weights[kSide];
+  alignas(64) std::int32_t columns[kSide];
+  for (int c = 0; c < kSide; ++c) {
+    columns[c] = centre_x + 1 - kOrientationReachPx + kOrientationStepPx * c;
+    const float distance = static_cast<float>(columns[c]) - frame.x;
+    column_weights[c] =
+        columns[c] >= 1 && columns[c] <= level.width - 2 ? __builtin_expf(falloff * distance * distance) : 0.0f;
+    columns[c] = ClampInt(columns[c], 1, level.width - 2);
+  }
+  alignas(64) float magnitudes[kSide * kSide];
+  alignas(64) float bins[kSide * kSide];
+  for (int r = 0; r < kSide; ++r) {
+    const int y = centre_y + 1 - kOrientationReachPx + kOrientationStepPx * r;
+    const float distance = static_cast<float>(y) - frame.y;
+    const float row_weight = y >= 1 && y <= level.height - 2 ? __builtin_expf(falloff * distance * distance) : 0.0f;
+    const float* row = level.row(ClampInt(y, 1, level.height - 2));
+    for (int c = 0; c < kSide; c += kLanes) {
+      const VecI x = LoadInts(columns + c);
+      const VecF dx = Gather(row + 1, x) - Gather(row - 1, x);
+      const VecF dy = Gather(row + level.stride, x) - Gather(row - level.stride, x);
+      Store(magnitudes + r * kSide + c, Sqrt(dx * dx + dy * dy) * (Load(column_weights + c) * row_weight));
+      Store(bins + r * kSide + c, Atan2(dy, dx) * (kOrientationBins / kTwoPi));
+    }
+  }
   float histogram[kOrientationBins + 2] = {};  // the last two wrap around (an angle may round up to a full turn)
-  for (int i = 0; i < OrientationTables::kNumSamples; ++i) {
+  for (int i = 0; i < kSide * kSide; ++i) {
     const int lower = static_cast<int>(bins[i]);
     const float fraction = bins[i] - static_cast<float>(lower);
     histogram[lower] += magnitudes[i] * (1.0f - fraction);
@@ -330,7 +354,7 @@ void Describe(const Plane& level, const PatchFrame& frame, bool root_sift, std::
   alignas(64) float bins[DescriptorTables::kPaddedSize];
   const float spacing = kDescriptorCellSize / kDescriptorSamplesPerCell * frame.scale;
   SampleGradients(level, tables, frame.x, frame.y, spacing * __builtin_cosf(frame.angle),
-                  spacing * __builtin_sinf(frame.angle), static_cast<float>(kDescriptorOrientations), magnitudes, bins);
+                  spacing * __builtin_sinf(frame.angle), magnitudes, bins);
 
   alignas(64) Vec8F cells[kDescriptorCells + 2][kDescriptorCells] = {};  // a row above and below for what falls outside
   const Vec8F orientations = {0, 1, 2, 3, 4, 5, 6, 7};

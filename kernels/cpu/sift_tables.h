@@ -1,4 +1,4 @@
-// Fixed sampling grids and weights of the orientation and descriptor windows; computed once, read-only afterwards.
+// Fixed sampling grid and weights of the descriptor; computed once, read-only afterwards.
 #pragma once
 
 #include "kernels/common/sift_parameters.h"
@@ -6,19 +6,8 @@
 namespace haustra::kernels {
 
 // Samples row by row; u to the right and v down, in spacings from the centre. Filled up to whole vectors with samples
-// of weight 0.
-struct OrientationTables {
-  static constexpr int kSide = 2 * kOrientationRadiusSamples + 1;
-  static constexpr int kNumSamples = kSide * kSide;
-  static constexpr int kPaddedSize = (kNumSamples + 15) / 16 * 16;
-
-  alignas(64) float u[kPaddedSize];
-  alignas(64) float v[kPaddedSize];
-  alignas(64) float weights[kPaddedSize];  // Gaussian inside the circle, 0 outside
-};
-
-// A row (or column) of samples lies between the centres of two cells, counting one cell more on either side than the
-// descriptor has (those collect what falls outside, and are dropped).
+// of weight 0. A row (or column) of samples lies between the centres of two cells, counting one cell more on either
+// side than the descriptor has (those collect what falls outside, and are dropped).
 struct DescriptorTables {
   static constexpr int kSide = (kDescriptorCells + 1) * kDescriptorSamplesPerCell;
   static constexpr int kNumSamples = kSide * kSide;
@@ -32,7 +21,6 @@ struct DescriptorTables {
   float after_weight[kSide];
 };
 
-const OrientationTables& GetOrientationTables();
 const DescriptorTables& GetDescriptorTables();
 
 }  // namespace haustra::kernels

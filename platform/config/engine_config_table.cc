@@ -80,6 +80,7 @@ void AddInitialisation(Fields* out) {
   out->push_back(Initialisation<&C::noise_k>("noise_k", {0.05, 10}, "",
                                              "sigma of a feature over its scale, between two views near in time"));
   out->push_back(Initialisation<&C::min_parallax_deg>("min_parallax_deg", {0.05, 30}, "deg", "median over the points"));
+  out->push_back(Initialisation<&C::min_gap_frames>("min_gap_frames", {1, 100}, "frames", "between the two views"));
   out->push_back(Initialisation<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",
                                                       "inliers of the epipolar geometry over matches"));
   out->push_back(Initialisation<&C::min_spread>("min_spread", {0, 1}, "",
@@ -104,6 +105,8 @@ void AddTracking(Fields* out) {
   out->push_back(Tracking<&C::min_inliers>("min_inliers", {6, 1000}, "points", "a pose with fewer is not a pose"));
   out->push_back(Tracking<&C::min_recovery_inliers>("min_recovery_inliers", {6, 1000}, "points",
                                                     "a pose found by brute force needs as many"));
+  out->push_back(Tracking<&C::max_unclear_frames>("max_unclear_frames", {1, 1000}, "frames",
+                                                  "in a row with much less in sight than usual, then lost"));
   out->push_back(
       Tracking<&C::max_jump_depth_ratio>("max_jump_depth_ratio", {0.01, 10}, "",
                                          "motion in one frame over the median depth above which it is inconsistent"));
@@ -156,12 +159,10 @@ void AddMapping(Fields* out) {
                                                 "most steps of one local bundle adjustment"));
   out->push_back(Mapping<&C::max_bundle_ms>("max_bundle_ms", {1, 10000}, "ms",
                                             "time of one local bundle adjustment, real-time mode only"));
-  out->push_back(Mapping<&C::min_found_share>("min_found_share", {0, 1}, "",
-                                              "keyframes that find a point over those that should see it"));
-  out->push_back(Mapping<&C::trial_views>("trial_views", {1, 100}, "keyframes",
-                                          "that should see a point before it is judged"));
-  out->push_back(Mapping<&C::lasting_observations>("lasting_observations", {3, 40}, "observations",
-                                                   "a point seen so often is never judged again"));
+  out->push_back(Mapping<&C::point_trial_keyframes>("point_trial_keyframes", {1, 1000}, "keyframes",
+                                                    "made after a point, before it is judged by its observations"));
+  out->push_back(Mapping<&C::min_lasting_observations>("min_lasting_observations", {2, 40}, "observations",
+                                                       "a point with fewer after its trial is culled"));
   out->push_back(Mapping<&C::redundant_share>("redundant_share", {0.5, 1}, "",
                                               "share of its points seen elsewhere at which a keyframe is culled"));
   out->push_back(Mapping<&C::min_map_keyframes>("min_map_keyframes", {2, 100}, "keyframes",

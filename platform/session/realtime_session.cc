@@ -179,6 +179,7 @@ class RealTimeSession {
       next_index_ = outcome.result.frame_index + 1;
       observer.OnFrame(outcome);
     }
+    for (LatePose pose; engine_.late_poses().TryPop(&pose);) observer.OnLatePose(pose);
     for (MapEvent event; engine_.map_events().TryPop(&event);) observer.OnMapEvent(event);
   }
 

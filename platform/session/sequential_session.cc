@@ -28,6 +28,7 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     }
     outcome.processing = outcome.latency = clock.Now() - begin;
     observer.OnFrame(outcome);
+    for (LatePose pose; engine.late_poses().TryPop(&pose);) observer.OnLatePose(pose);
     for (MapEvent event; engine.map_events().TryPop(&event);) observer.OnMapEvent(event);
   }
   summary.wall_time = clock.Now() - start;

@@ -26,6 +26,8 @@ class SessionObserver {
   virtual ~SessionObserver() = default;
   virtual void OnFrame(const FrameOutcome& outcome) = 0;
   virtual void OnMapEvent(const MapEvent& event) = 0;
+  // A frame that was answered before its map stood has a pose now.
+  virtual void OnLatePose(const LatePose& pose) = 0;
   // A frame that could not be read; the session goes on. `message` names the file.
   virtual void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) = 0;
 };

@@ -10,8 +10,8 @@ namespace haustra::render {
 namespace {
 
 constexpr double kRingSpacingMm = 0.55;
-// The pole of the dome is one small ring, not a point: normals and texture stay defined.
-constexpr double kPoleRadius = 0.004;
+// The pole of the dome is a ring, so that normals and texture stay defined, but one too small to be seen.
+constexpr double kPoleRadius = 1e-5;
 
 }  // namespace
 

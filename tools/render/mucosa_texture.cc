@@ -60,18 +60,59 @@ struct Painter {
 
   static constexpr int kNetCells = 44;       // meshes of the capillary net of about 3 mm
   static constexpr int kFollicleCells = 13;  // pale lymph follicles, one every 10 mm or so
+  static constexpr float kFollicleScale = static_cast<float>(kFollicleCells) / MucosaTexture::kColumns;
+  static constexpr float kFollicleRadius = 0.085f;  // cells
 
-  // Height of the relief in mm, colour and wetness of one texel.
+  // Colour, wetness, height of the relief in mm and polyp weight of one texel.
   struct Texel {
     float rgb[3];
     float wetness, height_mm, polyp;
   };
-  // arc_mm: of the row; below 0: on no part of the tube.
-  Texel At(int row, int column, double arc_mm) const {
+
+  // What varies slowly is computed at every kCoarse-th texel of a row and interpolated.
+  static constexpr int kCoarse = 8;
+  static constexpr int kCoarseColumns = MucosaTexture::kColumns / kCoarse;
+  struct Slow {
+    float blotch, patch, tint, net_mask, coarse_grain, coarse_relief, from_follicle;
+  };
+  Slow SlowAt(int row, int column) const {
+    return {blotch.At(row, column),   patch.At(row, column),     tint.At(row, column),         net_mask.At(row, column),
+            grain[0].At(row, column), relief[0].At(row, column), FollicleDistance(row, column)};
+  }
+  float FollicleDistance(int row, int column) const {
+    return follicles.At(static_cast<float>(row) * kFollicleScale, static_cast<float>(column) * kFollicleScale).nearest;
+  }
+
+  // One row of texels. arc_mm: of the row; below 0: on no part of the tube.
+  void PaintRow(int row, double arc_mm, std::vector<Texel>* out) const {
+    std::array<Slow, kCoarseColumns + 1> slow;
+    for (int i = 0; i < kCoarseColumns; ++i) slow[i] = SlowAt(row, i * kCoarse);
+    slow[kCoarseColumns] = slow[0];
+    out->resize(MucosaTexture::kColumns);
+    for (int column = 0; column < MucosaTexture::kColumns; ++column) {
+      const Slow &before = slow[column / kCoarse], &after = slow[column / kCoarse + 1];
+      const float share = static_cast<float>(column % kCoarse) / kCoarse;
+      const auto between = [&](float Slow::*value) { return before.*value + share * (after.*value - before.*value); };
+      Slow here{between(&Slow::blotch),
+                between(&Slow::patch),
+                between(&Slow::tint),
+                between(&Slow::net_mask),
+                between(&Slow::coarse_grain),
+                between(&Slow::coarse_relief),
+                1.0f};
+      // A distance changes by no more than the way: far from follicles there is no need to ask again.
+      if (before.from_follicle < kFollicleRadius + kCoarse * kFollicleScale) {
+        here.from_follicle = FollicleDistance(row, column);
+      }
+      (*out)[column] = At(row, column, arc_mm, here);
+    }
+  }
+
+  Texel At(int row, int column, double arc_mm, const Slow& slow) const {
     const std::size_t index = std::size_t(row) * MucosaTexture::kColumns + column;
     const float artery = style.vessels * static_cast<float>(arteries.values[index]) / 255.0f;
     const float vein = style.vessels * static_cast<float>(veins.values[index]) / 255.0f;
-    const float g0 = grain[0].At(row, column), g1 = grain[1].At(row, column), g2 = grain[2].At(row, column),
+    const float g0 = slow.coarse_grain, g1 = grain[1].At(row, column), g2 = grain[2].At(row, column),
                 g3 = grain[3].At(row, column);
 
     // Capillary net: borders of warped cells, here and there.
@@ -79,21 +120,17 @@ struct Painter {
     const CellNoise::Distances cell =
         net.At(static_cast<float>(row) * net_scale + 0.45f * g0, static_cast<float>(column) * net_scale + 0.45f * g1);
     const float border = 1.0f - SmoothStep(0.02f, 0.11f, cell.second - cell.nearest);
-    const float capillary = style.vessels * border * SmoothStep(-0.25f, 0.45f, net_mask.At(row, column)) * 0.34f;
-
-    const float follicle_scale = static_cast<float>(kFollicleCells) / MucosaTexture::kColumns;
-    const float from_follicle =
-        follicles.At(static_cast<float>(row) * follicle_scale, static_cast<float>(column) * follicle_scale).nearest;
-    const float follicle = 1.0f - SmoothStep(0.03f, 0.085f, from_follicle);
+    const float capillary = style.vessels * border * SmoothStep(-0.25f, 0.45f, slow.net_mask) * 0.34f;
+    const float follicle = 1.0f - SmoothStep(0.03f, kFollicleRadius, slow.from_follicle);
 
     const float angle = 2.0f * std::numbers::pi_v<float> * static_cast<float>(column) / MucosaTexture::kColumns;
     Texel out{};
     if (arc_mm >= 0.0) out.polyp = static_cast<float>(shape.PolypWeight(arc_mm, angle));
 
-    const float brightness = 1.0f + 0.14f * blotch.At(row, column) + 0.13f * patch.At(row, column) +
+    const float brightness = 1.0f + 0.14f * slow.blotch + 0.13f * slow.patch +
                              style.detail * (0.075f * g0 + 0.085f * g1 + 0.075f * g2 + 0.06f * g3) +
                              0.16f * style.detail * follicle;
-    const float hue = 0.13f * tint.At(row, column) + 0.05f * g0;
+    const float hue = 0.13f * slow.tint + 0.05f * g0;
     const float absorption = 0.85f * artery + capillary;
     // Blood lets red pass; veins look bluish because they lie deeper.
     out.rgb[0] = style.base_rgb[0] * brightness * std::exp(-0.42f * absorption - 0.75f * vein);
@@ -102,8 +139,8 @@ struct Painter {
     out.rgb[1] *= 1.0f - 0.30f * out.polyp;
     out.rgb[2] *= 1.0f - 0.25f * out.polyp;
 
-    out.wetness = style.wetness * Saturate(0.62f + 0.55f * patch.At(row, column) + 0.25f * g0);
-    out.height_mm = style.relief * (0.170f * relief[0].At(row, column) + 0.055f * relief[1].At(row, column) +
+    out.wetness = style.wetness * Saturate(0.62f + 0.55f * slow.patch + 0.25f * g0);
+    out.height_mm = style.relief * (0.170f * slow.coarse_relief + 0.055f * relief[1].At(row, column) +
                                     0.013f * relief[2].At(row, column) + 0.0030f * relief[3].At(row, column) +
                                     0.020f * artery + 0.009f * border + 0.04f * follicle);
     return out;
@@ -159,10 +196,11 @@ MucosaTexture::MucosaTexture(const MucosaStyle& style, const Colon& colon, std::
     const auto weight = static_cast<float>(twin.Weight(arc_mm));
     const double twin_arc_mm = arc_mm - twin.offset_mm;
     const int twin_row = weight > 0.0f ? static_cast<int>(std::lround(mesh.SurfaceAtArc(twin_arc_mm) / kTexelMm)) : 0;
+    std::vector<Painter::Texel> texels, twins;
+    painter.PaintRow(weight < 1.0f ? row : twin_row, weight < 1.0f ? arc_mm : twin_arc_mm, &texels);
+    if (weight > 0.0f && weight < 1.0f) painter.PaintRow(twin_row, twin_arc_mm, &twins);
     for (int column = 0; column < kColumns; ++column) {
-      Painter::Texel texel{};
-      if (weight < 1.0f) texel = painter.At(row, column, arc_mm);
-      if (weight > 0.0f) texel = Mix(texel, painter.At(twin_row, column, twin_arc_mm), weight);
+      const Painter::Texel texel = twins.empty() ? texels[column] : Mix(texels[column], twins[column], weight);
       const std::size_t index = std::size_t(row) * kColumns + column;
       std::uint8_t* out = &base.texels[index * kChannels];
       for (int c = 0; c < 3; ++c) out[c] = EncodeReflectance(texel.rgb[c]);

@@ -35,6 +35,18 @@ void RunRecord::OnMapEvent(const MapEvent& event) {
        std::to_string(event.num_keyframes) + " keyframes " + std::to_string(event.num_points) + " points"});
 }
 
+void RunRecord::OnLatePose(const LatePose& pose) {
+  // The frame is one of the last few.
+  for (auto frame = frames_.rbegin(); frame != frames_.rend(); ++frame) {
+    if (frame->result.frame_index != pose.frame_index) continue;
+    frame->result.reference_keyframe = pose.reference_keyframe;
+    frame->result.cam_from_reference = pose.cam_from_reference;
+    frame->result.reference_scale = pose.reference_scale;
+    frame->result.num_inliers = pose.num_inliers;
+    return;
+  }
+}
+
 void RunRecord::OnDamagedFrame(std::uint32_t frame_index, const std::string& message) {
   events_.push_back({frame_index, TimePoint{}, "frame_damaged", -1, -1, message});
 }

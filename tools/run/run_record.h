@@ -25,6 +25,7 @@ class RunRecord : public SessionObserver {
 
   void OnFrame(const FrameOutcome& outcome) override;
   void OnMapEvent(const MapEvent& event) override;
+  void OnLatePose(const LatePose& pose) override;
   void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override;
 
   const std::vector<FrameOutcome>& frames() const { return frames_; }

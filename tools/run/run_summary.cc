@@ -47,7 +47,7 @@ std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine)
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const FrameResult& result = record.frames()[i].result;
     position[result.frame_index] = i;
-    poses[i].is_localised = result.state == TrackingState::kTracking && engine.Resolve(result, &poses[i].pose);
+    poses[i].is_localised = engine.Resolve(result, &poses[i].pose);
     if (poses[i].is_localised) poses[i].keyframe = result.reference_keyframe;
   }
   const Atlas& atlas = engine.atlas();

@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -139,7 +141,9 @@ TEST(RunTable, MarkdownIsATable) {
   while (std::getline(lines, line)) {
     ++num_lines;
     EXPECT_EQ(std::count(line.begin(), line.end(), '|'), 8) << line;
-    if (num_lines == 2) EXPECT_THAT(line, HasSubstr("---:|"));
+    if (num_lines == 2) {
+      EXPECT_THAT(line, HasSubstr("---:|"));
+    }
   }
   EXPECT_EQ(num_lines, MakeRunTable(runs).size() + 2);
 }

@@ -16,9 +16,6 @@ class TextFolder {
     const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
     path_ = std::filesystem::path(::testing::TempDir()) /
             (std::string("haustra_evaluate_") + test->test_suite_name() + "_" + test->name());
-    std::string name = path_.string();
-    for (char& c : name) c = c == '/' && &c > name.data() + ::testing::TempDir().size() ? '_' : c;
-    path_ = name;
     std::filesystem::remove_all(path_);
     std::filesystem::create_directories(path_);
   }

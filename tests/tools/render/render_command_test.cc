@@ -14,7 +14,7 @@ namespace haustra {
 namespace {
 
 // Exit code of `haustra render ARGUMENTS`.
-int Run(std::vector<std::string> arguments) {
+int Render(std::vector<std::string> arguments) {
   CLI::App app;
   std::function<int()> action;
   AddRenderCommand(app, action);
@@ -27,11 +27,11 @@ int Run(std::vector<std::string> arguments) {
 TEST(RenderCommand, WrongArgumentsAreUsageErrors) {
   const TempFolder root;
   const std::string out = root.Path("out");
-  EXPECT_EQ(Run({out, "--preset", "nasal"}), kExitUsage);
-  EXPECT_EQ(Run({out, "--size", "720"}), kExitUsage);
-  EXPECT_EQ(Run({out, "--size", "720x540x3"}), kExitUsage);
-  EXPECT_EQ(Run({out, "--events", "smoke@2"}), kExitUsage);
-  EXPECT_EQ(Run({out, "--seconds", "-3"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--preset", "nasal"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--size", "720"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--size", "720x540x3"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--events", "smoke@2"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--seconds", "-3"}), kExitUsage);
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 
@@ -46,13 +46,14 @@ TEST(RenderCommand, MissingFolderArgumentIsRefusedByTheParser) {
 TEST(RenderCommand, WritesASequence) {
   const TempFolder root;
   const std::string out = root.Path("out");
-  EXPECT_EQ(Run({out, "--seconds", "0.2", "--size", "160x120", "--quiet", "--events", "water@0.05+0.1", "--seed", "7"}),
-            kExitOk);
+  EXPECT_EQ(
+      Render({out, "--seconds", "0.2", "--size", "160x120", "--quiet", "--events", "water@0.05+0.1", "--seed", "7"}),
+      kExitOk);
   for (const char* name :
        {"frames/000004.jpg", "times.txt", "calib.yaml", "mask.png", "groundtruth.txt", "events.csv", "revisits.csv"}) {
     EXPECT_TRUE(std::filesystem::exists(out + "/" + name)) << name;
   }
-  EXPECT_EQ(Run({out, "--seconds", "0.2", "--size", "160x120", "--quiet"}), kExitConfig);
+  EXPECT_EQ(Render({out, "--seconds", "0.2", "--size", "160x120", "--quiet"}), kExitConfig);
 }
 
 }  // namespace

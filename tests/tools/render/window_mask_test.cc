@@ -12,9 +12,9 @@ TEST(WindowMask, IsAnOctagon) {
   ASSERT_EQ(mask.height, 540);
   EXPECT_EQ(mask.row(270)[360], 255);
   // The four corners are cut, the middles of the four sides are not.
-  for (const auto [x, y] : {std::pair{10, 10}, {709, 10}, {10, 529}, {709, 529}, {50, 50}})
+  for (const auto& [x, y] : {std::pair{10, 10}, {709, 10}, {10, 529}, {709, 529}, {50, 50}})
     EXPECT_EQ(mask.row(y)[x], 0);
-  for (const auto [x, y] : {std::pair{360, 12}, {360, 527}, {12, 270}, {707, 270}}) EXPECT_EQ(mask.row(y)[x], 255);
+  for (const auto& [x, y] : {std::pair{360, 12}, {360, 527}, {12, 270}, {707, 270}}) EXPECT_EQ(mask.row(y)[x], 255);
 }
 
 TEST(WindowMask, IsSymmetric) {

@@ -1,0 +1,56 @@
+#include "engine/mapping/late_placement.h"
+
+namespace haustra {
+
+LatePlacement::LatePlacement(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
+    : config_(config), camera_(camera), device_(device) {}
+
+bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHandle handle, const Atlas& atlas,
+                          LatePose* out) {
+  queries_.clear();
+  query_points_.clear();
+  const Keyframe& keyframe = atlas.keyframe(handle);
+  const auto tolerance = static_cast<float>(config_.matching.scale_tolerance);
+  for (int i = 0; i < keyframe.features.num; ++i) {
+    if (!keyframe.points[i]) continue;
+    Eigen::Vector2d pixel;
+    if (!camera_.Project(guess * atlas.point(keyframe.points[i]).position, &pixel) || !camera_.IsInImage(pixel)) continue;
+    const float scale = keyframe.features.keypoints[i].scale_px;
+    queries_.push_back({{keyframe.features.set, i},
+                        static_cast<float>(pixel.x()),
+                        static_cast<float>(pixel.y()),
+                        static_cast<float>(config_.tracking.motion_radius_px),
+                        scale / tolerance,
+                        scale * tolerance});
+    query_points_.push_back(keyframe.points[i]);
+  }
+  matches_.resize(queries_.size());
+  std::int32_t num_matches = 0;
+  GuidedMatchRequest request;
+  request.queries = queries_;
+  request.train = view.features.set;
+  request.options = {static_cast<float>(config_.matching.min_similarity),
+                     static_cast<float>(config_.matching.guided_ratio), false};
+  request.matches = matches_;
+  request.num_matches = &num_matches;
+  if (queries_.empty() || !GuidedMatchAndWait(device_, Lane::kBackground, request).ok()) return false;
+
+  observations_.clear();
+  for (int m = 0; m < num_matches; ++m) {
+    observations_.push_back({atlas.point(query_points_[matches_[m].query]).position,
+                             view.features.pixel(matches_[m].train),
+                             config_.noise.SigmaPx(view.features.keypoints[matches_[m].train].scale_px)});
+  }
+  inliers_.resize(observations_.size());
+  PoseOptimizerResult pose;
+  if (!OptimizePose(camera_, observations_, guess, PoseOptimizerOptions{}, inliers_, &pose)) return false;
+  if (pose.num_inliers < config_.tracking.min_inliers || 2 * pose.num_inliers < num_matches) return false;
+  out->frame_index = view.frame_index;
+  out->reference_keyframe = keyframe.id;
+  out->cam_from_reference = pose.cam_from_world * keyframe.cam_from_map.Inverse();
+  out->reference_scale = atlas.KeyframeScale(handle);
+  out->num_inliers = pose.num_inliers;
+  return true;
+}
+
+}  // namespace haustra

@@ -18,29 +18,25 @@ using capture::internal::IsFile;
 using capture::internal::IsFolder;
 using capture::internal::Joined;
 
+Result<SequenceListing> ListFolder(const std::string& folder, const SequenceOptions& options) {
+  if (LooksLikeEuroc(folder)) return ListEuroc(folder, options);
+  if (LooksLikeTum(folder)) return ListTum(folder, options);
+  if (LooksLikeC3vd(folder)) return ListC3vd(folder, options);
+  if (LooksLikeSequenceFolder(folder)) return ListSequenceFolder(folder, options);
+  return InvalidArgument(
+      folder +
+      ": not a sequence that is known here; looked for frames/ with calib.yaml (haustra), N_color.png "
+      "(C3VD), a recording .mov, .mp4, .avi or .mkv (EndoMapper), mav0/cam0/data.csv (EuRoC), rgb.txt "
+      "(TUM), and .png or .jpg files in the folder itself");
+}
+
 Result<std::unique_ptr<FrameSource>> OpenFolder(const std::string& folder, const SequenceOptions& options) {
-  Result<SequenceListing> listing = Status(StatusCode::kInternal);
-  if (LooksLikeEuroc(folder)) {
-    listing = ListEuroc(folder, options);
-  } else if (LooksLikeTum(folder)) {
-    listing = ListTum(folder, options);
-  } else if (LooksLikeC3vd(folder)) {
-    listing = ListC3vd(folder, options);
-  } else if (IsFolder(Joined(folder, "frames"))) {
-    listing = ListSequenceFolder(folder, options);
-  } else if (LooksLikeEndomapper(folder)) {
-    return OpenEndomapper(folder, options);
-  } else if (LooksLikeSequenceFolder(folder)) {
-    listing = ListSequenceFolder(folder, options);
-  } else {
-    return InvalidArgument(
-        folder +
-        ": not a sequence that is known here; looked for frames/ with calib.yaml (haustra), N_color.png "
-        "(C3VD), a recording .mov, .mp4, .avi or .mkv (EndoMapper), mav0/cam0/data.csv (EuRoC), rgb.txt "
-        "(TUM), and .png or .jpg files in the folder itself");
-  }
-  if (!listing.ok()) return listing.status();
-  return ImageFolderSource::Create(std::move(listing).value(), options);
+  // A recording may have loose images beside it, so it comes before them; after everything that is told by a name.
+  const bool is_named =
+      LooksLikeEuroc(folder) || LooksLikeTum(folder) || LooksLikeC3vd(folder) || IsFolder(Joined(folder, "frames"));
+  if (!is_named && LooksLikeEndomapper(folder)) return OpenEndomapper(folder, options);
+  HAUSTRA_ASSIGN(SequenceListing listing, ListFolder(folder, options));
+  return ImageFolderSource::Create(std::move(listing), options);
 }
 
 }  // namespace

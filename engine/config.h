@@ -45,10 +45,13 @@ struct InitialisationConfig {
   // The two views are near in time: nothing has deformed between them, and only the localisation of the features is
   // noise (sigma = noise_k * scale). With the noise of mapping, small motions would vanish in the tolerance [0.05, 10]
   double noise_k = 0.5;
-  double min_parallax_deg = 1.2;  // median over the points [0.05, 30]
+  // What the best pure rotation leaves of the matches' motion, median: the share that only depth can explain [0.05, 30]
+  double min_parallax_deg = 0.7;
   int min_gap_frames = 4;         // between the two views: one step of a trembling hand is no baseline [1, 100]
   double min_inlier_share = 0.5;  // inliers of the epipolar geometry over matches [0, 1]
-  double min_spread = 0.40;       // area of the ellipse fitted to the points over the image (paper: 0.59 ok, 0.35 not)
+  // Area of the ellipse fitted to the points over that of the scope's window [0, 1]. The paper accepts 0.59 and rejects
+  // 0.35 of the image; texture that covers a part of the window only must do, too.
+  double min_spread = 0.30;
   int max_reference_age_frames = 40;  // a reference older than this is renewed [1, 1000]
 };
 
@@ -67,7 +70,7 @@ struct TrackingConfig {
 struct KeyframeConfig {
   double min_tracked_ratio =
       0.80;                     // tracked points over those of the reference keyframe: fewer asks for a keyframe [0, 1]
-  int min_spacing_frames = 2;   // [1, 1000]
+  int min_spacing_frames = 3;   // [1, 1000]
   int max_spacing_frames = 25;  // one second: a keyframe if the scope moved at all [1, 10000]
   double min_parallax_deg = 3.0;  // motion since the last keyframe seen from the median point that asks for one [0, 90]
   int low_inliers = 60;           // fewer tracked points than this ask for a keyframe at once [0, 10000]
@@ -79,8 +82,8 @@ struct MappingConfig {
   double min_parallax_deg = 0.8;      // of a new point [0.01, 30]
   double min_baseline_depth_ratio = 0.01;
   int fuse_neighbours = 12;       // keyframes whose points are searched in the new one and back [1, 60]
-  int window_keyframes = 12;      // optimised by local bundle adjustment [2, 60]
-  int fixed_keyframes = 16;       // older ring that holds the gauge [0, 60]
+  int window_keyframes = 20;      // optimised by local bundle adjustment [2, 60]
+  int fixed_keyframes = 20;       // older ring that holds the gauge [0, 60]
   int min_shared_points = 15;     // to be a covisible neighbour [1, 1000]
   int bundle_iterations = 10;     // [1, 100]
   int max_bundle_ms = 150;        // real-time mode only; sequential mode counts iterations [1, 10000]

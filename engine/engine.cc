@@ -34,13 +34,13 @@ ExtractOptions Engine::ExtractOptionsFor(const EngineConfig& config) {
 }
 
 Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode,
-               const Clock* clock)
+               const Clock* clock, double scene_share)
     : config_(config),
       camera_(camera),
       link_(kMaxProposals, config.features.max, config.initialisation.max_reference_age_frames,
             config.memory.max_local_points),
       mapper_(config_, camera_, device, link_, clock, mode == Mode::kRealTime),
-      tracker_(config_, camera_, device, link_) {}
+      tracker_(config_, camera_, device, link_, scene_share) {}
 
 bool Engine::Resolve(const FrameResult& result, ResolvedPose* pose) const {
   if (result.reference_keyframe == kNoId) return false;

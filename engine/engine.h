@@ -1,6 +1,6 @@
 // The SLAM engine: the only header of engine/ that a program needs to run it.
 //
-//   Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr);
+//   Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, 1.0);
 //   for each frame: FrameResult result = engine.Track(frame, kNoDeadline); while (engine.MapStep()) {}
 //   engine.Resolve(result, &pose)   // final pose, any time later
 //
@@ -32,7 +32,9 @@ class Engine {
 
   // `device` is planned by PlanFor and outlives the engine. `clock` (may be null) times the stages of the mapper, and
   // in real-time mode boxes its work. Takes all its memory here.
-  Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode, const Clock* clock);
+  // scene_share: part of the image's area inside the scope's window (static mask), (0, 1].
+  Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode, const Clock* clock,
+         double scene_share);
 
   // Tracking thread. rt-safe.
   FrameResult Track(const Frame& frame, TimePoint deadline) { return tracker_.Track(frame, deadline); }

@@ -16,13 +16,13 @@ struct Keys {
 
 Status ReadDistortion(const YamlMap& camera, const Keys& keys, CameraCalibration* calibration) {
   HAUSTRA_ASSIGN(const std::string model, camera.Text("distortion_model"));
-  if (model == "none") {
+  if (IsOneOf(model, {"none"})) {
     calibration->kind = CameraModelKind::kPinhole;
     return Status::Ok();
   }
   if (model == keys.radtan) {
     calibration->kind = CameraModelKind::kPinhole;  // k1 k2 p1 p2, as in OpenCV
-  } else if (model == "equidistant") {
+  } else if (IsOneOf(model, {"equidistant"})) {
     calibration->kind = CameraModelKind::kKannalaBrandt;
   } else {
     return InvalidArgument(camera.Where("distortion_model") + " is '" + model +

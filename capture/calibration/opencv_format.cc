@@ -35,16 +35,16 @@ Result<CameraModelKind> ReadModel(const YamlMap& file, std::string_view coeffici
   for (const std::string_view key : {"model", "distortion_model"}) {
     if (!file.Has(key)) continue;
     HAUSTRA_ASSIGN(const std::string name, file.Text(key));
-    if (name == "pinhole" || name == "radtan" || name == "plumb_bob") return CameraModelKind::kPinhole;
-    if (name == "fisheye" || name == "equidistant" || name == "kannala_brandt") return CameraModelKind::kKannalaBrandt;
+    if (IsOneOf(name, {"pinhole", "radtan", "plumb_bob"})) return CameraModelKind::kPinhole;
+    if (IsOneOf(name, {"fisheye", "equidistant", "kannala_brandt"})) return CameraModelKind::kKannalaBrandt;
     return InvalidArgument(file.Where(key) + " is '" + name +
                            "'; known: pinhole (radtan, plumb_bob), fisheye (equidistant, kannala_brandt)");
   }
   for (const std::string_view key : {"fisheye", "fisheye_model"}) {
     if (!file.Has(key)) continue;
     HAUSTRA_ASSIGN(const std::string value, file.Text(key));
-    if (value == "1" || value == "true") return CameraModelKind::kKannalaBrandt;
-    if (value == "0" || value == "false") return CameraModelKind::kPinhole;
+    if (IsOneOf(value, {"1", "true"})) return CameraModelKind::kKannalaBrandt;
+    if (IsOneOf(value, {"0", "false"})) return CameraModelKind::kPinhole;
     return InvalidArgument(file.Where(key) + " is '" + value + "', not 0 or 1");
   }
   return InvalidArgument(

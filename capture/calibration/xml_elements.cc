@@ -133,8 +133,8 @@ class Parser {
 }  // namespace
 
 std::string XmlElement::Attribute(std::string_view attribute) const {
-  for (const auto& [name, value] : attributes) {
-    if (name == attribute) return value;
+  for (const auto& [key, value] : attributes) {
+    if (key == attribute) return value;
   }
   return {};
 }

@@ -43,6 +43,10 @@ std::string AtLine(const std::string& path, int line) { return line > 0 ? path +
 
 }  // namespace
 
+bool IsOneOf(std::string_view word, std::initializer_list<std::string_view> words) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
 std::string_view NearestWord(std::string_view word, const std::vector<std::string_view>& candidates) {
   constexpr std::size_t kLongestWord = 64;  // bounds the cost for damaged files
   if (word.size() > kLongestWord) return {};

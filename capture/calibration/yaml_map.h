@@ -59,6 +59,8 @@ class YamlMap {
   std::vector<Entry> entries_;
 };
 
+bool IsOneOf(std::string_view word, std::initializer_list<std::string_view> words);
+
 // The entry of `candidates` that `word` is most likely a misspelling of; empty when none is near.
 std::string_view NearestWord(std::string_view word, const std::vector<std::string_view>& candidates);
 

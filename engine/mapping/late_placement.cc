@@ -6,7 +6,7 @@ LatePlacement::LatePlacement(const EngineConfig& config, const CameraModel& came
     : config_(config), camera_(camera), device_(device) {}
 
 bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHandle handle, const Atlas& atlas,
-                          LatePose* out) {
+                          PlacedView* out) {
   queries_.clear();
   query_points_.clear();
   const Keyframe& keyframe = atlas.keyframe(handle);
@@ -46,10 +46,12 @@ bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHa
   if (!OptimizePose(camera_, observations_, guess, PoseOptimizerOptions{}, inliers_, &pose)) return false;
   if (pose.num_inliers < config_.tracking.min_inliers || 2 * pose.num_inliers < num_matches) return false;
   out->frame_index = view.frame_index;
-  out->reference_keyframe = keyframe.id;
-  out->cam_from_reference = pose.cam_from_world * keyframe.cam_from_map.Inverse();
-  out->reference_scale = atlas.KeyframeScale(handle);
-  out->num_inliers = pose.num_inliers;
+  out->cam_from_map = pose.cam_from_world;
+  out->sightings.clear();
+  for (int m = 0; m < num_matches; ++m) {
+    if (inliers_[m] == 0) continue;
+    out->sightings.push_back({query_points_[matches_[m].query], observations_[m].pixel, observations_[m].sigma_px});
+  }
   return true;
 }
 

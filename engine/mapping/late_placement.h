@@ -22,12 +22,24 @@ struct LatePose {
   int num_inliers = 0;
 };
 
+// A frame found in a map, with the features that agree.
+struct PlacedView {
+  struct Sighting {
+    MapPointHandle point;
+    Eigen::Vector2d pixel;
+    double sigma_px = 1.0;
+  };
+  std::uint32_t frame_index = 0;
+  SE3 cam_from_map;
+  std::vector<Sighting> sightings;
+};
+
 class LatePlacement {
  public:
   LatePlacement(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
 
   // Finds the view in the points of `keyframe`, starting from `guess`. False when too few agree.
-  bool Place(const ProposedView& view, const SE3& guess, KeyframeHandle keyframe, const Atlas& atlas, LatePose* out);
+  bool Place(const ProposedView& view, const SE3& guess, KeyframeHandle keyframe, const Atlas& atlas, PlacedView* out);
 
  private:
   const EngineConfig& config_;

@@ -18,7 +18,7 @@ Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, Atlas* atlas, c
   options.max_iterations = config_.mapping.bundle_iterations;
   options.clock = clock;
   options.deadline = deadline;
-  Result<BundleSummary> summary = AdjustBundle(camera_, options, &problem_);
+  Result<BundleSummary> summary = adjuster_.Adjust(camera_, options, &problem_);
   if (summary.ok() && summary->usable) WriteBack(atlas);
   for (const KeyframeHandle handle : poses_) pose_slots_[handle.index] = -1;
   for (const MapPointHandle handle : points_) point_slots_[handle.index] = -1;

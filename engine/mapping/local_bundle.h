@@ -8,7 +8,7 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
-#include "engine/optim/bundle_adjustment.h"
+#include "engine/optim/schur_bundle_adjustment.h"
 
 namespace haustra {
 
@@ -26,6 +26,7 @@ class LocalBundle {
 
   const EngineConfig& config_;
   const CameraModel& camera_;
+  SchurBundleAdjuster adjuster_;
   BundleProblem problem_;
   std::vector<KeyframeHandle> poses_;  // of problem_.poses: the window, then the fixed ring
   std::size_t window_size_ = 0;

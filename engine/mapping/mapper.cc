@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 namespace haustra {
 namespace {
@@ -114,7 +115,8 @@ void Mapper::RefuseFounding(const KeyframeProposal& proposal) {
 
 // Between the two views the scope is taken to have moved evenly; each frame placed corrects the guess for the next.
 void Mapper::PlaceBetween(const KeyframeProposal& proposal, KeyframeHandle reference) {
-  const SE3& second = atlas_.keyframe(newest_).cam_from_map;
+  placed_.clear();
+  const SE3 second = atlas_.keyframe(newest_).cam_from_map;
   SE3 last;
   std::uint32_t last_index = proposal.reference.frame_index;
   for (int i = 0; i < proposal.num_between; ++i) {
@@ -122,13 +124,70 @@ void Mapper::PlaceBetween(const KeyframeProposal& proposal, KeyframeHandle refer
     const double share = static_cast<double>(view.frame_index - last_index) /
                          static_cast<double>(proposal.view.frame_index - last_index);
     const SE3 guess = SE3::Exp(share * (second * last.Inverse()).Log()) * last;
-    LatePose pose;
-    if (late_placement_.Place(view, guess, reference, atlas_, &pose)) {
-      late_poses_.TryPush(pose);
-      last = pose.cam_from_reference * atlas_.keyframe(reference).cam_from_map;
+    PlacedView placed;
+    if (late_placement_.Place(view, guess, reference, atlas_, &placed)) {
+      last = placed.cam_from_map;
       last_index = view.frame_index;
+      placed_.push_back(std::move(placed));
     }
     device_.ReleaseFeatureSet(view.features.set);
+  }
+  RefineFounding(reference);
+  for (const PlacedView& placed : placed_) {
+    LatePose pose;
+    pose.frame_index = placed.frame_index;
+    pose.reference_keyframe = atlas_.keyframe(reference).id;
+    pose.cam_from_reference = placed.cam_from_map * atlas_.keyframe(reference).cam_from_map.Inverse();
+    pose.reference_scale = atlas_.KeyframeScale(reference);
+    pose.num_inliers = static_cast<int>(placed.sightings.size());
+    late_poses_.TryPush(pose);
+  }
+}
+
+// Two views a short way apart leave the depths uncertain; the frames between them see the same points, too. One bundle
+// adjustment of all of them, in which only the reference is held.
+void Mapper::RefineFounding(KeyframeHandle reference) {
+  if (placed_.empty()) return;
+  std::vector<MapPointHandle> points;
+  std::map<MapPointHandle, std::int32_t> point_idx;
+  founding_.poses.assign({{atlas_.keyframe(reference).cam_from_map, true}, {atlas_.keyframe(newest_).cam_from_map, false}});
+  founding_.points.clear();
+  founding_.observations.clear();
+  const KeyframeHandle keyframes[] = {reference, newest_};
+  for (const MapPointHandle handle : recent_points_) {
+    const MapPoint& point = atlas_.point(handle);
+    const auto idx = static_cast<std::int32_t>(points.size());
+    point_idx[handle] = idx;
+    points.push_back(handle);
+    founding_.points.push_back({point.position, false});
+    for (std::int32_t k = 0; k < 2; ++k) {
+      const FrameFeatures& features = atlas_.keyframe(keyframes[k]).features;
+      const std::int32_t feature = atlas_.FeatureOf(point, keyframes[k]);
+      founding_.observations.push_back(
+          {k, idx, features.pixel(feature), config_.noise.SigmaPx(features.keypoints[feature].scale_px), false});
+    }
+  }
+  for (const PlacedView& placed : placed_) {
+    const auto pose = static_cast<std::int32_t>(founding_.poses.size());
+    founding_.poses.push_back({placed.cam_from_map, false});
+    for (const PlacedView::Sighting& sighting : placed.sightings) {
+      founding_.observations.push_back({pose, point_idx.at(sighting.point), sighting.pixel, sighting.sigma_px, false});
+    }
+  }
+  BundleOptions options;
+  options.max_iterations = kFoundingIterations;
+  const Result<BundleSummary> summary = AdjustBundle(camera_, options, &founding_);
+  if (!summary.ok() || !summary->usable) return;
+  atlas_.keyframe(newest_).cam_from_map = founding_.poses[1].cam_from_world;
+  for (std::size_t i = 0; i < placed_.size(); ++i) placed_[i].cam_from_map = founding_.poses[i + 2].cam_from_world;
+  for (std::size_t i = 0; i < points.size(); ++i) atlas_.point(points[i]).position = founding_.points[i].position;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    // Without one of its two keyframes a point of a new map goes.
+    if (founding_.observations[2 * i].is_outlier || founding_.observations[2 * i + 1].is_outlier) {
+      atlas_.RemovePoint(points[i]);
+    } else {
+      atlas_.UpdatePoint(points[i]);
+    }
   }
 }
 

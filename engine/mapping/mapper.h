@@ -53,6 +53,7 @@ class Mapper {
   void FoundMap(const KeyframeProposal& proposal);
   bool MakeFoundingBundle(const KeyframeProposal& proposal);
   void PlaceBetween(const KeyframeProposal& proposal, KeyframeHandle reference);
+  void RefineFounding(KeyframeHandle reference);
   void RefuseFounding(const KeyframeProposal& proposal);
   void RetireActiveMap(const KeyframeProposal& proposal);
   void InsertKeyframe(const KeyframeProposal& proposal);
@@ -97,6 +98,7 @@ class Mapper {
   std::vector<Covisible> covisible_;
   std::vector<std::uint8_t> is_candidate_;  // by point slot
   BundleProblem founding_;
+  std::vector<PlacedView> placed_;  // between the founding views
 };
 
 }  // namespace haustra

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "engine/geometry/ellipse_spread.h"
+#include "engine/geometry/rotation_fit.h"
 
 namespace haustra {
 namespace {
@@ -16,10 +17,12 @@ constexpr double kMinPointParallax = 0.15 * kDegree;
 
 }  // namespace
 
-Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
+Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device,
+                         double scene_share)
     : config_(config),
       camera_(camera),
       device_(device),
+      scene_share_(scene_share),
       ransac_(config.features.max),
       rng_(config.seed, 1),
       reference_(config.features.max),
@@ -31,6 +34,7 @@ Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, 
   bearings_b_.reserve(matches_.size());
   tolerance_.reserve(matches_.size());
   parallax_.reserve(matches_.size());
+  residual_.reserve(matches_.size());
   pixels_.reserve(matches_.size());
 }
 
@@ -106,11 +110,17 @@ TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
     return TrackingReason::kNoEpipolarGeometry;
   }
 
+  // What no rotation explains, in the middle of the inliers.
+  Eigen::Matrix3d rotation;
+  residual_.resize(static_cast<std::size_t>(num_matches_));
+  if (!FitRotation(bearings_a_, bearings_b_, ransac_.inliers(), &rotation, residual_)) {
+    return TrackingReason::kNoEpipolarGeometry;
+  }
   parallax_.clear();
   pixels_.clear();
   for (int i = 0; i < num_matches_; ++i) {
     if (ransac_.inliers()[i] == 0) continue;
-    parallax_.push_back(ransac_.parallax_rad()[i]);
+    parallax_.push_back(residual_[i]);
     if (ransac_.parallax_rad()[i] < kMinPointParallax) continue;
     pairs_[num_pairs_++] = {matches_[i].query, matches_[i].train, ransac_.points_in_a()[i]};
     pixels_.push_back(view.features.pixel(matches_[i].train));
@@ -118,7 +128,8 @@ TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
   std::nth_element(parallax_.begin(), parallax_.begin() + parallax_.size() / 2, parallax_.end());
   if (parallax_[parallax_.size() / 2] < options.min_parallax_deg * kDegree) return TrackingReason::kLowParallax;
   if (num_pairs_ < options.min_points) return TrackingReason::kLowParallax;
-  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < options.min_spread) {
+  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) <
+      options.min_spread * scene_share_) {
     return TrackingReason::kLowSpread;
   }
   cam_from_reference_ = estimate.b_from_a;

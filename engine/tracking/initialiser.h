@@ -19,7 +19,8 @@ namespace haustra {
 
 class Initialiser {
  public:
-  Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
+  // scene_share: part of the image's area inside the scope's window, (0, 1]: spread is measured against what can be seen.
+  Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, double scene_share);
 
   // Forgets the reference view.
   void Reset();
@@ -47,6 +48,7 @@ class Initialiser {
   const EngineConfig& config_;
   const CameraModel& camera_;
   VisionDevice& device_;
+  const double scene_share_;
   TwoViewRansac ransac_;
   Rng rng_;
   bool has_reference_ = false;
@@ -63,6 +65,7 @@ class Initialiser {
   std::vector<Eigen::Vector3d> bearings_b_;
   std::vector<double> tolerance_;
   std::vector<double> parallax_;
+  std::vector<double> residual_;
   std::vector<Eigen::Vector2d> pixels_;
 };
 

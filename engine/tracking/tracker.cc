@@ -23,12 +23,13 @@ constexpr int kMaxPredictedFrames = 3;
 
 }  // namespace
 
-Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link)
+Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
+                 double scene_share)
     : config_(config),
       camera_(camera),
       device_(device),
       link_(link),
-      initialiser_(config, camera, device),
+      initialiser_(config, camera, device, scene_share),
       absolute_pose_(config.features.max),
       rng_(config.seed, 2),
       current_(config.features.max),

@@ -43,7 +43,9 @@ struct TrackingLink {
 
 class Tracker {
  public:
-  Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link);
+  // scene_share: see Initialiser.
+  Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
+          double scene_share);
   ~Tracker();
   Tracker(const Tracker&) = delete;
   Tracker& operator=(const Tracker&) = delete;

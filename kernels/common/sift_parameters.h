@@ -23,12 +23,12 @@ inline constexpr int kEdgeMarginPx = 5;
 inline constexpr int kMaxRefinementSteps = 5;
 inline constexpr float kDefaultContrastThreshold = 0.0027f;
 
-// Orientation (5): every second pixel as far as the reach, octave pixels; Gaussian window in units of the keypoint's scale.
-// The window is wider than Lowe's (1.5), and second orientations are rarer (his share is 0.8): on endoscopic pictures both
-// give more matches at different places (README.md has the figures).
-inline constexpr int kOrientationStepPx = 2;
-inline constexpr int kOrientationReachPx = 16;
+// Orientation (5): the pixels of a square of at most kOrientationReachPx (octave pixels) around the point, under a Gaussian
+// window in units of the keypoint's scale. The window is wider than Lowe's (1.5), and second orientations are rarer (his
+// share is 0.8): on endoscopic pictures both give more matches at different places (README.md has the figures).
 inline constexpr float kOrientationWindowSigma = 2.5f;
+inline constexpr float kOrientationReachSigmas = 2.0f;  // of the window
+inline constexpr int kOrientationReachPx = 16;
 inline constexpr int kOrientationBins = 36;
 inline constexpr float kOrientationPeakRatio = 0.9f;
 inline constexpr int kMaxOrientations = 3;

@@ -244,43 +244,46 @@ inline void SampleGradients(const Plane& plane, const DescriptorTables& tables, 
 }
 
 int FindOrientations(const Plane& level, const PatchFrame& frame, float* angles) {
-  // Every second pixel, at its true distance from the point: rounding to a coarser grid would cost precision here.
-  constexpr int kSide = 2 * kOrientationReachPx / kOrientationStepPx;
-  static_assert(kSide % kStrideAlignment == 0);
-  const int centre_x = static_cast<int>(frame.x);
+  constexpr int kSide = 2 * kOrientationReachPx;
+  static_assert(kSide % kStrideAlignment == 0 && kOrientationReachPx + 1 <= kPlanePadding);
+  const int first_x = static_cast<int>(frame.x) + 1 - kOrientationReachPx;
   const int centre_y = static_cast<int>(frame.y);
+  const int reach = ClampInt(static_cast<int>(kOrientationReachSigmas * kOrientationWindowSigma * frame.scale) + 1, 1,
+                             kOrientationReachPx);
   const float falloff = -0.5f / (kOrientationWindowSigma * kOrientationWindowSigma * frame.scale * frame.scale);
   alignas(64) float column_weights[kSide];
-  alignas(64) std::int32_t columns[kSide];
   for (int c = 0; c < kSide; ++c) {
-    columns[c] = centre_x + 1 - kOrientationReachPx + kOrientationStepPx * c;
-    const float distance = static_cast<float>(columns[c]) - frame.x;
-    column_weights[c] =
-        columns[c] >= 1 && columns[c] <= level.width - 2 ? __builtin_expf(falloff * distance * distance) : 0.0f;
-    columns[c] = ClampInt(columns[c], 1, level.width - 2);
+    const int x = first_x + c;
+    const float distance = static_cast<float>(x) - frame.x;
+    column_weights[c] = x >= 1 && x <= level.width - 2 ? __builtin_expf(falloff * distance * distance) : 0.0f;
   }
-  alignas(64) float magnitudes[kSide * kSide];
-  alignas(64) float bins[kSide * kSide];
-  for (int r = 0; r < kSide; ++r) {
-    const int y = centre_y + 1 - kOrientationReachPx + kOrientationStepPx * r;
+  // Two histograms in turn, so that no addition waits for the one before; the last two bins wrap around (an angle may
+  // round up to a full turn).
+  float histograms[2][kOrientationBins + 2] = {};
+  for (int y = centre_y + 1 - reach; y <= centre_y + reach; ++y) {
+    if (y < 1 || y > level.height - 2) continue;
     const float distance = static_cast<float>(y) - frame.y;
-    const float row_weight = y >= 1 && y <= level.height - 2 ? __builtin_expf(falloff * distance * distance) : 0.0f;
-    const float* row = level.row(ClampInt(y, 1, level.height - 2));
+    const float row_weight = __builtin_expf(falloff * distance * distance);
+    // Columns outside the plane are read as well (rows are padded), with weight 0.
+    const float* row = level.row(y) + first_x;
+    alignas(64) float magnitudes[kSide];
+    alignas(64) float bins[kSide];
     for (int c = 0; c < kSide; c += kLanes) {
-      const VecI x = LoadInts(columns + c);
-      const VecF dx = Gather(row + 1, x) - Gather(row - 1, x);
-      const VecF dy = Gather(row + level.stride, x) - Gather(row - level.stride, x);
-      Store(magnitudes + r * kSide + c, Sqrt(dx * dx + dy * dy) * (Load(column_weights + c) * row_weight));
-      Store(bins + r * kSide + c, Atan2(dy, dx) * (kOrientationBins / kTwoPi));
+      const VecF dx = Load(row + c + 1) - Load(row + c - 1);
+      const VecF dy = Load(row + c + level.stride) - Load(row + c - level.stride);
+      Store(magnitudes + c, Sqrt(dx * dx + dy * dy) * (Load(column_weights + c) * row_weight));
+      Store(bins + c, Atan2(dy, dx) * (kOrientationBins / kTwoPi));
+    }
+    for (int c = kOrientationReachPx - reach; c < kOrientationReachPx + reach; ++c) {
+      float* histogram = histograms[c & 1];
+      const int lower = static_cast<int>(bins[c]);
+      const float fraction = bins[c] - static_cast<float>(lower);
+      histogram[lower] += magnitudes[c] * (1.0f - fraction);
+      histogram[lower + 1] += magnitudes[c] * fraction;
     }
   }
-  float histogram[kOrientationBins + 2] = {};  // the last two wrap around (an angle may round up to a full turn)
-  for (int i = 0; i < kSide * kSide; ++i) {
-    const int lower = static_cast<int>(bins[i]);
-    const float fraction = bins[i] - static_cast<float>(lower);
-    histogram[lower] += magnitudes[i] * (1.0f - fraction);
-    histogram[lower + 1] += magnitudes[i] * fraction;
-  }
+  float* histogram = histograms[0];
+  for (int i = 0; i < kOrientationBins + 2; ++i) histogram[i] += histograms[1][i];
   histogram[0] += histogram[kOrientationBins];
   histogram[1] += histogram[kOrientationBins + 1];
 

@@ -43,7 +43,7 @@ Scene MakeScene(Rng& rng, int count, double outlier_share, double sigma_rad) {
 TEST(AbsolutePoseRansac, FindsThePoseAmongHalfOutliers) {
   Rng rng(1);
   AbsolutePoseRansac ransac(500);
-  constexpr int kTrials = 300;
+  constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
     const Scene scene = MakeScene(rng, 200, 0.5, kSigmaRad);
@@ -62,7 +62,7 @@ TEST(AbsolutePoseRansac, FindsThePoseAmongHalfOutliers) {
 TEST(AbsolutePoseRansac, FindsThePoseFromFewMatchesAndManyOutliers) {
   Rng rng(2);
   AbsolutePoseRansac ransac(500);
-  constexpr int kTrials = 200;
+  constexpr int kTrials = test::Trials(200);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
     const Scene scene = MakeScene(rng, 80, 0.7, 0.5 * kSigmaRad);

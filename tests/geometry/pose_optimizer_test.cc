@@ -52,7 +52,7 @@ SE3 Disturbed(Rng& rng, const SE3& pose, double angle_rad, double distance) {
 TEST(PoseOptimizer, FindsTheTruthFromAPoorStartAmongOutliers) {
   Rng rng(1);
   const CameraModel camera = ColonCamera();
-  constexpr int kTrials = 300;
+  constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
     const Scene scene = MakeScene(rng, 200, 0.3);
@@ -73,7 +73,7 @@ TEST(PoseOptimizer, FindsTheTruthFromAPoorStartAmongOutliers) {
 TEST(PoseOptimizer, FindsTheTruthAmongHalfOutliersFromATrackersStart) {
   Rng rng(2);
   const CameraModel camera = ColonCamera();
-  constexpr int kTrials = 300;
+  constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
     const Scene scene = MakeScene(rng, 100, 0.5);
@@ -92,7 +92,7 @@ TEST(PoseOptimizer, PointsTriangulatedWronglyJustInFrontOfTheCameraDoNotPullTheP
   // with the error they win in one trial of sixteen.
   Rng rng(12);
   const CameraModel camera = ColonCamera();
-  constexpr int kTrials = 300;
+  constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
     Scene scene = MakeScene(rng, 100, 0.2);

@@ -69,7 +69,7 @@ TEST(Sim3Ransac, FindsTheSimilarityAmongHalfOutliers) {
   Rng rng(1);
   const CameraModel camera = ColonCamera();
   Sim3Ransac ransac(300);
-  constexpr int kTrials = 300;
+  constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
     const Scene scene = MakeScene(rng, 100, 0.5);
@@ -147,7 +147,7 @@ TEST(Sim3Ransac, SameSeedGivesTheSameBits) {
 TEST(Sim3Optimizer, ConvergesToTheTruthFromAPoorStartAmongOutliers) {
   Rng rng(6);
   const CameraModel camera = ColonCamera();
-  constexpr int kTrials = 200;
+  constexpr int kTrials = test::Trials(200);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
     const Scene scene = MakeScene(rng, 120, 0.2);

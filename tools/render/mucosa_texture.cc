@@ -139,8 +139,8 @@ struct Painter {
     out.rgb[1] *= 1.0f - 0.30f * out.polyp;
     out.rgb[2] *= 1.0f - 0.25f * out.polyp;
 
-    out.wetness = style.wetness * Saturate(0.62f + 0.55f * slow.patch + 0.25f * g0);
-    out.height_mm = style.relief * (0.170f * slow.coarse_relief + 0.055f * relief[1].At(row, column) +
+    out.wetness = style.wetness * Saturate(0.45f + 0.85f * slow.patch + 0.30f * g0);
+    out.height_mm = style.relief * (0.140f * slow.coarse_relief + 0.050f * relief[1].At(row, column) +
                                     0.013f * relief[2].At(row, column) + 0.0030f * relief[3].At(row, column) +
                                     0.020f * artery + 0.009f * border + 0.04f * follicle);
     return out;

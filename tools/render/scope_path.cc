@@ -21,6 +21,12 @@ double SmoothStep(double x) {
   return x * x * x * (x * (x * 6.0 - 15.0) + 10.0);
 }
 
+// 0 at 0 and 1 and outside, 1 in the middle.
+double Hump(double x) {
+  const double s = std::sin(std::numbers::pi * std::clamp(x, 0.0, 1.0));
+  return s * s;
+}
+
 double Travel(const std::vector<double>& stops) {
   double sum = 0.0;
   for (std::size_t i = 1; i < stops.size(); ++i) sum += std::abs(stops[i] - stops[i - 1]);
@@ -67,10 +73,10 @@ ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const
       yaw_by_place_(rng, 1.0 / 110.0, 1.0 / 35.0),
       pitch_by_place_(rng, 1.0 / 110.0, 1.0 / 35.0),
       roll_by_place_(rng, 1.0 / 200.0, 1.0 / 60.0),
-      offset_x_(rng, 0.12, 0.8),
-      offset_y_(rng, 0.12, 0.8),
-      yaw_(rng, 0.15, 1.1),
-      pitch_(rng, 0.15, 1.1),
+      offset_x_(rng, 0.08, 0.7),
+      offset_y_(rng, 0.08, 0.7),
+      yaw_(rng, 0.07, 1.0),
+      pitch_(rng, 0.07, 1.0),
       roll_(rng, 0.08, 0.5),
       push_(rng, 0.3, 1.1) {
   PlanArc(duration_s);
@@ -90,7 +96,8 @@ ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const
     slip = std::clamp(arc + slip, low, high) - arc;
     const double direction = rng.Uniform(0.0, 2.0 * std::numbers::pi);
     slips_.push_back({event.start_s, event.duration_s, std::max(3.0, size_mm / 5.0), slip,
-                      turn_deg * kDegree * std::cos(direction), turn_deg * kDegree * std::sin(direction)});
+                      event.kind == EventKind::kJump ? 1.6 : 0.0, turn_deg * kDegree * std::cos(direction),
+                      turn_deg * kDegree * std::sin(direction)});
   }
   for (Look& look : looks_) {
     const double direction = rng.Uniform(0.0, 2.0 * std::numbers::pi), angle = rng.Uniform(9.0, 15.0) * kDegree;
@@ -165,8 +172,8 @@ SE3 ScopePath::WorldFromCam(double time_s) const {
   const double arc = ArcMm(time_s);
   const CurveFrame frame = centreline_.At(arc);
 
-  Eigen::Vector2d offset(3.4 * offset_x_by_place_.At(arc) + 1.3 * offset_x_.At(time_s),
-                         3.4 * offset_y_by_place_.At(arc) + 1.3 * offset_y_.At(time_s));
+  Eigen::Vector2d offset(2.8 * offset_x_by_place_.At(arc) + 2.3 * offset_x_.At(time_s),
+                         2.8 * offset_y_by_place_.At(arc) + 2.3 * offset_y_.At(time_s));
   // Bounded for good, without a corner: the scope must not meet the wall.
   const double norm = offset.norm();
   if (norm > 1e-9) offset *= style_.max_offset_mm * std::tanh(norm / style_.max_offset_mm) / norm;
@@ -176,7 +183,7 @@ SE3 ScopePath::WorldFromCam(double time_s) const {
   double pitch = kDegree * (style_.gaze_deg * pitch_by_place_.At(arc) + style_.tremble_deg * pitch_.At(time_s));
   const double roll = kDegree * (14.0 * roll_by_place_.At(arc) + 4.0 * roll_.At(time_s));
   for (const Slip& slip : slips_) {
-    const double share = slip.Share(time_s);
+    const double share = slip.Share(time_s) + slip.kick * Hump((time_s - slip.start_s) / slip.duration_s);
     yaw += share * slip.yaw_rad;
     pitch += share * slip.pitch_rad;
   }

@@ -20,8 +20,8 @@ struct PathStyle {
   double max_reach_mm = 260.0;  // longer sequences repeat the stops
   double start_arc_mm = 32.0;
   double max_offset_mm = 4.0;  // from the centre line
-  double gaze_deg = 15.0;      // by place: how far it looks away from straight ahead
-  double tremble_deg = 3.6;    // by time
+  double gaze_deg = 16.0;      // by place: how far it looks away from straight ahead
+  double tremble_deg = 6.0;    // by time
 };
 
 class ScopePath {
@@ -45,7 +45,9 @@ class ScopePath {
             Rng rng);
 
   struct Slip {
-    double start_s, duration_s, recovery_s, arc_mm, yaw_rad, pitch_rad;
+    double start_s, duration_s, recovery_s, arc_mm;
+    double kick;  // how far beyond yaw and pitch the scope is thrown for a moment, as a share of them
+    double yaw_rad, pitch_rad;
     double Share(double time_s) const;
   };
   struct Look {

@@ -46,14 +46,14 @@ void Grow(const Shoot& shoot, Rng& rng, SurfaceMap* map, std::vector<Shoot>* sho
   double u = shoot.u, v = shoot.v, heading = shoot.heading_rad, bend = 0.0;
   const int num_steps = static_cast<int>(shoot.length_mm / kStepMm);
   double until_branch = rng.Uniform(1.5, 5.0) * (0.6 + shoot.width_mm);
-  const double wiggle = 0.062 + 0.022 * shoot.depth;
+  const double wiggle = 0.055 + 0.010 * shoot.depth;
   for (int i = 0; i < num_steps; ++i) {
     const double progress = static_cast<double>(i) / num_steps;
     const double width = shoot.width_mm * (1.0 - 0.6 * progress);
     if (width < kHairWidthMm) return;
     bend = 0.88 * bend + wiggle * (rng.Uniform() + rng.Uniform() - 1.0);
     // Vessels wander, but they are on their way to somewhere: without this they curl up.
-    heading += bend - 0.02 * (heading - shoot.heading_rad);
+    heading += bend - 0.03 * (heading - shoot.heading_rad);
     const double next_u = u + kStepMm * std::cos(heading), next_v = v + kStepMm * std::sin(heading);
     // The end of a vessel dives below the surface.
     const double fade = std::min(1.0, 3.0 * (1.0 - progress));

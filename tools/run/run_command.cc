@@ -106,6 +106,17 @@ class ColourReader {
   std::map<std::uint32_t, Small> images_;
 };
 
+// Part of the image inside the static mask; 1 without one.
+double SceneShare(const ImageView& mask) {
+  if (mask.is_empty()) return 1.0;
+  std::size_t inside = 0;
+  for (int y = 0; y < mask.height; ++y) {
+    inside += static_cast<std::size_t>(std::count_if(mask.row(y), mask.row(y) + mask.width, [](auto v) { return v > 127; }));
+  }
+  const double share = static_cast<double>(inside) / (static_cast<double>(mask.width) * mask.height);
+  return share > 0.0 ? share : 1.0;
+}
+
 int Run(const RunArguments& arguments) {
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
   if (!loaded.ok()) {
@@ -128,7 +139,8 @@ int Run(const RunArguments& arguments) {
 
   const bool is_realtime = arguments.mode == "realtime";
   const SystemClock clock;
-  Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock);
+  Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
+                SceneShare((*source)->static_mask()));
   std::fprintf(stderr, "haustra run: %s, %u frames %dx%d, %s mode, device %s\n", arguments.sequence.c_str(),
                (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
                std::string((*device)->name()).c_str());

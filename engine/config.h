@@ -22,8 +22,8 @@ struct FeatureConfig {
 // Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint
 // (paper, Section III-F). Rigid phantom: k 1, sigma_0 0. Living tissue: k 2, sigma_0 5.
 struct NoiseConfig {
-  double k = 0.5;           // [0, 10]
-  double sigma_0_px = 0.5;  // [0, 20]
+  double k = 0.7;           // [0, 10]
+  double sigma_0_px = 0.7;  // [0, 20]
   double SigmaPx(double scale_px) const { return k * scale_px + sigma_0_px; }
 };
 
@@ -40,8 +40,8 @@ struct InitialisationConfig {
   double brute_force_ratio = 0.8;     // [0.1, 1]
   double max_disparity_x_px = 120.0;  // the baseline is short (paper, Section III-D) [1, 4000]
   double max_disparity_y_px = 120.0;
-  int min_matches = 60;           // below it the reference frame is renewed [10, 8000]
-  int min_points = 40;            // triangulated points [10, 8000]
+  int min_matches = 35;           // below it the reference frame is renewed [10, 8000]
+  int min_points = 25;            // triangulated points [10, 8000]
   // The two views are near in time: nothing has deformed between them, and only the localisation of the features is
   // noise (sigma = noise_k * scale). With the noise of mapping, small motions would vanish in the tolerance [0.05, 10]
   double noise_k = 0.5;
@@ -58,7 +58,7 @@ struct InitialisationConfig {
 struct TrackingConfig {
   double motion_radius_px = 16.0;   // search radius around the constant-velocity prediction [2, 200]
   double wide_radius_factor = 3.0;  // second try when the first finds too few [1, 10]
-  int min_motion_matches = 20;      // below it: second try, then brute force [5, 1000]
+  int min_motion_matches = 15;      // below it: second try, then brute force [5, 1000]
   int min_inliers = 15;             // a pose with fewer is not a pose [6, 1000]
   int min_recovery_inliers = 20;    // a pose found by brute force needs more [6, 1000]
   int max_unclear_frames = 12;           // in a row with much less in sight than usual, then lost [1, 1000]

@@ -241,7 +241,7 @@ void LensEffects::Cloud(const Active& active, float alpha, float time_s, float l
                   v = static_cast<float>(y) / height + 0.4f * time_s;
       float thick = clouds.At(2.6f * u, 2.6f * v) + 0.5f * clouds.At(6.1f * u + 3.0f, 6.1f * v + 0.8f * time_s) +
                     0.25f * clouds.At(14.0f * u, 14.0f * v);
-      const float opacity = alpha * std::clamp(0.80f + 0.55f * thick, 0.30f, 0.985f);
+      const float opacity = alpha * std::clamp(0.92f + 0.55f * thick, 0.30f, 0.985f);
       const float light = level * (2.3f + 1.2f * thick);
       const float liquid[3] = {1.45f * light, 1.05f * light, 0.48f * light};
       float* out = image->pixel(x, y);

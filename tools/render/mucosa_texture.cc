@@ -127,10 +127,10 @@ struct Painter {
     Texel out{};
     if (arc_mm >= 0.0) out.polyp = static_cast<float>(shape.PolypWeight(arc_mm, angle));
 
-    const float brightness = 1.0f + 0.14f * slow.blotch + 0.13f * slow.patch +
+    const float brightness = 1.0f + style.mottle * (0.14f * slow.blotch + 0.13f * slow.patch) +
                              style.detail * (0.075f * g0 + 0.085f * g1 + 0.075f * g2 + 0.06f * g3) +
                              0.16f * style.detail * follicle;
-    const float hue = 0.13f * slow.tint + 0.05f * g0;
+    const float hue = style.mottle * (0.13f * slow.tint + 0.05f * g0);
     const float absorption = 0.85f * artery + capillary;
     // Blood lets red pass; veins look bluish because they lie deeper.
     out.rgb[0] = style.base_rgb[0] * brightness * std::exp(-0.42f * absorption - 0.75f * vein);

@@ -17,6 +17,7 @@ struct MucosaStyle {
   std::array<float, 3> base_rgb = {0.60f, 0.192f, 0.122f};  // linear reflectance
   float vessels = 1.0f;                                     // gain on the vessels' absorption
   float detail = 1.0f;                                      // gain on the fine colour texture
+  float mottle = 1.0f;                                      // gain on the slow changes of colour
   float relief = 1.0f;                                      // gain on the slopes that break up highlights
   float wetness = 1.0f;                                     // gain on the specular reflection
   VesselStyle arteries;

@@ -7,7 +7,8 @@ namespace {
 
 MucosaStyle LivingMucosa() {
   MucosaStyle style;
-  style.detail = 0.45f;
+  style.vessels = 0.9f;
+  style.detail = 0.32f;
   style.veins.trees_per_cm2 = 0.03;
   style.veins.min_trunk_width_mm = 0.4;
   style.veins.max_trunk_width_mm = 0.75;
@@ -19,9 +20,10 @@ MucosaStyle LivingMucosa() {
 MucosaStyle SiliconeMucosa() {
   MucosaStyle style;
   style.base_rgb = {0.62f, 0.33f, 0.23f};
-  style.vessels = 0.30f;
-  style.detail = 0.28f;
-  style.relief = 0.8f;
+  style.vessels = 0.16f;
+  style.detail = 0.13f;
+  style.mottle = 0.4f;
+  style.relief = 0.75f;
   style.wetness = 1.15f;
   style.arteries.trees_per_cm2 = 0.06;
   style.veins.trees_per_cm2 = 0.01;
@@ -49,8 +51,8 @@ std::vector<Preset> MakePresets() {
   losses.summary = "five losses: occlusion, slip, water jet, motion blur, water film; every place is seen again";
   losses.seconds = 40.0;
   losses.blind_end_mm = 125.0;
-  losses.mucosa.vessels = 0.85f;
-  losses.mucosa.detail = 0.36f;
+  losses.mucosa.vessels = 0.7f;
+  losses.mucosa.detail = 0.25f;
   losses.path.stops = {0.0, 1.0, 0.45, 0.9, 0.0};
   losses.events = {{EventKind::kRedout, 0.20, 1.4},
                    {EventKind::kJump, 0.425, 0.44},

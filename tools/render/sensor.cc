@@ -11,9 +11,9 @@ namespace {
 
 constexpr float kFullWell = 9.0f;  // exposed light beyond which a pixel holds no more
 constexpr float kToneStepsPerRoot = 1400.0f;
-constexpr float kSideTap = 0.115f;     // of the 3-tap blur: standard deviation 0.48 px
-constexpr float kShotNoise = 2.6e-4f;  // variance per exposed light
-constexpr float kReadNoise = 2.5e-6f;  // variance
+constexpr float kSideTap = 0.14f;      // of the 3-tap blur: standard deviation 0.53 px
+constexpr float kShotNoise = 3.8e-4f;  // variance per exposed light
+constexpr float kReadNoise = 3.5e-6f;  // variance
 
 // Four bytes make a good enough bell curve: standard deviation 1.
 float Bell(std::uint32_t h) {

@@ -4,6 +4,8 @@
 
 #include <cstdint>
 
+#include "engine/merging/merging_config.h"
+#include "engine/place/place_config.h"
 #include "hal/core/status.h"
 
 namespace haustra {
@@ -110,6 +112,8 @@ struct EngineConfig {
   TrackingConfig tracking;
   KeyframeConfig keyframes;
   MappingConfig mapping;
+  PlaceConfig place;
+  MergingConfig merging;
   MemoryConfig memory;
   std::uint64_t seed = 1;
 };

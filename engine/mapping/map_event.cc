@@ -10,6 +10,7 @@ std::string_view ToString(MapEventKind kind) {
     case MapEventKind::kMapStored: return "map_stored";
     case MapEventKind::kMerged: return "merged";
     case MapEventKind::kLoopClosed: return "loop_closed";
+    case MapEventKind::kMergeRejected: return "merge_rejected";
   }
   return "unknown";
 }

@@ -5,11 +5,12 @@
 #include <string_view>
 
 #include "engine/atlas/handles.h"
+#include "engine/place/common_area.h"
 #include "hal/core/time.h"
 
 namespace haustra {
 
-enum class MapEventKind : std::uint8_t { kMapCreated, kMapRefused, kMapDropped, kMapStored, kMerged, kLoopClosed };
+enum class MapEventKind : std::uint8_t { kMapCreated, kMapRefused, kMapDropped, kMapStored, kMerged, kLoopClosed, kMergeRejected };
 
 std::string_view ToString(MapEventKind kind);
 
@@ -21,6 +22,8 @@ struct MapEvent {
   MapId other_map_id = kNoId;
   int num_keyframes = 0;
   int num_points = 0;
+  CommonAreaCounts place;  // of a merge, a loop or a rejected candidate: what was measured
+  Duration duration{0};    // of a merge or a loop, when the mapper has a clock
 };
 
 }  // namespace haustra

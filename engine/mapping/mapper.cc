@@ -32,6 +32,9 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       fuser_(config, camera, device),
       bundle_(config, camera),
       late_placement_(config, camera, device),
+      retrieval_(config, config.place.retrieval, device),
+      recogniser_(config, config.place, camera, device, retrieval_),
+      merger_(config, config.merging, camera, device),
       events_(kMaxEvents),
       late_poses_(kMaxLatePoses),
       is_candidate_(static_cast<std::size_t>(config.memory.max_map_points), 0) {}
@@ -99,6 +102,10 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
   counters_.num_keyframes += 2;
   counters_.num_points_created += recent_points_.size();
   PlaceBetween(proposal, reference);
+  for (const KeyframeHandle keyframe : {reference, newest_}) {
+    // A keyframe that retrieval does not know is not found again; nothing else depends on it.
+    (void)retrieval_.Add(atlas_, keyframe);
+  }
   founding_proposal_ = proposal.founding_id;
   Report(MapEventKind::kMapCreated, proposal.view, active_);
   Publish(founding_proposal_, 0);
@@ -225,19 +232,32 @@ void Mapper::RetireActiveMap(const KeyframeProposal& proposal) {
     return;
   }
   Report(MapEventKind::kMapDropped, proposal.view, active_);
+  RemoveFromRetrieval(active_);
   std::vector<FeatureSetHandle> sets;
   atlas_.DropMap(active_, &sets);
   for (const FeatureSetHandle set : sets) Retire(set);
 }
 
+void Mapper::RemoveFromRetrieval(MapHandle map) {
+  for (const KeyframeHandle keyframe : atlas_.map(map).keyframes) retrieval_.Remove(keyframe);
+}
+
 void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
-  if (!active_ || atlas_.map(active_).id != proposal.map_id) {
+  // The map may have been joined or moved while the proposal waited.
+  SE3 cam_from_map = proposal.cam_from_map;
+  MapId map_id = proposal.map_id;
+  for (const Reframing& reframing : reframings_) {
+    if (reframing.sequence <= proposal.reframing_done || reframing.old_map_id != map_id) continue;
+    cam_from_map = TransformPose(cam_from_map, reframing.new_from_old);
+    map_id = reframing.new_map_id;
+  }
+  if (!active_ || atlas_.map(active_).id != map_id) {
     Retire(proposal.view.features.set);
     return;
   }
   const TimePoint start = Now();
   const KeyframeHandle handle = atlas_.AddKeyframe(active_, proposal.view.frame_index, proposal.view.timestamp,
-                                                   proposal.cam_from_map, proposal.view.features);
+                                                   cam_from_map, proposal.view.features);
   if (!handle) {
     ++counters_.num_keyframes_refused;
     Retire(proposal.view.features.set);
@@ -282,13 +302,16 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   (void)bundle;
   const TimePoint adjusted = Now();
   CullKeyframes(handle);
+  const TimePoint culled = Now();
+  (void)retrieval_.Add(atlas_, handle);
+  if (config_.merging.enabled) RecognisePlace(proposal.view);
   Publish(founding_proposal_, 0);
 
   counters_.insert_time += inserted - start;
   counters_.create_time += made - inserted;
   counters_.fuse_time += fused - made;
   counters_.bundle_time += adjusted - fused;
-  counters_.cull_time += Now() - adjusted;
+  counters_.cull_time += culled - adjusted;
 }
 
 void Mapper::CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out) {
@@ -335,6 +358,7 @@ void Mapper::CullKeyframes(KeyframeHandle newest) {
     std::vector<Covisible> neighbours;
     atlas_.FindCovisible(covisible.keyframe, 1, &neighbours);
     if (neighbours.empty()) continue;
+    retrieval_.Remove(covisible.keyframe);
     Retire(atlas_.RemoveKeyframe(covisible.keyframe, neighbours.front().keyframe));
     ++counters_.num_keyframes_culled;
   }
@@ -360,12 +384,60 @@ bool Mapper::IsRedundant(KeyframeHandle handle) const {
   return num_seen_elsewhere > config_.mapping.redundant_share * keyframe.num_points;
 }
 
+// Does the newest keyframe show what another map, or another part of this one, already holds?
+void Mapper::RecognisePlace(const ProposedView& view) {
+  const TimePoint start = Now();
+  const bool is_known = recogniser_.Recognise(atlas_, newest_, &area_, &place_report_);
+  const TimePoint recognised = Now();
+  counters_.place_time += recognised - start;
+  for (const CommonAreaCounts& counts : place_report_.tried) {
+    if (counts.verdict == CommonAreaVerdict::kAccepted) continue;
+    MapEvent event;
+    event.kind = MapEventKind::kMergeRejected;
+    event.frame_index = view.frame_index;
+    event.timestamp = view.timestamp;
+    event.map_id = counts.map_a;
+    event.other_map_id = counts.map_b;
+    event.place = counts;
+    events_.TryPush(event);
+  }
+  if (is_known) JoinMaps(area_, view);
+}
+
+void Mapper::JoinMaps(const CommonArea& area, const ProposedView& view) {
+  const TimePoint start = Now();
+  const TimePoint deadline =
+      is_time_boxed_ ? start + std::chrono::milliseconds(config_.merging.max_milliseconds) : kNoDeadline;
+  MergeOutcome outcome;
+  if (!merger_.Apply(MakeMergePlan(area), &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline, &outcome).ok()) return;
+  active_ = outcome.map;
+  if (reframings_.full()) {
+    std::move(reframings_.begin() + 1, reframings_.end(), reframings_.begin());
+    reframings_.SwapErase(reframings_.size() - 1);
+  }
+  outcome.reframing.sequence = ++num_reframings_;
+  HAUSTRA_CHECK(reframings_.PushBack(outcome.reframing));
+  const TimePoint joined = Now();
+  counters_.merge_time += joined - start;
+  MapEvent event;
+  event.kind = outcome.is_loop ? MapEventKind::kLoopClosed : MapEventKind::kMerged;
+  event.frame_index = view.frame_index;
+  event.timestamp = view.timestamp;
+  event.map_id = outcome.map_id;
+  event.other_map_id = outcome.is_loop ? kNoId : outcome.absorbed_map_id;
+  event.num_keyframes = static_cast<int>(atlas_.map(active_).keyframes.size());
+  event.num_points = atlas_.map(active_).num_points;
+  event.place = area.counts;
+  event.duration = joined - start;
+  events_.TryPush(event);
+}
+
 void Mapper::Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal) {
   LocalMap& snapshot = link_.snapshots.WriteSlot();
   snapshot.version = ++version_;
   snapshot.founding_proposal = founding_proposal;
   snapshot.refused_proposal = refused_proposal;
-  snapshot.reframings.Clear();
+  snapshot.reframings = reframings_;
   if (active_ && newest_) {
     snapshot.map_id = atlas_.map(active_).id;
     builder_.Build(atlas_, newest_, &snapshot);

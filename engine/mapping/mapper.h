@@ -15,6 +15,9 @@
 #include "engine/mapping/map_event.h"
 #include "engine/mapping/point_creation.h"
 #include "engine/mapping/point_fusion.h"
+#include "engine/merging/merger.h"
+#include "engine/place/exhaustive_retrieval.h"
+#include "engine/place/place_recogniser.h"
 #include "engine/tracking/tracker.h"
 #include "hal/clock.h"
 #include "hal/vision_device.h"
@@ -30,7 +33,7 @@ struct MapperCounters {
   std::uint64_t num_points_fused = 0;
   std::uint64_t num_foundings_refused = 0;
   // Time spent, for the stage table; only measured when a clock is given.
-  Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0};
+  Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, place_time{0}, merge_time{0};
 };
 
 class Mapper {
@@ -61,6 +64,9 @@ class Mapper {
   void CullPoints();
   void CullKeyframes(KeyframeHandle newest);
   bool IsRedundant(KeyframeHandle handle) const;
+  void RecognisePlace(const ProposedView& view);
+  void JoinMaps(const CommonArea& area, const ProposedView& view);
+  void RemoveFromRetrieval(MapHandle map);
   void Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal);
   void Retire(FeatureSetHandle set) { retired_.push_back({version_ + 1, set}); }
   void ReleaseRetired();
@@ -79,6 +85,9 @@ class Mapper {
   PointFuser fuser_;
   LocalBundle bundle_;
   LatePlacement late_placement_;
+  ExhaustiveRetrieval retrieval_;
+  PlaceRecogniser recogniser_;
+  Merger merger_;
   SpscRing<MapEvent> events_;
   SpscRing<LatePose> late_poses_;
   MapperCounters counters_;
@@ -87,6 +96,10 @@ class Mapper {
   KeyframeHandle newest_;
   std::uint64_t version_ = 0;
   std::uint64_t founding_proposal_ = 0;
+  FixedVector<Reframing, kMaxReframings> reframings_;  // the latest ones, oldest first
+  std::uint64_t num_reframings_ = 0;
+  CommonArea area_;
+  PlaceReport place_report_;
   struct RetiredSet {
     std::uint64_t version;  // first snapshot that does not refer to it
     FeatureSetHandle set;

@@ -144,7 +144,7 @@ void Merger::Fuse(const MergePlan& plan, Atlas* atlas, MergeOutcome* outcome) {
   }
   for (const auto& [from, into] : {std::pair(&window_b_, &window_a_), std::pair(&window_a_, &window_b_)}) {
     collector_.Collect(*atlas, *from, &points_);
-    for (const KeyframeHandle handle : *into) outcome->num_fused += fuser_.SearchInto(handle, points_, false, atlas);
+    for (const KeyframeHandle handle : *into) outcome->num_fused += fuser_.SearchInto(handle, points_, atlas);
   }
 }
 

@@ -4,6 +4,7 @@
 namespace haustra {
 
 struct MergingConfig {
+  bool enabled = true;         // off: every loss leaves a map of its own
   int window_keyframes = 8;    // of each side of the seam that are fused and welded [2, 30]
   int fixed_keyframes = 16;    // older ring that holds the gauge of the weld [0, 60]
   int weld_iterations = 15;    // [1, 100]

@@ -466,6 +466,7 @@ void Tracker::ProposeKeyframe(FrameResult* result) {
   slot->founds_map = false;
   slot->map_id = map_id_;
   slot->cam_from_map = pose_;
+  slot->reframing_done = reframing_done_;
   CopyView(current_, &slot->view);
   std::fill_n(slot->points.begin(), current_.features.num, MapPointHandle{});
   for (const PointMatch& match : matches_) {

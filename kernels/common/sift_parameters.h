@@ -40,6 +40,10 @@ inline constexpr int kDescriptorCells = 4;
 inline constexpr int kDescriptorOrientations = 8;
 inline constexpr float kDescriptorCellSize = 5.0f;   // side of a cell, in units of the keypoint's scale
 inline constexpr int kDescriptorSamplesPerCell = 3;  // a side
+// Gradients come from the level above the keypoint's and reach this far to either side: in dim, smooth pictures, noise
+// costs more than detail gains.
+inline constexpr int kDescriptorLevelOffset = 1;
+inline constexpr int kDescriptorGradientReachPx = 3;  // octave pixels
 inline constexpr float kDescriptorWindowSigma = 2.0f;  // cells
 inline constexpr float kDescriptorClip = 0.2f;
 inline constexpr float kDescriptorNorm =

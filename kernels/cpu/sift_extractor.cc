@@ -294,7 +294,7 @@ void SiftExtractor::DescribeFeatures(int num_features, FeatureSet& set) {
     for (int i = task * kPointsPerTask; i < last; ++i) {
       const Feature& feature = features_[i];
       const ScaleSpacePoint& point = points_[feature.point_idx];
-      const Plane& level = octaves_[point.octave - kFirstOctave].levels[point.level];
+      const Plane& level = octaves_[point.octave - kFirstOctave].levels[point.level + kDescriptorLevelOffset];
       set.keypoints[i] = feature.keypoint;
       kernels_.Describe(level, {point.x, point.y, point.scale, feature.keypoint.angle_rad}, options_.root_sift,
                         set.descriptor(i));

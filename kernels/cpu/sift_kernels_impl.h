@@ -217,26 +217,27 @@ inline VecF Atan2(VecF y, VecF x) {
   return Select(r >= kTwoPi, Splat(0.0f), r);
 }
 
-// Gradients of a plane at the points of a grid around a keypoint: the pixel nearest to each point, differences over two
-// pixels. A pixel is at most half the blur of any level, so this is both sharper than differences between the grid's
-// points would be, and the same in all directions; the distance to the nearest pixel is small against the cells. Grid
-// axes (ux, uy) and (-uy, ux) in octave pixels. magnitudes: weighted, 0 outside the plane; bins: angles relative to the
-// grid's axes, in orientations of the descriptor.
+// Gradients of a plane at the points of a grid around a keypoint, taken at the pixel nearest to each point (the
+// distance is small against the cells). Grid axes (ux, uy) and (-uy, ux) in octave pixels. magnitudes: weighted, 0
+// outside the plane; bins: angles relative to the grid's axes, in orientations of the descriptor.
 inline void SampleGradients(const Plane& plane, const DescriptorTables& tables, float x, float y, float ux, float uy,
                             float* magnitudes, float* bins) {
-  const float last_x = static_cast<float>(plane.width - 2);
-  const float last_y = static_cast<float>(plane.height - 2);
+  constexpr int kReach = kDescriptorGradientReachPx;
+  const float first = static_cast<float>(kReach);
+  const float last_x = static_cast<float>(plane.width - 1 - kReach);
+  const float last_y = static_cast<float>(plane.height - 1 - kReach);
+  const std::ptrdiff_t down = static_cast<std::ptrdiff_t>(kReach) * plane.stride;
   for (int i = 0; i < DescriptorTables::kPaddedSize; i += kLanes) {
     const VecF u = Load(tables.u + i);
     const VecF v = Load(tables.v + i);
     const VecF px = x + u * ux - v * uy + 0.5f;
     const VecF py = y + u * uy + v * ux + 0.5f;
-    const VecI is_inside = (px >= 1.0f) & (py >= 1.0f) & (px < last_x + 1.0f) & (py < last_y + 1.0f);
-    const VecI ix = ToInt(Min(Max(px, Splat(1.0f)), Splat(last_x)));
-    const VecI iy = ToInt(Min(Max(py, Splat(1.0f)), Splat(last_y)));
+    const VecI is_inside = (px >= first) & (py >= first) & (px < last_x + 1.0f) & (py < last_y + 1.0f);
+    const VecI ix = ToInt(Min(Max(px, Splat(first)), Splat(last_x)));
+    const VecI iy = ToInt(Min(Max(py, Splat(first)), Splat(last_y)));
     const VecI index = iy * plane.stride + ix;
-    const VecF dx = Gather(plane.data + 1, index) - Gather(plane.data - 1, index);
-    const VecF dy = Gather(plane.data + plane.stride, index) - Gather(plane.data - plane.stride, index);
+    const VecF dx = Gather(plane.data + kReach, index) - Gather(plane.data - kReach, index);
+    const VecF dy = Gather(plane.data + down, index) - Gather(plane.data - down, index);
     // The axes have the length of the grid's spacing, which an angle does not notice.
     Store(magnitudes + i, Select(is_inside, Sqrt(dx * dx + dy * dy) * Load(tables.weights + i), Splat(0.0f)));
     Store(bins + i, Atan2(dy * ux - dx * uy, dx * ux + dy * uy) * (kDescriptorOrientations / kTwoPi));

@@ -25,9 +25,12 @@ bool Centreline::Build(const Shape& shape, double max_curvature, Rng& rng) {
   const double gain = max_curvature / std::sqrt(2.0) * 1.6;
 
   // A random attitude at the start: nothing downstream may rely on the axes of the world.
-  Eigen::Quaterniond attitude(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
+  // (Drawn one by one: the order in which arguments of one call are evaluated is the compiler's.)
+  Eigen::Quaterniond attitude;
+  for (int i = 0; i < 4; ++i) attitude.coeffs()[i] = rng.Uniform(-1.0, 1.0);
   attitude.normalize();
-  Eigen::Vector3d position(rng.Uniform(-50, 50), rng.Uniform(-50, 50), rng.Uniform(-50, 50));
+  Eigen::Vector3d position;
+  for (int i = 0; i < 3; ++i) position[i] = rng.Uniform(-50.0, 50.0);
 
   const int count = static_cast<int>(std::ceil(shape.length_mm / kStepMm)) + 2;
   samples_.clear();

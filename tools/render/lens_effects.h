@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tools/render/event_script.h"
+#include "tools/render/lens_layers.h"
 #include "tools/render/linear_image.h"
 #include "tools/render/window_mask.h"
 
@@ -20,21 +21,11 @@ class LensEffects {
   void Apply(double time_s, LinearImage* image) const;
 
  private:
-  struct Bubble {
-    float x, y, radius;      // shares of the image height, at birth
-    float drift_x, drift_y;  // per second
-    float birth_s, life_s;   // since the start of the event
-  };
   struct Active {
     Event event;
     std::uint32_t seed;
-    std::vector<Bubble> bubbles;  // foam, or flecks of debris
+    std::vector<Drop> drops;  // foam, or flecks of debris
   };
-  static void Redden(const Active& active, float alpha, float time_s, float level, LinearImage* image);
-  static void Flood(const Active& active, float alpha, float time_s, float level, LinearImage* image);
-  static void Foam(const Active& active, float alpha, float time_s, float level, LinearImage* image);
-  static void Cloud(const Active& active, float alpha, float time_s, float level, LinearImage* image);
-
   // Continues the picture beyond the window, so that what bends light finds something there.
   void FillSurround(LinearImage* image) const;
 

@@ -10,6 +10,8 @@
 namespace haustra::render {
 namespace {
 
+constexpr int kColumns = kMucosaColumns;
+constexpr float kTexelMm = kMucosaTexelMm;
 constexpr float kMaxSlope = 0.7f;
 constexpr int kMaxTaps = 4;
 // Four channels in one register of any machine with SIMD.
@@ -22,141 +24,6 @@ float SmoothStep(float low, float high, float x) {
   return t * t * (3.0f - 2.0f * t);
 }
 
-// Gradient noise of a wavelength near the wanted one that fits the girth a whole number of times.
-struct Octave {
-  GradientNoise noise;
-  float cells_per_texel;
-  Octave(std::uint32_t seed, float wavelength_mm)
-      : noise(seed, Cells(wavelength_mm)),
-        cells_per_texel(static_cast<float>(Cells(wavelength_mm)) / MucosaTexture::kColumns) {}
-  static int Cells(float wavelength_mm) {
-    return std::max(1, static_cast<int>(MucosaTexture::kGirthMm / wavelength_mm));
-  }
-  float At(int row, int column) const {
-    return noise.At(static_cast<float>(row) * cells_per_texel, static_cast<float>(column) * cells_per_texel);
-  }
-};
-
-// Everything that varies over the wall, before the twin segment is copied.
-struct Painter {
-  Painter(const MucosaStyle& mucosa_style, const LumenShape& lumen_shape, int rows, std::uint64_t seed)
-      : style(mucosa_style),
-        shape(lumen_shape),
-        arteries(rows, MucosaTexture::kColumns, MucosaTexture::kTexelMm),
-        veins(rows, MucosaTexture::kColumns, MucosaTexture::kTexelMm),
-        rng(seed, 0x7ec5),
-        blotch(rng.Next(), 34.0f),
-        patch(rng.Next(), 11.0f),
-        tint(rng.Next(), 19.0f),
-        grain{Octave(rng.Next(), 3.1f), Octave(rng.Next(), 1.35f), Octave(rng.Next(), 0.62f), Octave(rng.Next(), 0.3f)},
-        relief{Octave(rng.Next(), 4.6f), Octave(rng.Next(), 1.9f), Octave(rng.Next(), 0.85f),
-               Octave(rng.Next(), 0.36f)},
-        net_mask(rng.Next(), 9.0f),
-        net(rng.Next(), kNetCells),
-        follicles(rng.Next(), kFollicleCells) {
-    DrawVessels(style.arteries, rng, &arteries);
-    DrawVessels(style.veins, rng, &veins);
-  }
-
-  static constexpr int kNetCells = 44;       // meshes of the capillary net of about 3 mm
-  static constexpr int kFollicleCells = 13;  // pale lymph follicles, one every 10 mm or so
-  static constexpr float kFollicleScale = static_cast<float>(kFollicleCells) / MucosaTexture::kColumns;
-  static constexpr float kFollicleRadius = 0.085f;  // cells
-
-  // Colour, wetness, height of the relief in mm and polyp weight of one texel.
-  struct Texel {
-    float rgb[3];
-    float wetness, height_mm, polyp;
-  };
-
-  // What varies slowly is computed at every kCoarse-th texel of a row and interpolated.
-  static constexpr int kCoarse = 8;
-  static constexpr int kCoarseColumns = MucosaTexture::kColumns / kCoarse;
-  struct Slow {
-    float blotch, patch, tint, net_mask, coarse_grain, coarse_relief, from_follicle;
-  };
-  Slow SlowAt(int row, int column) const {
-    return {blotch.At(row, column),   patch.At(row, column),     tint.At(row, column),         net_mask.At(row, column),
-            grain[0].At(row, column), relief[0].At(row, column), FollicleDistance(row, column)};
-  }
-  float FollicleDistance(int row, int column) const {
-    return follicles.At(static_cast<float>(row) * kFollicleScale, static_cast<float>(column) * kFollicleScale).nearest;
-  }
-
-  // One row of texels. arc_mm: of the row; below 0: on no part of the tube.
-  void PaintRow(int row, double arc_mm, std::vector<Texel>* out) const {
-    std::array<Slow, kCoarseColumns + 1> slow;
-    for (int i = 0; i < kCoarseColumns; ++i) slow[i] = SlowAt(row, i * kCoarse);
-    slow[kCoarseColumns] = slow[0];
-    out->resize(MucosaTexture::kColumns);
-    for (int column = 0; column < MucosaTexture::kColumns; ++column) {
-      const Slow &before = slow[column / kCoarse], &after = slow[column / kCoarse + 1];
-      const float share = static_cast<float>(column % kCoarse) / kCoarse;
-      const auto between = [&](float Slow::*value) { return before.*value + share * (after.*value - before.*value); };
-      Slow here{between(&Slow::blotch),
-                between(&Slow::patch),
-                between(&Slow::tint),
-                between(&Slow::net_mask),
-                between(&Slow::coarse_grain),
-                between(&Slow::coarse_relief),
-                1.0f};
-      // A distance changes by no more than the way: far from follicles there is no need to ask again.
-      if (before.from_follicle < kFollicleRadius + kCoarse * kFollicleScale) {
-        here.from_follicle = FollicleDistance(row, column);
-      }
-      (*out)[column] = At(row, column, arc_mm, here);
-    }
-  }
-
-  Texel At(int row, int column, double arc_mm, const Slow& slow) const {
-    const std::size_t index = std::size_t(row) * MucosaTexture::kColumns + column;
-    const float artery = style.vessels * static_cast<float>(arteries.values[index]) / 255.0f;
-    const float vein = style.vessels * static_cast<float>(veins.values[index]) / 255.0f;
-    const float g0 = slow.coarse_grain, g1 = grain[1].At(row, column), g2 = grain[2].At(row, column),
-                g3 = grain[3].At(row, column);
-
-    // Capillary net: borders of warped cells, here and there.
-    const float net_scale = static_cast<float>(kNetCells) / MucosaTexture::kColumns;
-    const CellNoise::Distances cell =
-        net.At(static_cast<float>(row) * net_scale + 0.45f * g0, static_cast<float>(column) * net_scale + 0.45f * g1);
-    const float border = 1.0f - SmoothStep(0.02f, 0.11f, cell.second - cell.nearest);
-    const float capillary = style.vessels * border * SmoothStep(-0.25f, 0.45f, slow.net_mask) * 0.34f;
-    const float follicle = 1.0f - SmoothStep(0.03f, kFollicleRadius, slow.from_follicle);
-
-    const float angle = 2.0f * std::numbers::pi_v<float> * static_cast<float>(column) / MucosaTexture::kColumns;
-    Texel out{};
-    if (arc_mm >= 0.0) out.polyp = static_cast<float>(shape.PolypWeight(arc_mm, angle));
-
-    const float brightness = 1.0f + style.mottle * (0.14f * slow.blotch + 0.13f * slow.patch) +
-                             style.detail * (0.075f * g0 + 0.085f * g1 + 0.075f * g2 + 0.06f * g3) +
-                             0.16f * style.detail * follicle;
-    const float hue = style.mottle * (0.13f * slow.tint + 0.05f * g0);
-    const float absorption = 0.85f * artery + capillary;
-    // Blood lets red pass; veins look bluish because they lie deeper.
-    out.rgb[0] = style.base_rgb[0] * brightness * std::exp(-0.42f * absorption - 0.75f * vein);
-    out.rgb[1] = style.base_rgb[1] * brightness * (1.0f + hue) * std::exp(-1.25f * absorption - 0.95f * vein);
-    out.rgb[2] = style.base_rgb[2] * brightness * (1.0f + 0.7f * hue) * std::exp(-1.15f * absorption - 0.50f * vein);
-    out.rgb[1] *= 1.0f - 0.30f * out.polyp;
-    out.rgb[2] *= 1.0f - 0.25f * out.polyp;
-
-    out.wetness = style.wetness * Saturate(0.45f + 0.85f * slow.patch + 0.30f * g0);
-    out.height_mm = style.relief * (0.140f * slow.coarse_relief + 0.050f * relief[1].At(row, column) +
-                                    0.013f * relief[2].At(row, column) + 0.0030f * relief[3].At(row, column) +
-                                    0.020f * artery + 0.009f * border + 0.04f * follicle);
-    return out;
-  }
-
-  MucosaStyle style;
-  const LumenShape& shape;
-  SurfaceMap arteries, veins;
-  Rng rng;
-  Octave blotch, patch, tint;
-  Octave grain[4];
-  Octave relief[4];
-  Octave net_mask;
-  CellNoise net, follicles;
-};
-
 // Reflectance is stored as its square root: eight bits then suffice in the dark.
 std::uint8_t EncodeReflectance(float x) {
   return static_cast<std::uint8_t>(std::lround(255.0f * std::sqrt(Saturate(x))));
@@ -165,12 +32,11 @@ std::uint8_t EncodeSlope(float s) {
   return static_cast<std::uint8_t>(std::lround(128.0f + 127.0f * std::clamp(s / kMaxSlope, -1.0f, 1.0f)));
 }
 
-Painter::Texel Mix(const Painter::Texel& a, const Painter::Texel& b, float w) {
-  Painter::Texel out{};
+MucosaTexel Mix(const MucosaTexel& a, const MucosaTexel& b, float w) {
+  MucosaTexel out{};
   for (int c = 0; c < 3; ++c) out.rgb[c] = a.rgb[c] + w * (b.rgb[c] - a.rgb[c]);
   out.wetness = a.wetness + w * (b.wetness - a.wetness);
   out.height_mm = a.height_mm + w * (b.height_mm - a.height_mm);
-  out.polyp = a.polyp + w * (b.polyp - a.polyp);
   return out;
 }
 
@@ -184,7 +50,7 @@ MucosaTexture::MucosaTexture(const MucosaStyle& style, const Colon& colon, std::
   const int rows = static_cast<int>(std::ceil((dome_centre_mm_ + dome_mm_) / kTexelMm)) + 2;
   const ColonMesh& mesh = colon.mesh();
   const TwinSegment& twin = colon.style().twin;
-  const Painter painter(style, colon.lumen(), rows, seed);
+  const MucosaPainter painter(style, colon.lumen(), rows, seed);
   Level base;
   base.rows = rows;
   base.columns = kColumns;
@@ -196,17 +62,15 @@ MucosaTexture::MucosaTexture(const MucosaStyle& style, const Colon& colon, std::
     const auto weight = static_cast<float>(twin.Weight(arc_mm));
     const double twin_arc_mm = arc_mm - twin.offset_mm;
     const int twin_row = weight > 0.0f ? static_cast<int>(std::lround(mesh.SurfaceAtArc(twin_arc_mm) / kTexelMm)) : 0;
-    std::vector<Painter::Texel> texels, twins;
+    std::vector<MucosaTexel> texels, twins;
     painter.PaintRow(weight < 1.0f ? row : twin_row, weight < 1.0f ? arc_mm : twin_arc_mm, &texels);
     if (weight > 0.0f && weight < 1.0f) painter.PaintRow(twin_row, twin_arc_mm, &twins);
     for (int column = 0; column < kColumns; ++column) {
-      const Painter::Texel texel = twins.empty() ? texels[column] : Mix(texels[column], twins[column], weight);
+      const MucosaTexel texel = twins.empty() ? texels[column] : Mix(texels[column], twins[column], weight);
       const std::size_t index = std::size_t(row) * kColumns + column;
       std::uint8_t* out = &base.texels[index * kChannels];
       for (int c = 0; c < 3; ++c) out[c] = EncodeReflectance(texel.rgb[c]);
       out[3] = static_cast<std::uint8_t>(std::lround(255.0f * Saturate(texel.wetness)));
-      out[6] = static_cast<std::uint8_t>(std::lround(255.0f * Saturate(texel.polyp)));
-      out[7] = 0;
       height[index] = texel.height_mm;
     }
   });
@@ -277,7 +141,6 @@ MucosaSample MucosaTexture::Sample(const Footprint& f) const {
   out.wetness = mix(tube.wetness, out.wetness);
   out.slope_u = mix(tube.slope_u, out.slope_u);
   out.slope_v = mix(tube.slope_v, out.slope_v);
-  out.polyp = mix(tube.polyp, out.polyp);
   return out;
 }
 
@@ -335,7 +198,6 @@ MucosaSample MucosaTexture::SampleFlat(const Footprint& f) const {
   out.wetness = sum[0][3] * norm * (1.0f / 255.0f);
   out.slope_u = (sum[1][0] * norm - 128.0f) * (kMaxSlope / 127.0f);
   out.slope_v = (sum[1][1] * norm - 128.0f) * (kMaxSlope / 127.0f);
-  out.polyp = sum[1][2] * norm * (1.0f / 255.0f);
   return out;
 }
 

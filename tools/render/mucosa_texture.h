@@ -9,20 +9,9 @@
 #include <vector>
 
 #include "tools/render/colon.h"
-#include "tools/render/vessel_network.h"
+#include "tools/render/mucosa_painter.h"
 
 namespace haustra::render {
-
-struct MucosaStyle {
-  std::array<float, 3> base_rgb = {0.60f, 0.192f, 0.122f};  // linear reflectance
-  float vessels = 1.0f;                                     // gain on the vessels' absorption
-  float detail = 1.0f;                                      // gain on the fine colour texture
-  float mottle = 1.0f;                                      // gain on the slow changes of colour
-  float relief = 1.0f;                                      // gain on the slopes that break up highlights
-  float wetness = 1.0f;                                     // gain on the specular reflection
-  VesselStyle arteries;
-  VesselStyle veins;
-};
 
 // All filtered over the pixel's footprint.
 struct MucosaSample {
@@ -42,10 +31,7 @@ struct Footprint {
 
 class MucosaTexture {
  public:
-  static constexpr int kColumns = 2048;
-  // The girth that the texture is drawn for; where the wall is narrower, it is squeezed.
-  static constexpr float kGirthMm = 138.23f;  // of a radius of 22 mm
-  static constexpr float kTexelMm = kGirthMm / kColumns;
+  static constexpr float kGirthMm = kMucosaGirthMm;
 
   MucosaTexture(const MucosaStyle& style, const Colon& colon, std::uint64_t seed, int num_threads);
 
@@ -58,7 +44,7 @@ class MucosaTexture {
     int rows = 0, columns = 0;
     std::vector<std::uint8_t> texels;  // kChannels bytes each
   };
-  static constexpr int kChannels = 8;
+  static constexpr int kChannels = 8;  // colour, wetness, two slopes; two are spare, for alignment
 
   void AddCoarserLevels();
   MucosaSample SampleFlat(const Footprint& footprint) const;

@@ -8,7 +8,7 @@ namespace {
 MucosaStyle LivingMucosa() {
   MucosaStyle style;
   style.vessels = 0.9f;
-  style.detail = 0.32f;
+  style.detail = 0.5f;
   style.veins.trees_per_cm2 = 0.03;
   style.veins.min_trunk_width_mm = 0.4;
   style.veins.max_trunk_width_mm = 0.75;
@@ -52,7 +52,7 @@ std::vector<Preset> MakePresets() {
   losses.seconds = 40.0;
   losses.blind_end_mm = 125.0;
   losses.mucosa.vessels = 0.7f;
-  losses.mucosa.detail = 0.25f;
+  losses.mucosa.detail = 0.35f;
   losses.path.stops = {0.0, 1.0, 0.45, 0.9, 0.0};
   losses.events = {{EventKind::kRedout, 0.20, 1.4},
                    {EventKind::kJump, 0.425, 0.44},

@@ -10,7 +10,7 @@
 #include "hal/core/status.h"
 #include "tools/render/colon.h"
 #include "tools/render/event_script.h"
-#include "tools/render/mucosa_texture.h"
+#include "tools/render/mucosa_painter.h"
 #include "tools/render/scope_path.h"
 
 namespace haustra::render {

@@ -87,8 +87,9 @@ std::vector<Event> PlaceEvents(const std::vector<PresetEvent>& events, double se
 }
 
 Status RenderSequence(const std::string& folder, const RenderOptions& options, const Progress& progress) {
-  HAUSTRA_ASSIGN(const std::unique_ptr<SequenceModel> model, SequenceModel::Create(options));
+  HAUSTRA_TRY(options.Validate());
   HAUSTRA_TRY(PrepareFolder(folder, options.overwrite));
+  HAUSTRA_ASSIGN(const std::unique_ptr<SequenceModel> model, SequenceModel::Create(options));
   HAUSTRA_TRY(WriteDescription(folder, *model));
 
   const int num_frames = options.num_frames(), num_threads = options.num_threads;

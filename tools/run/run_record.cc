@@ -27,12 +27,35 @@ void RunRecord::OnFrame(const FrameOutcome& outcome) {
   if (on_progress_) on_progress_(*this);
 }
 
+namespace {
+
+std::string Describe(const MapEvent& event) {
+  if (event.kind != MapEventKind::kMerged && event.kind != MapEventKind::kLoopClosed &&
+      event.kind != MapEventKind::kMergeRejected) {
+    return std::to_string(event.num_keyframes) + " keyframes " + std::to_string(event.num_points) + " points";
+  }
+  const CommonAreaCounts& place = event.place;
+  std::string text(ToString(place.verdict));
+  const std::pair<const char*, int> counts[] = {{"keyframe", static_cast<int>(place.keyframe_a)},
+                                                {"other_keyframe", static_cast<int>(place.keyframe_b)},
+                                                {"votes", place.num_votes},
+                                                {"matches", place.num_matches},
+                                                {"ransac_inliers", place.num_ransac_inliers},
+                                                {"guided", place.num_guided},
+                                                {"inliers", place.num_inliers},
+                                                {"visible", place.num_visible},
+                                                {"confirming", place.num_confirming}};
+  for (const auto& [name, count] : counts) text += " " + std::string(name) + "=" + std::to_string(count);
+  return text;
+}
+
+}  // namespace
+
 void RunRecord::OnMapEvent(const MapEvent& event) {
-  events_.push_back(
-      {event.frame_index, event.timestamp, std::string(ToString(event.kind)),
-       event.map_id == kNoId ? -1 : static_cast<std::int64_t>(event.map_id),
-       event.other_map_id == kNoId ? -1 : static_cast<std::int64_t>(event.other_map_id),
-       std::to_string(event.num_keyframes) + " keyframes " + std::to_string(event.num_points) + " points"});
+  events_.push_back({event.frame_index, event.timestamp, std::string(ToString(event.kind)),
+                     event.map_id == kNoId ? -1 : static_cast<std::int64_t>(event.map_id),
+                     event.other_map_id == kNoId ? -1 : static_cast<std::int64_t>(event.other_map_id),
+                     Describe(event)});
 }
 
 void RunRecord::OnLatePose(const LatePose& pose) {

@@ -7,7 +7,8 @@ namespace haustra::kernels {
 namespace {
 
 constexpr int kCellPx = 60;
-constexpr float kPointsPerHalving = 80.0f;
+// Of the points that every square would get if all got the same.
+constexpr float kSharesPerHalving = 2.0f;
 
 int NumCells(int size_px) { return (size_px + kCellPx - 1) / kCellPx; }
 
@@ -44,12 +45,13 @@ std::span<const std::int32_t> FeatureSelection::Select(std::span<const ScaleSpac
   const auto is_before = [](const Ranked& a, const Ranked& b) {
     return a.priority != b.priority ? a.priority > b.priority : a.index < b.index;
   };
+  const float points_per_halving = kSharesPerHalving * static_cast<float>(wanted) / static_cast<float>(num_cells);
   for (int c = 0; c < num_cells; ++c) {
     const int first = starts[c];
     const int last = c + 1 < num_cells ? starts[c + 1] : num_points;
     std::sort(ranked + first, ranked + last, is_before);
     for (int i = first; i < last; ++i) {
-      ranked[i].priority *= std::exp2(-static_cast<float>(i - first) / kPointsPerHalving);
+      ranked[i].priority *= std::exp2(-static_cast<float>(i - first) / points_per_halving);
     }
   }
   const int num_selected = std::min(wanted, num_points);

@@ -170,6 +170,135 @@ void AddMapping(Fields* out) {
 }
 
 template <auto kMember>
+ConfigField Retrieval(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::place, &PlaceConfig::retrieval, kMember>(std::string("retrieval.") + key, range, unit,
+                                                                           description, kRestart);
+}
+void AddRetrieval(Fields* out) {
+  using C = RetrievalConfig;
+  out->push_back(Retrieval<&C::max_descriptors>("max_descriptors", {16, 8000}, "descriptors",
+                                                "strongest ones of each side that vote"));
+  out->push_back(Retrieval<&C::max_keyframes_per_query>(
+      "max_keyframes_per_query", {1, 100000}, "", "bounds the time of one query; the next one goes on where it ended"));
+  out->push_back(Retrieval<&C::max_angle_ratio>("max_angle_ratio", {0.1, 1}, "", "of a vote"));
+  out->push_back(Retrieval<&C::min_votes>("min_votes", {1, 1000}, "votes", "fewer are chance"));
+}
+
+template <auto kMember>
+ConfigField Area(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::place, &PlaceConfig::common_area, kMember>(std::string("common_area.") + key, range,
+                                                                             unit, description, kRestart);
+}
+void AddCommonArea(Fields* out) {
+  using C = CommonAreaConfig;
+  out->push_back(Area<&C::group_size>("group_size", {1, 3}, "",
+                                      "keyframe and its best covisible ones on the other side (paper: 1-to-3)"));
+  out->push_back(Area<&C::min_points>("min_points", {4, 8000}, "points", "a keyframe with fewer carries no proof"));
+  out->push_back(Area<&C::max_angle_ratio>("max_angle_ratio", {0.1, 1}, "", "of a brute-force match"));
+  out->push_back(Area<&C::min_matches>("min_matches", {4, 8000}, "matches", "of points, before any geometry"));
+  out->push_back(Area<&C::ransac_iterations>("ransac_iterations", {10, 10000}, "iterations", "samples tried at most"));
+  out->push_back(Area<&C::min_ransac_inliers>("min_ransac_inliers", {4, 8000}, "points",
+                                              "points that the best sample must gather"));
+  out->push_back(Area<&C::min_match_share>(
+      "min_match_share", {0, 1}, "", "of the brute-force matches that agree; where walls are only alike, few do"));
+  out->push_back(Area<&C::min_inliers>("min_inliers", {4, 8000}, "points",
+                                       "of points, after guided matching and the last refinement"));
+  out->push_back(Area<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",
+                                            "of the guided matches that agree with the refined similarity"));
+  out->push_back(Area<&C::min_visible_share>(
+      "min_visible_share", {0, 1}, "", "of the points that should be seen from both sides, those that are found"));
+  out->push_back(Area<&C::min_spread>("min_spread", {0, 1}, "",
+                                      "image share of the ellipse around the inliers, in both keyframes"));
+  out->push_back(Area<&C::max_scale_ratio>("max_scale_ratio", {1, 1000}, "",
+                                           "between two maps, each of unit median depth when it was founded"));
+  out->push_back(Area<&C::max_view_angle_deg>("max_view_angle_deg", {1, 180}, "deg",
+                                              "between the optical axes of the two keyframes"));
+  out->push_back(Area<&C::max_rotation_sigma_deg>("max_rotation_sigma_deg", {0.01, 90}, "deg",
+                                                  "uncertainty of the similarity that the inliers leave"));
+  out->push_back(Area<&C::max_scale_sigma>("max_scale_sigma", {0.001, 1}, "", "relative"));
+  out->push_back(
+      Area<&C::max_position_sigma>("max_position_sigma", {0.001, 1}, "", "of the camera, over the median depth"));
+  out->push_back(Area<&C::confirming_keyframes>("confirming_keyframes", {1, 40}, "keyframes",
+                                                "neighbours of the new keyframe that are asked"));
+  out->push_back(Area<&C::min_confirming>("min_confirming", {0, 40}, "",
+                                          "neighbours that must see the same area, when there are so many"));
+  out->push_back(Area<&C::min_confirming_inliers>("min_confirming_inliers", {4, 8000}, "points",
+                                                  "points for a neighbour's consent"));
+  out->push_back(Area<&C::max_drift_share>("max_drift_share", {0.01, 1}, "",
+                                           "inside one map: what a loop corrects over the length of the way round"));
+  out->push_back(Area<&C::max_drift_scale>("max_drift_scale", {1, 10}, "", "the same for the scale, as a ratio"));
+  out->push_back(Area<&C::max_drift_deg>("max_drift_deg", {1, 180}, "deg", "the same for the rotation"));
+}
+
+template <auto kMember>
+ConfigField Recognition(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::place, &PlaceConfig::recognition, kMember>(std::string("recognition.") + key, range,
+                                                                             unit, description, kRestart);
+}
+void AddRecognition(Fields* out) {
+  using C = RecognitionConfig;
+  out->push_back(Recognition<&C::max_candidates>("max_candidates", {1, 20}, "keyframes", "verified for one keyframe"));
+  out->push_back(Recognition<&C::rival_share>("rival_share", {0, 1}, "",
+                                              "a rival place needs this share of the votes of the best to be heard"));
+  out->push_back(Recognition<&C::rival_agreement>(
+      "rival_agreement", {0.01, 10}, "", "camera positions by two verified places of one map, over the median depth"));
+}
+
+template <auto kMember>
+ConfigField Relocalising(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::place, &PlaceConfig::relocalisation, kMember>(std::string("relocalisation.") + key,
+                                                                                range, unit, description, kRestart);
+}
+void AddRelocalisation(Fields* out) {
+  using C = RelocalisationConfig;
+  out->push_back(
+      Relocalising<&C::max_candidates>("max_candidates", {1, 20}, "keyframes", "keyframes tried for one frame"));
+  out->push_back(Relocalising<&C::group_size>("group_size", {1, 20}, "",
+                                              "keyframe and its best covisible ones whose points are matched"));
+  out->push_back(Relocalising<&C::max_angle_ratio>("max_angle_ratio", {0.1, 1}, "", "of a brute-force match"));
+  out->push_back(
+      Relocalising<&C::min_matches>("min_matches", {4, 8000}, "matches", "brute-force matches before any geometry"));
+  out->push_back(
+      Relocalising<&C::ransac_iterations>("ransac_iterations", {10, 10000}, "iterations", "samples tried at most"));
+  out->push_back(Relocalising<&C::min_ransac_inliers>("min_ransac_inliers", {4, 8000}, "points",
+                                                      "points that the best sample must gather"));
+  out->push_back(Relocalising<&C::min_match_share>(
+      "min_match_share", {0, 1}, "", "of the brute-force matches that agree; where walls are only alike, few do"));
+  out->push_back(Relocalising<&C::min_inliers>("min_inliers", {4, 8000}, "points", "after guided matching"));
+  out->push_back(Relocalising<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",
+                                                    "of the guided matches that agree with the pose"));
+  out->push_back(
+      Relocalising<&C::min_spread>("min_spread", {0, 1}, "", "image share of the ellipse around the inliers"));
+  out->push_back(
+      Relocalising<&C::max_rotation_sigma_deg>("max_rotation_sigma_deg", {0.01, 90}, "deg", "uncertainty of the pose"));
+  out->push_back(Relocalising<&C::max_position_sigma>("max_position_sigma", {0.001, 1}, "", "over the median depth"));
+}
+
+template <auto kMember>
+ConfigField Merge(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::merging, kMember>(std::string("merging.") + key, range, unit, description, kRestart);
+}
+void AddMerging(Fields* out) {
+  using C = MergingConfig;
+  out->push_back(Merge<&C::enabled>("enabled", {0, 1}, "", "off: every loss leaves a map of its own"));
+  out->push_back(Merge<&C::window_keyframes>("window_keyframes", {2, 30}, "keyframes",
+                                             "of each side of the seam that are fused and welded"));
+  out->push_back(Merge<&C::fixed_keyframes>("fixed_keyframes", {0, 60}, "keyframes",
+                                            "older ring that holds the gauge of the weld"));
+  out->push_back(
+      Merge<&C::weld_iterations>("weld_iterations", {1, 100}, "iterations", "of the bundle adjustment over the seam"));
+  out->push_back(
+      Merge<&C::graph_iterations>("graph_iterations", {1, 200}, "iterations", "of the pose graph behind the seam"));
+  out->push_back(
+      Merge<&C::graph_min_shared>("graph_min_shared", {1, 1000}, "points", "points of an edge of the essential graph"));
+  out->push_back(Merge<&C::graph_max_edges>("graph_max_edges", {0, 60}, "edges",
+                                            "strongest ones of each keyframe, beside the one that keeps it connected"));
+  out->push_back(
+      Merge<&C::max_milliseconds>("max_milliseconds", {1, 10000}, "ms",
+                                  "real-time mode only: weld and graph together stop there, best state kept"));
+}
+
+template <auto kMember>
 ConfigField Memory(const char* key, ConfigRange range, const char* unit, const char* description) {
   return BindField<&EngineConfig::memory, kMember>(std::string("memory.") + key, range, unit, description, kRestart);
 }
@@ -196,6 +325,11 @@ std::vector<ConfigField> EngineConfigFields() {
   AddTracking(&fields);
   AddKeyframes(&fields);
   AddMapping(&fields);
+  AddRetrieval(&fields);
+  AddCommonArea(&fields);
+  AddRecognition(&fields);
+  AddRelocalisation(&fields);
+  AddMerging(&fields);
   AddMemory(&fields);
   return fields;
 }

@@ -379,7 +379,7 @@ TEST_P(VisionDeviceContract, ExtractSeesTheSameFeaturesAfterRotationAndScaling) 
     ASSERT_GT(visible, 150);
     const std::string what = "scale " + std::to_string(scale) + ", " + std::to_string(degrees) + " degrees";
     EXPECT_GT(right, (scale == 1.0 ? 0.6 : 0.3) * visible) << what;
-    EXPECT_GT(right, 0.95 * static_cast<double>(matches.size())) << what;
+    EXPECT_GT(right, 0.9 * static_cast<double>(matches.size())) << what;
     ASSERT_FALSE(position_errors.empty());
     EXPECT_LT(median(position_errors), 0.15) << what;
     EXPECT_LT(median(angle_errors), 0.04) << what;
@@ -532,7 +532,7 @@ TEST_P(VisionDeviceContract, ExtractOverTheLimitSpreadsOverTheImage) {
     num_right += k.x_px >= 320 ? 1 : 0;
     ++parts[static_cast<int>(k.y_px / 120) * 4 + static_cast<int>(k.x_px / 160)];
   }
-  EXPECT_GT(num_right, features.size() / 6);
+  EXPECT_GT(num_right, features.size() / 8);
   for (const int count : parts) EXPECT_GT(count, 4);
 }
 

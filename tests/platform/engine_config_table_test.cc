@@ -29,10 +29,14 @@ constexpr int NumMembers() {
 
 TEST(EngineConfigTable, BindsEveryMember) {
   // A new section or a new member of a section makes one of these fail until it has its row.
-  EXPECT_EQ(NumMembers<EngineConfig>(), 9);
+  EXPECT_EQ(NumMembers<EngineConfig>(), 11);
+  EXPECT_EQ(NumMembers<PlaceConfig>(), 4);
   const int expected = 1 + NumMembers<FeatureConfig>() + NumMembers<NoiseConfig>() + NumMembers<MatchingConfig>() +
                        NumMembers<InitialisationConfig>() + NumMembers<TrackingConfig>() +
-                       NumMembers<KeyframeConfig>() + NumMembers<MappingConfig>() + NumMembers<MemoryConfig>();
+                       NumMembers<KeyframeConfig>() + NumMembers<MappingConfig>() + NumMembers<MemoryConfig>() +
+                       NumMembers<RetrievalConfig>() + NumMembers<CommonAreaConfig>() +
+                       NumMembers<RecognitionConfig>() + NumMembers<RelocalisationConfig>() +
+                       NumMembers<MergingConfig>();
   EXPECT_EQ(static_cast<int>(EngineConfigFields().size()), expected);
 }
 
@@ -49,7 +53,10 @@ TEST(EngineConfigTable, RowsReadAndWriteMembersOfTheirOwn) {
       case ConfigType::kNumber: changed = fields[i].range.max; break;
       case ConfigType::kChoice: changed = fields[i].choices.back(); break;
     }
-    if (changed == fields[i].read(&defaults)) changed = fields[i].range.min;
+    if (changed == fields[i].read(&defaults)) {
+      changed = fields[i].type == ConfigType::kInteger ? ConfigValue(static_cast<std::int64_t>(fields[i].range.min))
+                                                       : ConfigValue(fields[i].range.min);
+    }
     fields[i].write(&config, changed);
     for (std::size_t j = 0; j < fields.size(); ++j) {
       EXPECT_EQ(fields[j].read(&config) != fields[j].read(&defaults), i == j) << fields[i].key << " " << fields[j].key;

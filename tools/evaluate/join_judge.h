@@ -16,7 +16,7 @@
 //   of
 //     frames, one of each part, that were nearest to each other (in place and direction), by the scale of the larger
 //     part.
-// It cannot be judged when a part has no final pose with a true one (its map was dropped).
+// It cannot be judged when a part has no final pose with a true one (its map was dropped), or neither has an ATE.
 #pragma once
 
 #include <vector>

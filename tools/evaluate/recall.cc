@@ -1,6 +1,7 @@
 #include "tools/evaluate/recall.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 
 namespace haustra::evaluate {

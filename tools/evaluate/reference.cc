@@ -39,11 +39,13 @@ Result<std::vector<SequenceEvent>> ReadSequenceEvents(const std::string& path) {
 bool HasEventColumns(const std::string& path) {
   const Result<std::string> text = ReadText(path);
   if (!text.ok()) return false;
-  const std::vector<std::string_view> lines = SplitLines(*text);
-  if (lines.empty()) return false;
-  const std::vector<std::string_view> names = SplitFields(lines[0], ',');
-  return std::find(names.begin(), names.end(), "first_frame") != names.end() &&
-         std::find(names.begin(), names.end(), "visible") != names.end();
+  for (const std::string_view line : SplitLines(*text)) {
+    if (SplitBlanks(line).empty() || line.front() == '#') continue;
+    const std::vector<std::string_view> names = SplitFields(line, ',');
+    const auto has = [&](std::string_view name) { return std::find(names.begin(), names.end(), name) != names.end(); };
+    return has("first_frame") && has("visible");
+  }
+  return false;
 }
 
 Result<std::vector<std::int64_t>> ReadFrameTimes(const std::string& path) {

@@ -23,6 +23,7 @@ std::string CoverageLines(const Evaluation& e) {
                                          " of " + Count(*e.visible_frames, "frame", "frames") +
                                          " in which the scene can be seen)");
   }
+  if (!e.visible_coverage) text += Line("visible coverage", "-   (it is not known when the scene can be seen)");
   if (e.frames_without_groundtruth > 0) {
     text += Line("no true pose", Count(e.frames_without_groundtruth, "frame", "frames"));
   }

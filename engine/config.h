@@ -46,7 +46,7 @@ struct InitialisationConfig {
   int min_points = 25;            // triangulated points [10, 8000]
   // The two views are near in time: nothing has deformed between them, and only the localisation of the features is
   // noise (sigma = noise_k * scale). With the noise of mapping, small motions would vanish in the tolerance [0.05, 10]
-  double noise_k = 0.5;
+  double noise_k = 0.35;
   // What the best pure rotation leaves of the matches' motion, median: the share that only depth can explain [0.05, 30]
   double min_parallax_deg = 0.7;
   int min_gap_frames = 4;         // between the two views: one step of a trembling hand is no baseline [1, 100]
@@ -81,10 +81,10 @@ struct KeyframeConfig {
 struct MappingConfig {
   int triangulation_neighbours = 8;   // best covisible keyframes a new one is matched with [1, 40]
   double triangulation_ratio = 0.85;  // [0.1, 1]
-  double min_parallax_deg = 0.8;      // of a new point [0.01, 30]
+  double min_parallax_deg = 0.5;      // of a new point [0.01, 30]
   double min_baseline_depth_ratio = 0.01;
   int fuse_neighbours = 12;       // keyframes whose points are searched in the new one and back [1, 60]
-  int window_keyframes = 20;      // optimised by local bundle adjustment [2, 60]
+  int window_keyframes = 35;      // optimised by local bundle adjustment [2, 60]
   int fixed_keyframes = 20;       // older ring that holds the gauge [0, 60]
   int min_shared_points = 15;     // to be a covisible neighbour [1, 1000]
   int bundle_iterations = 10;     // [1, 100]

@@ -9,6 +9,6 @@ cmake --build --preset release --target haustra
 haustra=build/release/tools/haustra
 out=build/demo
 mkdir -p "$out"
-"$haustra" render "$out/colon" --seconds 20
+"$haustra" render "$out/colon" --seconds 20 --overwrite
 "$haustra" run "$out/colon" --out "$out/result" --mode sequential
 "$haustra" evaluate "$out/result" --groundtruth "$out/colon/groundtruth.txt"

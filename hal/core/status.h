@@ -105,6 +105,7 @@ class [[nodiscard]] Result {
 #define HAUSTRA_CONCAT_INNER(a, b) a##b
 #define HAUSTRA_CONCAT(a, b) HAUSTRA_CONCAT_INNER(a, b)
 // HAUSTRA_ASSIGN(auto image, ReadPng(path)); declares `image` or returns the status.
+// NOLINTNEXTLINE(bugprone-macro-parentheses): a declaration cannot stand in parentheses.
 #define HAUSTRA_ASSIGN_IMPL(result, declaration, expression) \
   auto result = (expression);                                \
   if (!result.ok()) return result.status();                  \

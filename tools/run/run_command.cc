@@ -35,6 +35,8 @@ struct RunArguments {
   int threads = 0;
   std::uint32_t every_nth = 1;
   bool halve = false;
+  std::string calibration;
+  std::string mask;
 };
 
 std::atomic<bool> stop_requested{false};
@@ -50,6 +52,8 @@ SequenceOptions OptionsOf(const RunArguments& arguments) {
   SequenceOptions options;
   options.every_nth = arguments.every_nth;
   options.halve = arguments.halve;
+  options.calibration_path = arguments.calibration;
+  options.mask_path = arguments.mask;
   return options;
 }
 
@@ -205,6 +209,9 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--every-nth", arguments->every_nth, "Use only every n-th frame")
       ->check(CLI::Range(1u, 1000u))
       ->capture_default_str();
+  command->add_option("--calibration", arguments->calibration,
+                      "Camera calibration to use instead of the sequence's own (see config/cameras)");
+  command->add_option("--mask", arguments->mask, "Static mask to use instead of the sequence's own (255 inside)");
   command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
 }

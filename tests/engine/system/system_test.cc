@@ -1,0 +1,263 @@
+// The whole engine on a tube of landmarks that a scripted device sees: truth is geometry, nothing is an image.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <numbers>
+#include <vector>
+
+#include "engine/atlas/invariants.h"
+#include "engine/engine.h"
+#include "engine/geometry/rng.h"
+#include "hal/fakes/scripted_frame_source.h"
+#include "hal/fakes/scripted_vision_device.h"
+#include "tests/geometry/synthetic.h"
+
+namespace haustra {
+namespace {
+
+using test::ColonCalibration;
+
+constexpr Duration kPeriod = std::chrono::milliseconds(40);
+
+EngineConfig SmallConfig() {
+  EngineConfig config;
+  config.features.max = 600;
+  config.memory.max_keyframes = 200;
+  config.memory.max_map_points = 30000;
+  config.memory.max_maps = 16;
+  config.memory.max_keyframe_ids = 1000;
+  config.memory.max_local_points = 6000;
+  return config;
+}
+
+// A scope in a wavy tube of radius 1 along z. A position that is not a number is an occluded frame.
+class Procedure {
+ public:
+  explicit Procedure(const EngineConfig& config)
+      : config_(config),
+        camera_(CameraModel::Create(ColonCalibration()).value()),
+        device_(Engine::PlanFor(config, camera_.calibration()), {}),
+        source_(camera_.calibration()) {
+    Rng rng(17);
+    for (std::uint32_t id = 1; id <= 9000; ++id) {
+      const double around = rng.Uniform(0.0, 2.0 * std::numbers::pi);
+      const double z = rng.Uniform(-2.0, 22.0);
+      const double radius = 1.0 + 0.15 * std::sin(4.0 * z) + 0.1 * std::cos(2.0 * around + z);
+      landmarks_.push_back({{radius * std::cos(around), radius * std::sin(around), z}, rng.Uniform(3.0, 8.0), id});
+    }
+  }
+
+  void Add(double z) {
+    const auto index = static_cast<std::uint32_t>(truth_.size());
+    if (std::isnan(z)) {
+      truth_.emplace_back();
+      device_.SetFrame(index, {});
+    } else {
+      const Eigen::Vector3d centre(0.15 * std::sin(3.0 * z), 0.12 * std::cos(2.0 * z), z);
+      const SE3 cam_from_world =
+          SE3(ExpSO3({0.05 * std::sin(z), 0.05 * std::cos(1.7 * z), 0.0}), Eigen::Vector3d::Zero()) *
+          SE3(Eigen::Quaterniond::Identity(), -centre);
+      truth_.push_back(cam_from_world);
+      device_.SetFrame(index, See(cam_from_world));
+    }
+    source_.AddFrame(TimePoint(kPeriod * index));
+  }
+  void Move(double from, double to, int num_frames) {
+    for (int i = 0; i < num_frames; ++i) Add(from + (to - from) * i / (num_frames - 1));
+  }
+  void Occlude(int num_frames) {
+    for (int i = 0; i < num_frames; ++i) Add(std::nan(""));
+  }
+
+  // Sequential mode over all frames.
+  void Run() {
+    engine_ = std::make_unique<Engine>(config_, camera_, device_, Engine::Mode::kSequential, nullptr, 1.0);
+    results_.clear();
+    for (Result<Frame> frame = source_.Next(kNoDeadline); frame.ok(); frame = source_.Next(kNoDeadline)) {
+      results_.push_back(engine_->Track(*frame, kNoDeadline));
+      while (engine_->MapStep()) {
+      }
+      for (LatePose pose; engine_->late_poses().TryPop(&pose);) {
+        FrameResult& late = results_[pose.frame_index];
+        late.reference_keyframe = pose.reference_keyframe;
+        late.cam_from_reference = pose.cam_from_reference;
+        late.reference_scale = pose.reference_scale;
+      }
+      for (MapEvent event; engine_->map_events().TryPop(&event);) {
+        if (event.kind != MapEventKind::kMergeRejected) events_.push_back(event);
+      }
+    }
+  }
+
+  // Camera centres of all frames that have a final pose, by map: estimate and truth.
+  struct Centres {
+    std::vector<Eigen::Vector3d> estimated;
+    std::vector<Eigen::Vector3d> truth;
+  };
+  std::map<MapId, Centres> FinalCentres() const {
+    std::map<MapId, Centres> centres;
+    for (std::size_t i = 0; i < results_.size(); ++i) {
+      ResolvedPose pose;
+      if (!engine_->Resolve(results_[i], &pose)) continue;
+      centres[pose.map_id].estimated.push_back(pose.cam_from_map.InverseTranslation());
+      centres[pose.map_id].truth.push_back(truth_[i].InverseTranslation());
+    }
+    return centres;
+  }
+  static double RmsAfterAlignment(const Centres& centres) {
+    Sim3 truth_from_map;
+    EXPECT_TRUE(AlignSim3(centres.estimated, centres.truth, &truth_from_map));
+    double sum = 0.0;
+    for (std::size_t i = 0; i < centres.truth.size(); ++i) {
+      sum += (truth_from_map * centres.estimated[i] - centres.truth[i]).squaredNorm();
+    }
+    return std::sqrt(sum / static_cast<double>(centres.truth.size()));
+  }
+  int NumEvents(MapEventKind kind) const {
+    return static_cast<int>(
+        std::count_if(events_.begin(), events_.end(), [&](const MapEvent& e) { return e.kind == kind; }));
+  }
+
+  Engine& engine() { return *engine_; }
+  ScriptedVisionDevice& device() { return device_; }
+  const std::vector<FrameResult>& results() const { return results_; }
+
+ private:
+  struct Landmark {
+    Eigen::Vector3d position;
+    double size;
+    std::uint32_t id;
+  };
+
+  std::vector<ScriptedFeature> See(const SE3& cam_from_world) {
+    std::vector<ScriptedFeature> features;
+    for (const Landmark& landmark : landmarks_) {
+      const Eigen::Vector3d in_cam = cam_from_world * landmark.position;
+      Eigen::Vector2d pixel;
+      if (in_cam.z() < 0.3 || in_cam.norm() > 3.0 || !camera_.Project(in_cam, &pixel)) continue;
+      if (noise_.Uniform() > 0.7) continue;  // not detected in this frame
+      pixel += Eigen::Vector2d(noise_.Uniform(-0.5, 0.5), noise_.Uniform(-0.5, 0.5));
+      if (!camera_.IsInImage(pixel)) continue;
+      ScriptedFeature feature;
+      feature.keypoint.x_px = static_cast<float>(pixel.x());
+      feature.keypoint.y_px = static_cast<float>(pixel.y());
+      feature.keypoint.scale_px = static_cast<float>(landmark.size / in_cam.norm());
+      feature.keypoint.response = 1.0f / static_cast<float>(1 + landmark.id % 97);
+      feature.appearance = {landmark.id, landmark.id};
+      features.push_back(feature);
+    }
+    return features;
+  }
+
+  EngineConfig config_;
+  CameraModel camera_;
+  ScriptedVisionDevice device_;
+  ScriptedFrameSource source_;
+  Rng noise_{23};
+  std::vector<Landmark> landmarks_;
+  std::vector<SE3> truth_;
+  std::unique_ptr<Engine> engine_;
+  std::vector<FrameResult> results_;
+  std::vector<MapEvent> events_;
+};
+
+TEST(System, TubeIsMappedInOneMapAndPosesAgreeWithTheTruth) {
+  Procedure procedure(SmallConfig());
+  procedure.Move(0.0, 6.0, 150);
+  procedure.Run();
+  const auto centres = procedure.FinalCentres();
+  ASSERT_EQ(centres.size(), 1u);
+  EXPECT_GE(centres.begin()->second.truth.size(), 140u);
+  EXPECT_LT(Procedure::RmsAfterAlignment(centres.begin()->second), 0.03);
+  EXPECT_EQ(CheckInvariants(procedure.engine().atlas()).ToString(), "ok");
+}
+
+TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {
+  Procedure procedure(SmallConfig());
+  procedure.Move(0.0, 3.0, 75);
+  procedure.Occlude(15);
+  procedure.Move(3.0, 4.0, 25);
+  procedure.Run();
+  for (int i = 75; i < 90; ++i) EXPECT_EQ(procedure.results()[i].state, TrackingState::kLost) << i;
+  EXPECT_EQ(procedure.results()[75].reason, TrackingReason::kFewFeatures);
+  EXPECT_EQ(procedure.results()[90].reason, TrackingReason::kRelocalised);
+  EXPECT_EQ(procedure.results()[90].map_id, procedure.results()[74].map_id);
+}
+
+TEST(System, MapBegunElsewhereIsMergedWhenTheScopeComesBack) {
+  Procedure procedure(SmallConfig());
+  procedure.Move(0.0, 4.0, 100);
+  procedure.Occlude(5);
+  procedure.Move(9.0, 3.0, 150);  // lands far away, and comes back to what the first map holds
+  procedure.Run();
+  EXPECT_EQ(procedure.NumEvents(MapEventKind::kMapCreated), 2);
+  EXPECT_EQ(procedure.NumEvents(MapEventKind::kMerged), 1);
+  const auto centres = procedure.FinalCentres();
+  ASSERT_EQ(centres.size(), 1u);
+  EXPECT_GE(centres.begin()->second.truth.size(), 230u);
+  EXPECT_LT(Procedure::RmsAfterAlignment(centres.begin()->second), 0.1);
+  EXPECT_EQ(CheckInvariants(procedure.engine().atlas()).ToString(), "ok");
+}
+
+TEST(System, PlacesThatShareNothingStayTwoMaps) {
+  Procedure procedure(SmallConfig());
+  procedure.Move(0.0, 3.0, 75);
+  procedure.Occlude(5);
+  procedure.Move(12.0, 15.0, 75);
+  procedure.Run();
+  EXPECT_EQ(procedure.NumEvents(MapEventKind::kMerged), 0);
+  EXPECT_EQ(procedure.FinalCentres().size(), 2u);
+}
+
+TEST(System, FailedExtractionCostsItsFrameOnly) {
+  Procedure procedure(SmallConfig());
+  procedure.Move(0.0, 3.0, 75);
+  procedure.device().AddFailure(ScriptedVisionDevice::Operation::kExtract, 50,
+                                ScriptedVisionDevice::FailurePoint::kWait, StatusCode::kDeadlineExceeded);
+  procedure.Run();
+  EXPECT_EQ(procedure.results()[50].state, TrackingState::kLost);
+  EXPECT_EQ(procedure.results()[50].reason, TrackingReason::kDamagedFrame);
+  EXPECT_EQ(procedure.results()[51].state, TrackingState::kTracking);
+}
+
+TEST(System, FullKeyframePoolRefusesKeyframesAndKeepsTracking) {
+  EngineConfig config = SmallConfig();
+  config.memory.max_keyframes = 10;
+  Procedure procedure(config);
+  procedure.Move(0.0, 1.5, 100);
+  procedure.Run();
+  EXPECT_GT(procedure.engine().mapper_counters().num_keyframes_refused, 0u);
+  EXPECT_EQ(procedure.engine().atlas().keyframes().high_water(), 10u);
+  EXPECT_EQ(procedure.results()[60].state, TrackingState::kTracking);
+  EXPECT_EQ(CheckInvariants(procedure.engine().atlas()).ToString(), "ok");
+}
+
+TEST(System, TwoRunsGiveTheSameResultsToTheBit) {
+  std::vector<FrameResult> first;
+  for (int run = 0; run < 2; ++run) {
+    Procedure procedure(SmallConfig());
+    procedure.Move(0.0, 2.0, 60);
+    procedure.Occlude(5);
+    procedure.Move(5.0, 1.5, 90);
+    procedure.Run();
+    if (run == 0) {
+      first = procedure.results();
+      continue;
+    }
+    ASSERT_EQ(procedure.results().size(), first.size());
+    for (std::size_t i = 0; i < first.size(); ++i) {
+      const FrameResult& a = first[i];
+      const FrameResult& b = procedure.results()[i];
+      EXPECT_EQ(a.state, b.state) << i;
+      EXPECT_EQ(a.num_inliers, b.num_inliers) << i;
+      EXPECT_EQ(a.cam_from_map.translation, b.cam_from_map.translation) << i;
+      EXPECT_EQ(a.cam_from_map.rotation.coeffs(), b.cam_from_map.rotation.coeffs()) << i;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace haustra

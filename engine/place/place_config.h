@@ -20,7 +20,7 @@ struct CommonAreaConfig {
   int min_matches = 15;              // of points, before any geometry [4, 8000]
   int ransac_iterations = 500;       // [10, 10000]
   int min_ransac_inliers = 12;       // [4, 8000]
-  double min_match_share = 0.4;      // of the brute-force matches that agree; where walls are only alike, few do [0, 1]
+  double min_match_share = 0.2;      // of the brute-force matches that agree; where walls are only alike, few do [0, 1]
   int min_inliers = 30;              // of points, after guided matching and the last refinement [4, 8000]
   double min_inlier_share = 0.6;     // of the guided matches that agree with the refined similarity [0, 1]
   double min_visible_share = 0.1;    // of the points that should be seen from both sides, those that are found [0, 1]

@@ -7,6 +7,7 @@
 namespace haustra::kernels {
 namespace {
 
+constexpr int kEnlarged = -1;  // stands for a level: the input at twice its size
 constexpr int kRowsPerTask = 32;
 constexpr int kPointsPerTask = 32;
 // Room for extrema, in pixels for each; white noise has about one in 60.
@@ -90,11 +91,11 @@ SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& optio
   refinement_.edge_threshold = options.edge_threshold;
 
   const float input_sigma = std::ldexp(kInputSigma, -kFirstOctave);
-  base_kernel_ = MakeKernel(std::sqrt(kBaseSigma * kBaseSigma - input_sigma * input_sigma));
+  kernels_of_levels_[0] = MakeKernel(std::sqrt(kBaseSigma * kBaseSigma - input_sigma * input_sigma));
   const float factor = std::exp2(1.0f / kScalesPerOctave);
   for (int i = 1; i < kNumLevels; ++i) {
     const float before = kBaseSigma * std::pow(factor, static_cast<float>(i - 1));
-    level_kernels_[i] = MakeKernel(before * std::sqrt(factor * factor - 1.0f));
+    kernels_of_levels_[i] = MakeKernel(before * std::sqrt(factor * factor - 1.0f));
   }
 
   octaves_.resize(CountOctaves(plan.max_width_px, plan.max_height_px));
@@ -106,26 +107,27 @@ SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& optio
     octave.memory =
         AlignedBuffer<float>(static_cast<std::size_t>(stride) * height * kNumLevels + 2 * kPlanePadding * kNumLevels);
     octave.max_points_per_chunk = MaxPointsPerChunk(plan, octave.index);
-    octave.chunk_counts.resize(NumTasks(height, kRowsPerTask));
-    octave.points = AlignedBuffer<ScaleSpacePoint>(octave.chunk_counts.size() * octave.max_points_per_chunk);
+    octave.num_extrema.resize(NumTasks(height, kRowsPerTask));
+    octave.num_points.resize(octave.num_extrema.size());
+    octave.extrema = AlignedBuffer<Extremum>(octave.num_extrema.size() * octave.max_points_per_chunk);
+    octave.points = AlignedBuffer<ScaleSpacePoint>(octave.num_extrema.size() * octave.max_points_per_chunk);
   }
   const int max_stride = MaxStride(plan, kFirstOctave);
   for (WorkerScratch& scratch : scratch_) {
     scratch.line = AlignedBuffer<float>(max_stride + 4 * kPlanePadding);
     scratch.extrema_rows = AlignedBuffer<float>(kExtremaScratchFloats);
-    scratch.extrema = AlignedBuffer<Extremum>(MaxPointsPerChunk(plan, kFirstOctave));
   }
 }
 
 void SiftExtractor::Prefault() {
   for (Octave& octave : octaves_) {
     octave.memory.SetZero();
+    octave.extrema.SetZero();
     octave.points.SetZero();
   }
   for (WorkerScratch& scratch : scratch_) {
     scratch.line.SetZero();
     scratch.extrema_rows.SetZero();
-    scratch.extrema.SetZero();
   }
   grey_.SetZero();
   points_.SetZero();
@@ -157,7 +159,7 @@ int SiftExtractor::Extract(const ImageView& image, const ImageView& static_mask,
   int pitch_bytes = 0;
   const std::uint8_t* grey = ToGrey(image, &pitch_bytes);
   mask_.Build(grey, image.width, image.height, pitch_bytes, static_mask);
-  BuildScaleSpace(grey, pitch_bytes);
+  FindPoints(grey, pitch_bytes);
   const int num_points = CollectPoints();
   const std::span<const std::int32_t> selected = selection_.Select(
       {points_.data(), static_cast<std::size_t>(num_points)}, image.width, image.height, options_.num_features);
@@ -178,61 +180,95 @@ const std::uint8_t* SiftExtractor::ToGrey(const ImageView& image, int* pitch_byt
   return grey_.data();
 }
 
-void SiftExtractor::BuildScaleSpace(const std::uint8_t* grey, int pitch_bytes) {
+void SiftExtractor::FindPoints(const std::uint8_t* grey, int pitch_bytes) {
   for (int i = 0; i < num_octaves_; ++i) {
-    Octave& octave = octaves_[i];
-    const int num_tasks = NumTasks(octave.height, kRowsPerTask);
-    const auto for_rows = [&](const auto& work) {
-      pool_.ParallelFor(lane_, num_tasks, [&](int task, int worker) {
-        const int y_begin = task * kRowsPerTask;
-        work(y_begin, std::min(y_begin + kRowsPerTask, octave.height), scratch_[worker].line.data());
-      });
-    };
-    if (i == 0) {
-      // The last level is free until it is computed: it holds the enlarged input.
-      const Plane& enlarged = octave.levels[kNumLevels - 1];
-      for_rows([&](int y_begin, int y_end, float* line) {
-        kernels_.UpsampleRows(grey, width_px_, height_px_, pitch_bytes, enlarged, y_begin, y_end, line);
-      });
-      for_rows([&](int y_begin, int y_end, float* line) {
-        kernels_.BlurRows(enlarged, octave.levels[0], base_kernel_, y_begin, y_end, line);
-      });
+    if (pool_.num_threads() > 1) {
+      BuildOctaveLevelByLevel(i, grey, pitch_bytes);
     } else {
-      for_rows([&](int y_begin, int y_end, float*) {
-        kernels_.DecimateRows(octaves_[i - 1].levels[kScalesPerOctave], octave.levels[0], y_begin, y_end);
-      });
+      BuildOctaveInOneSweep(i, grey, pitch_bytes);
     }
-    for (int level = 1; level < kNumLevels; ++level) {
-      for_rows([&](int y_begin, int y_end, float* line) {
-        kernels_.BlurRows(octave.levels[level - 1], octave.levels[level], level_kernels_[level], y_begin, y_end, line);
-      });
-    }
-    FindPoints(octave);
+    pool_.ParallelFor(lane_, NumTasks(octaves_[i].height, kRowsPerTask),
+                      [&](int chunk, int) { RefineChunk(octaves_[i], chunk); });
   }
 }
 
-void SiftExtractor::FindPoints(Octave& octave) {
+void SiftExtractor::ComputeRows(int octave_idx, int level, const std::uint8_t* grey, int pitch_bytes, int y_begin,
+                                int y_end, WorkerScratch& scratch) {
+  Octave& octave = octaves_[octave_idx];
+  // The last level is free until it is computed: it holds the enlarged input.
+  const Plane& enlarged = octave.levels[kNumLevels - 1];
+  if (level == kEnlarged) {
+    kernels_.UpsampleRows(grey, width_px_, height_px_, pitch_bytes, enlarged, y_begin, y_end, scratch.line.data());
+  } else if (level == 0 && octave_idx > 0) {
+    kernels_.DecimateRows(octaves_[octave_idx - 1].levels[kScalesPerOctave], octave.levels[0], y_begin, y_end);
+  } else {
+    kernels_.BlurRows(level == 0 ? enlarged : octave.levels[level - 1], octave.levels[level], kernels_of_levels_[level],
+                      y_begin, y_end, scratch.line.data());
+  }
+}
+
+void SiftExtractor::BuildOctaveLevelByLevel(int octave_idx, const std::uint8_t* grey, int pitch_bytes) {
+  Octave& octave = octaves_[octave_idx];
+  const int num_tasks = NumTasks(octave.height, kRowsPerTask);
+  for (int level = octave_idx == 0 ? kEnlarged : 0; level < kNumLevels; ++level) {
+    pool_.ParallelFor(lane_, num_tasks, [&](int task, int worker) {
+      const int y_begin = task * kRowsPerTask;
+      const int y_end = std::min(y_begin + kRowsPerTask, octave.height);
+      ComputeRows(octave_idx, level, grey, pitch_bytes, y_begin, y_end, scratch_[worker]);
+    });
+  }
+  pool_.ParallelFor(lane_, num_tasks, [&](int chunk, int worker) { FindChunk(octave, chunk, scratch_[worker]); });
+}
+
+void SiftExtractor::BuildOctaveInOneSweep(int octave_idx, const std::uint8_t* grey, int pitch_bytes) {
+  Octave& octave = octaves_[octave_idx];
+  const int first_level = octave_idx == 0 ? kEnlarged : 0;
+  int rows_done[kNumLevels + 1] = {};  // of the enlarged input, then of each level
+  const int num_chunks = NumTasks(octave.height, kRowsPerTask);
+  for (int chunk = 0; chunk < num_chunks;) {
+    for (int level = first_level; level < kNumLevels; ++level) {
+      int& done = rows_done[level - kEnlarged];
+      int possible = std::min(done + kRowsPerTask, octave.height);
+      if (level > first_level) {
+        const int before = rows_done[level - 1 - kEnlarged];
+        possible = before == octave.height ? before : before - kernels_of_levels_[level].radius;
+      }
+      if (possible <= done) continue;
+      ComputeRows(octave_idx, level, grey, pitch_bytes, done, possible, scratch_[0]);
+      done = possible;
+    }
+    // Extrema look one row ahead.
+    const int rows_ready = rows_done[kNumLevels];
+    while (chunk < num_chunks && (rows_ready == octave.height || (chunk + 1) * kRowsPerTask < rows_ready)) {
+      FindChunk(octave, chunk++, scratch_[0]);
+    }
+  }
+}
+
+void SiftExtractor::FindChunk(Octave& octave, int chunk, WorkerScratch& scratch) {
   // The grid point may have less contrast than the refined one.
   const float threshold = 0.8f * refinement_.contrast_threshold;
-  pool_.ParallelFor(lane_, NumTasks(octave.height, kRowsPerTask), [&](int chunk, int worker) {
-    WorkerScratch& scratch = scratch_[worker];
-    const int y_begin = chunk * kRowsPerTask;
-    const int y_end = std::min(y_begin + kRowsPerTask, octave.height);
-    const int num_extrema = kernels_.FindExtrema(octave.levels, threshold, y_begin, y_end, scratch.extrema.data(),
-                                                 octave.max_points_per_chunk, scratch.extrema_rows.data());
-    ScaleSpacePoint* out = octave.points.data() + static_cast<std::size_t>(chunk) * octave.max_points_per_chunk;
-    int count = 0;
-    for (int i = 0; i < num_extrema; ++i) {
-      const Extremum& extremum = scratch.extrema[i];
-      if (mask_.IsExcluded(octave.index, extremum.x, extremum.y)) continue;
-      ScaleSpacePoint& point = out[count];
-      if (!RefineExtremum(octave.levels, extremum, refinement_, &point)) continue;
-      if (mask_.IsExcluded(octave.index, point.x, point.y)) continue;
-      point.octave = static_cast<std::int16_t>(octave.index);
-      ++count;
-    }
-    octave.chunk_counts[chunk] = count;
-  });
+  const int y_begin = chunk * kRowsPerTask;
+  const int y_end = std::min(y_begin + kRowsPerTask, octave.height);
+  Extremum* out = octave.extrema.data() + static_cast<std::size_t>(chunk) * octave.max_points_per_chunk;
+  octave.num_extrema[chunk] = kernels_.FindExtrema(octave.levels, threshold, y_begin, y_end, out,
+                                                   octave.max_points_per_chunk, scratch.extrema_rows.data());
+}
+
+void SiftExtractor::RefineChunk(Octave& octave, int chunk) {
+  const std::size_t first = static_cast<std::size_t>(chunk) * octave.max_points_per_chunk;
+  ScaleSpacePoint* out = octave.points.data() + first;
+  int count = 0;
+  for (int i = 0; i < octave.num_extrema[chunk]; ++i) {
+    const Extremum& extremum = octave.extrema[first + i];
+    if (mask_.IsExcluded(octave.index, extremum.x, extremum.y)) continue;
+    ScaleSpacePoint& point = out[count];
+    if (!RefineExtremum(octave.levels, extremum, refinement_, &point)) continue;
+    if (mask_.IsExcluded(octave.index, point.x, point.y)) continue;
+    point.octave = static_cast<std::int16_t>(octave.index);
+    ++count;
+  }
+  octave.num_points[chunk] = count;
 }
 
 int SiftExtractor::CollectPoints() {
@@ -242,8 +278,8 @@ int SiftExtractor::CollectPoints() {
     for (int chunk = 0; chunk < NumTasks(octave.height, kRowsPerTask); ++chunk) {
       const ScaleSpacePoint* points =
           octave.points.data() + static_cast<std::size_t>(chunk) * octave.max_points_per_chunk;
-      std::copy_n(points, octave.chunk_counts[chunk], points_.data() + num_points);
-      num_points += octave.chunk_counts[chunk];
+      std::copy_n(points, octave.num_points[chunk], points_.data() + num_points);
+      num_points += octave.num_points[chunk];
     }
   }
   return num_points;

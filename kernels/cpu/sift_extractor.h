@@ -19,7 +19,7 @@ namespace haustra::kernels {
 // thread-bound(one lane); Extract does not allocate.
 class SiftExtractor {
  public:
-  // `pool` and must outlive the extractor.
+  // `pool` must outlive the extractor.
   SiftExtractor(const VisionPlan& plan, const ExtractOptions& options, SimdLevel level, LanePool& pool, Lane lane);
 
   // Touches all memory now, so that the first frame does not pay for its pages.
@@ -37,14 +37,16 @@ class SiftExtractor {
     int stride = 0;
     Plane levels[kNumLevels];
     AlignedBuffer<float> memory;
+    // Both by chunks of rows, each with room for max_points_per_chunk.
     int max_points_per_chunk = 0;
-    AlignedBuffer<ScaleSpacePoint> points;  // chunk by chunk
-    std::vector<int> chunk_counts;
+    AlignedBuffer<Extremum> extrema;
+    AlignedBuffer<ScaleSpacePoint> points;
+    std::vector<int> num_extrema;
+    std::vector<int> num_points;
   };
   struct WorkerScratch {
     AlignedBuffer<float> line;
     AlignedBuffer<float> extrema_rows;
-    AlignedBuffer<Extremum> extrema;
   };
   struct Feature {
     Keypoint keypoint;
@@ -53,8 +55,17 @@ class SiftExtractor {
 
   void SetSize(int width_px, int height_px);
   const std::uint8_t* ToGrey(const ImageView& image, int* pitch_bytes);
-  void BuildScaleSpace(const std::uint8_t* grey, int pitch_bytes);
-  void FindPoints(Octave& octave);
+  void FindPoints(const std::uint8_t* grey, int pitch_bytes);
+  // Rows of one level (or of the enlarged input); those of the level before must be there as far as its kernel reaches.
+  void ComputeRows(int octave_idx, int level, const std::uint8_t* grey, int pitch_bytes, int y_begin, int y_end,
+                   WorkerScratch& scratch);
+  // The levels and the extrema of an octave, with the same result in two orders: one level after the other, its rows
+  // shared out among threads; or, on one thread, all levels together from top to bottom, while the rows they need are
+  // still in the cache.
+  void BuildOctaveLevelByLevel(int octave_idx, const std::uint8_t* grey, int pitch_bytes);
+  void BuildOctaveInOneSweep(int octave_idx, const std::uint8_t* grey, int pitch_bytes);
+  void FindChunk(Octave& octave, int chunk, WorkerScratch& scratch);
+  void RefineChunk(Octave& octave, int chunk);
   int CollectPoints();
   int OrientPoints(std::span<const std::int32_t> selected);
   void DescribeFeatures(int num_features, FeatureSet& set);
@@ -67,8 +78,7 @@ class SiftExtractor {
   int num_octaves_ = 0;  // of the current image
   int width_px_ = 0;
   int height_px_ = 0;
-  GaussianKernel base_kernel_;
-  GaussianKernel level_kernels_[kNumLevels];  // from the level before
+  GaussianKernel kernels_of_levels_[kNumLevels];  // from the level before; that of level 0: from the enlarged input
   std::vector<Octave> octaves_;
   std::vector<WorkerScratch> scratch_;
   ExclusionMask mask_;

@@ -217,6 +217,16 @@ inline VecF Atan2(VecF y, VecF x) {
   return Select(r >= kTwoPi, Splat(0.0f), r);
 }
 
+// e^x for x <= 0, relative error below 2e-6: 2^f by its series on [-0.5, 0.5], times a power of two by exponent.
+inline VecF ExpNegative(VecF x) {
+  const VecF t = Max(x, Splat(-80.0f)) * 1.44269504f;
+  const VecI n = ToInt(t - 0.5f);  // rounds, since t <= 0
+  const VecF f = (t - ToFloat(n)) * 0.69314718f;
+  const VecF p =
+      1.0f + f * (1.0f + f * (0.5f + f * (1.0f / 6 + f * (1.0f / 24 + f * (1.0f / 120 + f * (1.0f / 720))))));
+  return p * reinterpret_cast<VecF>((n + 127) << 23);
+}
+
 // Gradients of a plane at the points of a grid around a keypoint, taken at the pixel nearest to each point (the
 // distance is small against the cells). Grid axes (ux, uy) and (-uy, ux) in octave pixels. magnitudes: weighted, 0
 // outside the plane; bins: angles relative to the grid's axes, in orientations of the descriptor.
@@ -252,35 +262,47 @@ int FindOrientations(const Plane& level, const PatchFrame& frame, float* angles)
   const int reach = ClampInt(static_cast<int>(kOrientationReachSigmas * kOrientationWindowSigma * frame.scale) + 1, 1,
                              kOrientationReachPx);
   const float falloff = -0.5f / (kOrientationWindowSigma * kOrientationWindowSigma * frame.scale * frame.scale);
+  // Gaussian of the distances of columns and rows; rows count from the same offset as columns.
   alignas(64) float column_weights[kSide];
-  for (int c = 0; c < kSide; ++c) {
-    const int x = first_x + c;
-    const float distance = static_cast<float>(x) - frame.x;
-    column_weights[c] = x >= 1 && x <= level.width - 2 ? __builtin_expf(falloff * distance * distance) : 0.0f;
+  alignas(64) float row_weights[kSide];
+  const int first_y = centre_y + 1 - kOrientationReachPx;
+  const VecF column_offset = Splat(static_cast<float>(first_x) - frame.x);
+  const VecF row_offset = Splat(static_cast<float>(first_y) - frame.y);
+  for (int i = 0; i < kSide; i += kLanes) {
+    const VecF position = LaneNumbers() + static_cast<float>(i);
+    const VecF dx = position + column_offset;
+    const VecF dy = position + row_offset;
+    const VecF x = position + static_cast<float>(first_x);
+    const VecI is_inside = (x >= 1.0f) & (x <= static_cast<float>(level.width - 2));
+    Store(column_weights + i, Select(is_inside, ExpNegative(falloff * dx * dx), Splat(0.0f)));
+    Store(row_weights + i, ExpNegative(falloff * dy * dy));
   }
   // Two histograms in turn, so that no addition waits for the one before; the last two bins wrap around (an angle may
   // round up to a full turn).
   float histograms[2][kOrientationBins + 2] = {};
   for (int y = centre_y + 1 - reach; y <= centre_y + reach; ++y) {
     if (y < 1 || y > level.height - 2) continue;
-    const float distance = static_cast<float>(y) - frame.y;
-    const float row_weight = __builtin_expf(falloff * distance * distance);
+    const float row_weight = row_weights[y - first_y];
     // Columns outside the plane are read as well (rows are padded), with weight 0.
     const float* row = level.row(y) + first_x;
-    alignas(64) float magnitudes[kSide];
-    alignas(64) float bins[kSide];
+    alignas(64) float to_lower[kSide];
+    alignas(64) float to_upper[kSide];
+    alignas(64) std::int32_t lower[kSide];
     for (int c = 0; c < kSide; c += kLanes) {
       const VecF dx = Load(row + c + 1) - Load(row + c - 1);
       const VecF dy = Load(row + c + level.stride) - Load(row + c - level.stride);
-      Store(magnitudes + c, Sqrt(dx * dx + dy * dy) * (Load(column_weights + c) * row_weight));
-      Store(bins + c, Atan2(dy, dx) * (kOrientationBins / kTwoPi));
+      const VecF magnitude = Sqrt(dx * dx + dy * dy) * (Load(column_weights + c) * row_weight);
+      const VecF position = Atan2(dy, dx) * (kOrientationBins / kTwoPi);
+      const VecI bin = ToInt(position);
+      const VecF upper = magnitude * (position - ToFloat(bin));
+      Store(to_upper + c, upper);
+      Store(to_lower + c, magnitude - upper);
+      StoreInts(lower + c, bin);
     }
     for (int c = kOrientationReachPx - reach; c < kOrientationReachPx + reach; ++c) {
-      float* histogram = histograms[c & 1];
-      const int lower = static_cast<int>(bins[c]);
-      const float fraction = bins[c] - static_cast<float>(lower);
-      histogram[lower] += magnitudes[c] * (1.0f - fraction);
-      histogram[lower + 1] += magnitudes[c] * fraction;
+      float* bin = histograms[c & 1] + lower[c];
+      bin[0] += to_lower[c];
+      bin[1] += to_upper[c];
     }
   }
   float* histogram = histograms[0];

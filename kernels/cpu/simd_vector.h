@@ -31,6 +31,12 @@ inline VecI LoadInts(const std::int32_t* p) { return *reinterpret_cast<const Vec
 inline void StoreInts(std::int32_t* p, VecI v) { *reinterpret_cast<VecIUnaligned*>(p) = v; }
 inline VecF Splat(float x) { return x - VecF{}; }
 inline VecI SplatInt(std::int32_t x) { return x - VecI{}; }
+// 0, 1, 2, ...
+inline VecF LaneNumbers() {
+  VecF v{};
+  for (int i = 0; i < kLanes; ++i) v[i] = static_cast<float>(i);
+  return v;
+}
 inline VecF ToFloat(VecI v) { return __builtin_convertvector(v, VecF); }
 // Towards zero.
 inline VecI ToInt(VecF v) { return __builtin_convertvector(v, VecI); }

@@ -26,14 +26,17 @@ class FrameNumbering {
     next_index_ = frame.index + 1;
     last_ = frame.timestamp;
   }
-  // The next frame in line, which was not to be had.
+  // The next frame in line, which was not to be had. Before the first that was, nothing is known of the time: zero.
   Stamp Missing() {
-    const Stamp stamp{next_index_++, has_first_ ? last_ + period_ : TimePoint{}};
-    if (!has_first_) first_ = stamp.timestamp;
-    has_first_ = true;
-    last_ = stamp.timestamp;
-    return stamp;
+    if (!has_first_) return {next_index_++, TimePoint{}};
+    last_ += period_;
+    return {next_index_++, last_};
   }
+  // One past the last frame that was seen or missing.
+  std::uint32_t end_index() const { return next_index_; }
+  // When the frame with that index is to be expected; zero when none was seen.
+  TimePoint end_time() const { return has_first_ ? last_ + period_ : TimePoint{}; }
+  // From the first frame that was seen; zero when none was.
   Duration video_time() const { return has_first_ ? last_ - first_ + period_ : Duration{0}; }
 
  private:

@@ -52,6 +52,8 @@ class RealTimeSession {
     tracking.join();
     mapping.join();
     Report(observer);
+    // Damaged frames after the last one that was tracked.
+    ReportMissing(end_index_, end_time_, observer);
     if (!status_.ok()) return status_;
     SessionSummary summary;
     summary.wall_time = clock_.Now() - start;
@@ -76,7 +78,8 @@ class RealTimeSession {
       const Result<Frame> frame = source_.Next(kNoDeadline);
       if (frame.code() == StatusCode::kNotFound) break;
       if (frame.code() == StatusCode::kDataLoss) {
-        damage_.TryPush({numbering.Missing().frame_index, frame.status().message()});
+        const DamageNote note{numbering.Missing().frame_index, frame.status().message()};
+        while (!damage_.TryPush(note)) std::this_thread::sleep_for(milliseconds(1));
         continue;
       }
       if (!frame.ok()) {
@@ -110,6 +113,8 @@ class RealTimeSession {
       frame_ready_.release();
     }
     video_time_ = numbering.video_time();
+    end_index_ = numbering.end_index();
+    end_time_ = numbering.end_time();
     // The end must not overtake the last frame: wait until it was taken.
     while (num_taken_.load(std::memory_order_acquire) < num_published) std::this_thread::sleep_for(milliseconds(1));
     frames_.WriteSlot().is_last = true;
@@ -157,25 +162,34 @@ class RealTimeSession {
     }
   }
 
-  void Report(SessionObserver& observer) {
+  void ReportDamage(SessionObserver& observer) {
     for (DamageNote note; damage_.TryPop(&note);) {
       damaged_.push_back(note.frame_index);
       observer.OnDamagedFrame(note.frame_index, note.message);
     }
+  }
+
+  // The frames before `end_index` that were not tracked; `end` is the time of the frame with that index.
+  void ReportMissing(std::uint32_t end_index, TimePoint end, SessionObserver& observer) {
+    const double period_ns = source_.calibration().rate_hz > 0 ? 1e9 / source_.calibration().rate_hz : 4e7;
+    for (; next_index_ < end_index; ++next_index_) {
+      FrameOutcome missing;
+      missing.result.frame_index = next_index_;
+      missing.result.timestamp = end - Duration(static_cast<std::int64_t>(period_ns * (end_index - next_index_)));
+      missing.result.state = TrackingState::kLost;
+      missing.result.reason = TrackingReason::kDamagedFrame;
+      missing.is_damaged = std::find(damaged_.begin(), damaged_.end(), next_index_) != damaged_.end();
+      missing.is_dropped = !missing.is_damaged;
+      observer.OnFrame(missing);
+    }
+  }
+
+  void Report(SessionObserver& observer) {
+    ReportDamage(observer);
     for (FrameOutcome outcome; outcomes_.TryPop(&outcome);) {
-      for (; next_index_ < outcome.result.frame_index; ++next_index_) {
-        FrameOutcome missing;
-        missing.result.frame_index = next_index_;
-        const double period_ns = source_.calibration().rate_hz > 0 ? 1e9 / source_.calibration().rate_hz : 4e7;
-        missing.result.timestamp =
-            outcome.result.timestamp -
-            Duration(static_cast<std::int64_t>(period_ns * (outcome.result.frame_index - next_index_)));
-        missing.result.state = TrackingState::kLost;
-        missing.result.reason = TrackingReason::kDamagedFrame;
-        missing.is_damaged = std::find(damaged_.begin(), damaged_.end(), next_index_) != damaged_.end();
-        missing.is_dropped = !missing.is_damaged;
-        observer.OnFrame(missing);
-      }
+      // What was damaged before this frame was noted before this frame was tracked.
+      ReportDamage(observer);
+      ReportMissing(outcome.result.frame_index, outcome.result.timestamp, observer);
       next_index_ = outcome.result.frame_index + 1;
       observer.OnFrame(outcome);
     }
@@ -195,8 +209,10 @@ class RealTimeSession {
   std::atomic<std::uint64_t> num_taken_{0};  // sequence of the newest frame that tracking has begun
   std::atomic<bool> stop_mapping_{false};
   std::atomic<bool> tracking_done_{false};
-  Status status_;           // written by capture, read after join
-  Duration video_time_{0};  // likewise
+  Status status_;                // written by capture, read after join
+  Duration video_time_{0};       // likewise
+  std::uint32_t end_index_ = 0;  // likewise
+  TimePoint end_time_;           // likewise
   std::vector<std::uint32_t> damaged_;
   std::uint32_t next_index_ = 0;
 };

@@ -19,8 +19,8 @@ std::vector<EvaluatedFrame> JoinWithReference(const RunOutput& run, const Refere
   frames.reserve(run.frames.size());
   for (std::size_t i = 0; i < run.frames.size(); ++i) {
     const RunFrame& frame = run.frames[i];
-    frames.push_back(
-        {frame.frame_idx, frame.live_map_id, frame.map_id, is_clear[i], truth[i], frame.world_from_cam, 0.0});
+    frames.push_back({frame.frame_idx, frame.live_map_id, frame.map_id, frame.keyframe_id, is_clear[i], truth[i],
+                      frame.world_from_cam, 0.0});
   }
   return frames;
 }

@@ -15,11 +15,12 @@ namespace haustra::evaluate {
 struct EvaluatedFrame {
   std::int64_t frame_idx = 0;
   int live_map_id = -1;
-  int map_id = -1;           // at the end
-  bool is_clear = true;      // the scene can be seen
-  std::optional<SE3> truth;  // world_from_cam
-  SE3 estimated;             // world_from_cam in the final map; when map_id >= 0
-  double depth = 0.0;        // of the scene, ground-truth units; 0: not known
+  int map_id = -1;                // at the end
+  std::int64_t keyframe_id = -1;  // that it was tracked against
+  bool is_clear = true;           // the scene can be seen
+  std::optional<SE3> truth;       // world_from_cam
+  SE3 estimated;                  // world_from_cam in the final map; when map_id >= 0
+  double depth = 0.0;             // of the scene, ground-truth units; 0: not known
 
   bool is_localised() const { return map_id >= 0; }
   PosePair pair() const { return {estimated, *truth}; }

@@ -53,15 +53,19 @@ Parts RelocalisationParts(const std::vector<EvaluatedFrame>& frames, const RunEv
 Parts LoopParts(const std::vector<EvaluatedFrame>& frames, const RunEventRow& event, MapGroups& groups) {
   const std::set<int>& map = groups.Of(event.map_id);
   Part all;
+  std::size_t met_again = 0;
+  bool is_met_again_known = false;
   for (const EvaluatedFrame& frame : frames) {
-    if (frame.frame_idx <= event.frame_idx && map.contains(frame.live_map_id)) all.push_back(&frame);
+    if (frame.frame_idx > event.frame_idx || !map.contains(frame.live_map_id)) continue;
+    if (!is_met_again_known && event.other_keyframe_id && frame.keyframe_id == *event.other_keyframe_id) {
+      met_again = all.size();
+      is_met_again_known = true;
+    }
+    all.push_back(&frame);
   }
-  auto split = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);
-  if (event.matched_frame_idx) {
-    const std::int64_t middle = (event.frame_idx + *event.matched_frame_idx) / 2;
-    split = std::find_if(all.begin(), all.end(), [&](const EvaluatedFrame* f) { return f->frame_idx > middle; });
-  }
-  return {Part(all.begin(), split), Part(split, all.end())};
+  const auto third = static_cast<std::ptrdiff_t>((all.size() - met_again) / 3);
+  return {Part(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(met_again) + third),
+          Part(all.end() - third, all.end())};
 }
 
 // Frames that can be judged: with a true pose and a final one, in the map where most of the joined frames are at the

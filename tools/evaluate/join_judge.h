@@ -1,22 +1,20 @@
 // Whether what a run joined belongs together: precision of merges, loops and relocalisations.
 //
 // A join brings two parts into one frame of reference:
-//   merge           the frames of the one map and those of the other, up to the merge
-//   relocalisation  the frames of the map before it, and those tracked from it on until tracking ends or the map
-//   changes loop            the frames of the map up to it, older and newer: parted half way between the loop and the
-//   frame that
-//                   it met again (details of the event: matched_frame=N), or in the middle when that is not known
+//   merge: the frames of the one map and those of the other, up to the merge.
+//   relocalisation: the frames of the map before it, and those tracked from it on until tracking ends or the map
+//     changes.
+//   loop: of the frames from the one that was met again (details of the event: other_keyframe=N; the first of the map
+//     when that is not known) to the loop the first third with all before it, and the last third. What lies between
+//     joins them even without the loop.
 // It is judged by the final poses of these frames, and it is false when
-//   - one Sim(3) aligns both parts to the ground truth only with more than 3 times the RMS ATE that they have when each
-//   is
-//     aligned on its own (parts with fewer than 10 frames, and parts on a line, have no ATE of their own: the other
-//     part's counts alone). Two errors that are both below 1 % of the scene depth are not compared: the ratio of two
-//     numbers near nothing says nothing; or
+//   - one Sim(3) aligns both parts to the ground truth only with more than 3 times the RMS ATE that they have when
+//     each is aligned on its own. A part with fewer than 10 frames, or on a line, has no ATE of its own: the other's
+//     counts alone. Errors below 1 % of the scene depth are not compared: the ratio of two numbers near nothing says
+//     nothing.
 //   - the relative pose of the parts is off by more than 10 degrees or 20 % of the scene depth: median over the pairs
-//   of
-//     frames, one of each part, that were nearest to each other (in place and direction), by the scale of the larger
-//     part.
-// It cannot be judged when a part has no final pose with a true one (its map was dropped), or neither has an ATE.
+//     of frames, one of each part, that were nearest to each other in place and direction; scale of the larger part.
+// It cannot be judged when a part has no final pose with a true one (its map was dropped), or when neither has an ATE.
 #pragma once
 
 #include <vector>

@@ -96,8 +96,8 @@ Status ReadMaps(const std::string& path, std::vector<RunMap>* maps) {
   return Status::Ok();
 }
 
-std::optional<std::int64_t> MatchedFrame(std::string_view details) {
-  constexpr std::string_view kKey = "matched_frame=";
+std::optional<std::int64_t> OtherKeyframe(std::string_view details) {
+  constexpr std::string_view kKey = "other_keyframe=";
   const std::size_t start = details.find(kKey);
   if (start == std::string_view::npos) return std::nullopt;
   const std::string_view value = details.substr(start + kKey.size());
@@ -113,7 +113,7 @@ Status ReadEvents(const std::string& path, std::vector<RunEventRow>* events) {
     reader.Integer(0, &event.frame_idx).Integer(2, &event.map_id).Integer(3, &event.other_map_id);
     HAUSTRA_TRY(reader.status());
     event.event = table.Text(row, 1);
-    event.matched_frame_idx = MatchedFrame(table.Text(row, 4));
+    event.other_keyframe_id = OtherKeyframe(table.Text(row, 4));
     events->push_back(std::move(event));
   }
   std::stable_sort(events->begin(), events->end(),

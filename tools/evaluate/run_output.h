@@ -39,7 +39,7 @@ struct RunEventRow {
   std::string event;
   int map_id = -1;
   int other_map_id = -1;
-  std::optional<std::int64_t> matched_frame_idx;  // "matched_frame=N" among the details
+  std::optional<std::int64_t> other_keyframe_id;  // that was met again: "other_keyframe=N" among the details
 };
 
 // What a map's export says about the camera and the distance of the scene.

@@ -115,7 +115,8 @@ double SceneShare(const ImageView& mask) {
   if (mask.is_empty()) return 1.0;
   std::size_t inside = 0;
   for (int y = 0; y < mask.height; ++y) {
-    inside += static_cast<std::size_t>(std::count_if(mask.row(y), mask.row(y) + mask.width, [](auto v) { return v > 127; }));
+    inside +=
+        static_cast<std::size_t>(std::count_if(mask.row(y), mask.row(y) + mask.width, [](auto v) { return v > 127; }));
   }
   const double share = static_cast<double>(inside) / (static_cast<double>(mask.width) * mask.height);
   return share > 0.0 ? share : 1.0;
@@ -135,11 +136,17 @@ int Run(const RunArguments& arguments) {
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
   if (!camera.ok()) return Fail(camera.status());
-  if (const Status status = PrepareOutputFolder(arguments.out); !status.ok()) return Fail(status);
   Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
   if (!device.ok()) return Fail(device.status());
   if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return Fail(status);
+
+  // Last of the checks: an earlier run's results in the folder go only when this run can start.
+  if (const Status status = PrepareOutputFolder(arguments.out); !status.ok()) {
+    if (status.code() != StatusCode::kUnavailable) return Fail(status);
+    std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());
+    return kExitIo;
+  }
 
   const bool is_realtime = arguments.mode == "realtime";
   const SystemClock clock;
@@ -165,7 +172,9 @@ int Run(const RunArguments& arguments) {
   summary.device = arguments.device;
   summary.seed = config.seed;
   ColourReader colours;
-  if (const Status status = colours.Read(arguments, engine); !status.ok()) return Fail(status);
+  if (const Status status = colours.Read(arguments, engine); !status.ok()) {
+    std::fprintf(stderr, "haustra run: warning: the points of the maps stay grey: %s\n", status.message().c_str());
+  }
   if (const Status status = WriteOutputs(arguments.out, record, poses, summary, engine, std::ref(colours));
       !status.ok()) {
     std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());

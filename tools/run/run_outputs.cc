@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <map>
-#include <set>
+#include <regex>
 
 #include "engine/io/colmap_writer.h"
 #include "engine/io/ply_writer.h"
@@ -44,7 +44,9 @@ std::string_view StateName(const FrameOutcome& frame) {
 
 Status WriteFrames(ByteSink& sink, const RunRecord& record, const std::vector<FinalPose>& poses, bool with_times) {
   TextWriter text(sink);
-  text.Text("frame_idx,timestamp_ns,state,reason,live_map_id,map_id,keyframe_id,num_matches,num_inliers,num_expected,num_established,is_keyframe,frame_ms\n");
+  text.Text(
+      "frame_idx,timestamp_ns,state,reason,live_map_id,map_id,keyframe_id,num_matches,num_inliers,num_expected,num_"
+      "established,is_keyframe,frame_ms\n");
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const FrameOutcome& frame = record.frames()[i];
     const FrameResult& result = frame.result;
@@ -178,8 +180,15 @@ Status WriteMapExports(const fs::path& folder, const Engine& engine, const Point
   return status;
 }
 
-const std::set<std::string> kOwnEntries = {"trajectory", "maps",       "frames.csv",
-                                           "maps.csv",   "events.csv", "summary.json"};
+constexpr const char* kOwnEntries[] = {"trajectory", "maps", "frames.csv", "maps.csv", "events.csv", "summary.json"};
+
+// Whether a run writes something of this name (relative to its folder); what FileSink leaves when it is killed is of a
+// run, too.
+bool IsOwnName(const std::string& name) {
+  static const std::regex kOwn(R"(((frames|maps|events)\.csv|summary\.json|trajectory(/(live|map_\d{4,})\.tum)?|)"
+                               R"(maps(/map_\d{4,}(\.ply|/(cameras|images|points3D)\.txt)?)?)(\.partial-\d+)?)");
+  return std::regex_match(name, kOwn);
+}
 
 }  // namespace
 
@@ -190,14 +199,16 @@ Status PrepareOutputFolder(const std::string& folder) {
     if (!fs::is_directory(folder, error)) return InvalidArgument(folder + ": exists and is not a folder");
     // A folder is taken over only when it is empty or plainly an earlier run's.
     const bool is_run = fs::is_directory(fs::path(folder) / "trajectory", error);
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-      if (!is_run || kOwnEntries.count(entry.path().filename().string()) == 0) {
-        return InvalidArgument(folder + ": holds '" + entry.path().filename().string() +
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder, error)) {
+      const std::string name = entry.path().lexically_relative(folder).generic_string();
+      if (!is_run || !IsOwnName(name)) {
+        return InvalidArgument(folder + ": holds '" + name +
                                "', which is not part of a run; choose an empty or a new folder");
       }
     }
+    if (error) return Unavailable(folder + ": cannot be read: " + error.message());
     // What an earlier run left must not be taken for part of this one.
-    for (const std::string& name : kOwnEntries) fs::remove_all(fs::path(folder) / name, error);
+    for (const char* name : kOwnEntries) fs::remove_all(fs::path(folder) / name, error);
   }
   for (const char* name : {"trajectory", "maps"}) {
     fs::create_directories(fs::path(folder) / name, error);

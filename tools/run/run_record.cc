@@ -1,6 +1,13 @@
 #include "tools/run/run_record.h"
 
+#include <string_view>
+
 namespace haustra {
+namespace {
+
+constexpr std::string_view kDamagedEvent = "frame_damaged";
+
+}  // namespace
 
 void RunRecord::OnFrame(const FrameOutcome& outcome) {
   frames_.push_back(outcome);
@@ -9,6 +16,11 @@ void RunRecord::OnFrame(const FrameOutcome& outcome) {
     ++num_dropped_;
   } else if (outcome.is_damaged) {
     ++num_damaged_;
+    for (auto event = events_.rbegin(); event != events_.rend(); ++event) {
+      if (event->event != kDamagedEvent || event->frame_index != result.frame_index) continue;
+      event->timestamp = result.timestamp;
+      break;
+    }
   } else if (result.state == TrackingState::kTracking) {
     ++num_tracked_;
     if (result.reason == TrackingReason::kRelocalised) {
@@ -71,7 +83,7 @@ void RunRecord::OnLatePose(const LatePose& pose) {
 }
 
 void RunRecord::OnDamagedFrame(std::uint32_t frame_index, const std::string& message) {
-  events_.push_back({frame_index, TimePoint{}, "frame_damaged", -1, -1, message});
+  events_.push_back({frame_index, TimePoint{}, std::string(kDamagedEvent), -1, -1, message});
 }
 
 }  // namespace haustra

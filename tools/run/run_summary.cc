@@ -142,8 +142,8 @@ std::string ToJson(const RunSummary& s) {
                        {"fuse", MsPerKeyframe(m.fuse_time, m)},
                        {"bundle", MsPerKeyframe(m.bundle_time, m)},
                        {"cull", MsPerKeyframe(m.cull_time, m)},
-                      {"place", MsPerKeyframe(m.place_time, m)},
-                      {"merge", MsPerKeyframe(m.merge_time, m)}}}};
+                       {"place", MsPerKeyframe(m.place_time, m)},
+                       {"merge", MsPerKeyframe(m.merge_time, m)}}}};
   return json.dump(2) + "\n";
 }
 

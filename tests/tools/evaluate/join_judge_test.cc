@@ -208,13 +208,28 @@ std::vector<EvaluatedFrame> Looped(const Sim3& displace) {
 }
 
 TEST(JudgeLoop, RightLoopIsTrueAndWrongLoopIsFalse) {
-  RunEventRow event = Event(299, "loop_closed", 1);
-  EXPECT_EQ(JudgeOne(Looped(Sim3()), event).verdict, Verdict::kTrue);
-  EXPECT_EQ(JudgeOne(Looped(Shift(0, 0, 10)), event).verdict, Verdict::kFalse);
-  event.matched_frame_idx = 1;
+  const RunEventRow event = Event(299, "loop_closed", 1);
   EXPECT_EQ(JudgeOne(Looped(Sim3()), event).kind, JoinKind::kLoop);
   EXPECT_EQ(JudgeOne(Looped(Sim3()), event).verdict, Verdict::kTrue);
-  EXPECT_EQ(JudgeOne(Looped(Shift(0, 0, 10)), event).verdict, Verdict::kFalse);
+  const JoinEvaluation join = JudgeOne(Looped(Shift(0, 0, 10)), event);
+  EXPECT_EQ(join.verdict, Verdict::kFalse);
+  // Not the frames on both sides of the cut are compared, which are neighbours in any case.
+  EXPECT_NEAR(*join.translation_error_depths, 1.0 / 3, 0.02);
+}
+
+TEST(JudgeLoop, PartsAreCountedFromTheKeyframeThatWasMetAgain) {
+  // 90 frames elsewhere, then a round and a half of which the half is displaced.
+  std::vector<EvaluatedFrame> frames;
+  for (int i = 110; i < 200; ++i) frames.push_back(MakeFrame(i, 1, 1, TruePose(i)));
+  for (int i = 200; i < 500; ++i) {
+    frames.push_back(MakeFrame(i, 1, 1, i < 400 ? TruePose(i) : Moved(Shift(0, 0, 10), TruePose(i))));
+  }
+  for (EvaluatedFrame& frame : frames) frame.keyframe_id = frame.frame_idx / 10;
+  RunEventRow event = Event(499, "loop_closed", 1);
+  event.other_keyframe_id = 20;
+  const JoinEvaluation join = JudgeOne(frames, event);
+  EXPECT_EQ(join.verdict, Verdict::kFalse);
+  EXPECT_NEAR(*join.translation_error_depths, 1.0 / 3, 0.02);
 }
 
 TEST(JudgeJoins, OtherEventsAreNoJoins) {

@@ -38,7 +38,7 @@ inline void WriteRunFolder(const TextFolder& folder, const std::string& name, co
   std::string events = "frame_idx,timestamp_ns,event,map_id,other_map_id,details\n";
   for (const RunEventRow& event : run.events) {
     events += std::to_string(event.frame_idx) + ",0," + event.event + "," + std::to_string(event.map_id) + "," +
-              std::to_string(event.other_map_id) + ",matched_frame=3 12 inliers\n";
+              std::to_string(event.other_map_id) + ",accepted keyframe=9 other_keyframe=3 votes=12\n";
   }
   folder.Write(name + "/events.csv", events);
 

@@ -48,7 +48,7 @@ TEST_F(RunOutputTest, EverythingComesBack) {
   EXPECT_EQ(run->maps[1].num_points, 120);
   ASSERT_EQ(run->events.size(), 2u);
   EXPECT_EQ(run->events[0].event, "map_created");
-  EXPECT_EQ(run->events[1].matched_frame_idx, 3);
+  EXPECT_EQ(run->events[1].other_keyframe_id, 3);
   EXPECT_EQ(run->figures.mode, "sequential");
   EXPECT_EQ(run->figures.seed, 3);
   EXPECT_EQ(run->figures.frame_ms->p99, 33.0);

@@ -1,0 +1,210 @@
+// What the CPU device promises beyond the contract: the same matches to the bit at every SIMD level, the same features
+// for any number of threads, and no allocation once it stands.
+#include "kernels/cpu/cpu_vision_device.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "tests/kernels/allocation_counter.h"
+#include "tests/kernels/blob_scene.h"
+#include "tests/kernels/naive_matcher.h"
+
+namespace haustra::testing {
+namespace {
+
+using kernels::SimdLevel;
+
+constexpr int kWidth = 320;
+constexpr int kHeight = 240;
+
+VisionPlan SmallPlan() {
+  VisionPlan plan;
+  plan.max_width_px = kWidth;
+  plan.max_height_px = kHeight;
+  plan.max_features = 500;
+  plan.max_feature_sets = 4;
+  plan.max_match_list = 600;
+  return plan;
+}
+
+std::unique_ptr<VisionDevice> Create(int num_threads, SimdLevel level = kernels::BestSimdLevel()) {
+  ExtractOptions options;
+  options.num_features = 500;
+  options.border_threshold = 0;
+  return CreateCpuVisionDevice(SmallPlan(), options, num_threads, level).value();
+}
+
+Picture Texture(unsigned seed) {
+  return Render(RandomBlobs(900, kWidth, kHeight, 20.0, 40.0, seed), kWidth, kHeight, 120.0);
+}
+
+HostFeatures Extract(VisionDevice& device, const Picture& picture, FeatureSetHandle* set) {
+  *set = device.CreateFeatureSet().value();
+  HostFeatures features;
+  features.keypoints.resize(500);
+  std::int32_t count = 0;
+  EXPECT_TRUE(ExtractAndWait(device, Lane::kTracking, {picture.view(), *set, features.keypoints, &count}).ok());
+  features.keypoints.resize(count);
+  features.descriptors.resize(static_cast<std::size_t>(count) * kDescriptorBytes);
+  EXPECT_TRUE(device.ReadDescriptors(*set, features.descriptors).ok());
+  return features;
+}
+
+bool IsSame(const Keypoint& a, const Keypoint& b) {
+  return a.x_px == b.x_px && a.y_px == b.y_px && a.scale_px == b.scale_px && a.angle_rad == b.angle_rad &&
+         a.response == b.response && a.octave == b.octave;
+}
+
+std::vector<SimdLevel> SupportedLevels() {
+  std::vector<SimdLevel> levels;
+  for (const SimdLevel level : {SimdLevel::kPortable, SimdLevel::kNeonDot, SimdLevel::kAvx2, SimdLevel::kAvx512}) {
+    if (kernels::IsSupported(level)) levels.push_back(level);
+  }
+  return levels;
+}
+
+TEST(CpuVisionDevice, ExtractDoesNotDependOnTheNumberOfThreads) {
+  const Picture picture = Texture(1);
+  FeatureSetHandle set;
+  const auto one = Create(1);
+  const HostFeatures expected = Extract(*one, picture, &set);
+  ASSERT_GT(expected.keypoints.size(), 300u);
+  for (const int num_threads : {2, 3, 7}) {
+    const auto device = Create(num_threads);
+    const HostFeatures features = Extract(*device, picture, &set);
+    ASSERT_EQ(features.size(), expected.size());
+    for (int i = 0; i < features.size(); ++i) ASSERT_TRUE(IsSame(features.keypoints[i], expected.keypoints[i])) << i;
+    EXPECT_EQ(features.descriptors, expected.descriptors);
+  }
+}
+
+TEST(CpuVisionDevice, ExtractAgreesBetweenSimdLevelsUpToRounding) {
+  const Picture picture = Texture(2);
+  FeatureSetHandle set;
+  const HostFeatures expected = Extract(*Create(1, SimdLevel::kPortable), picture, &set);
+  for (const SimdLevel level : SupportedLevels()) {
+    const HostFeatures features = Extract(*Create(1, level), picture, &set);
+    int found = 0;
+    for (int i = 0; i < expected.size(); ++i) {
+      for (int j = 0; j < features.size(); ++j) {
+        const Keypoint& a = expected.keypoints[i];
+        const Keypoint& b = features.keypoints[j];
+        if (std::hypot(a.x_px - b.x_px, a.y_px - b.y_px) < 0.01f && std::abs(a.scale_px / b.scale_px - 1.0f) < 0.01f &&
+            Similarity(expected.descriptor(i), features.descriptor(j)) > 0.995) {
+          ++found;
+          break;
+        }
+      }
+    }
+    EXPECT_GE(found, 0.98 * expected.size()) << ToString(level);
+  }
+}
+
+TEST(CpuVisionDevice, MatchesAreTheSameToTheBitAtEverySimdLevelAndNumberOfThreads) {
+  std::vector<Match> expected, expected_guided;
+  FeatureSetHandle unused;
+  const HostFeatures a = Extract(*Create(1, SimdLevel::kPortable), Texture(3), &unused);
+  const HostFeatures b = Extract(*Create(1, SimdLevel::kPortable), Texture(3 + 1), &unused);
+  for (const SimdLevel level : SupportedLevels()) {
+    for (const int num_threads : {1, 4}) {
+      const auto device = Create(num_threads, level);
+      const FeatureSetHandle sets[] = {device->CreateFeatureSet().value(), device->CreateFeatureSet().value()};
+      ASSERT_TRUE(device->WriteFeatures(sets[0], a.keypoints, a.descriptors).ok());
+      ASSERT_TRUE(device->WriteFeatures(sets[1], b.keypoints, b.descriptors).ok());
+      const DisparityWindow window{150.0f, 100.0f};
+      std::vector<Match> matches(500);
+      std::int32_t count = 0;
+      ASSERT_TRUE(MatchAndWait(*device, Lane::kTracking,
+                               {DescriptorList::Whole(sets[0]),
+                                DescriptorList::Whole(sets[1]),
+                                {0.0f, 0.99f, true},
+                                &window,
+                                nullptr,
+                                matches,
+                                &count})
+                      .ok());
+      matches.resize(count);
+      std::vector<GuidedQuery> queries;
+      for (int i = 0; i < a.size(); ++i) {
+        queries.push_back({{sets[0], i}, a.keypoints[i].x_px, a.keypoints[i].y_px, 40.0f, 0.0f, 100.0f});
+      }
+      std::vector<Match> guided(500);
+      ASSERT_TRUE(GuidedMatchAndWait(*device, Lane::kTracking, {queries, sets[1], {}, {}, guided, &count}).ok());
+      guided.resize(count);
+      if (expected.empty()) {
+        expected = matches;
+        expected_guided = guided;
+        ASSERT_GT(expected.size(), 30u);
+        ASSERT_GT(expected_guided.size(), 30u);
+      }
+      const auto is_same = [](const std::vector<Match>& p, const std::vector<Match>& q) {
+        return p.size() == q.size() && std::equal(p.begin(), p.end(), q.begin(), [](const Match& m, const Match& n) {
+                 return m.query == n.query && m.train == n.train && m.similarity == n.similarity &&
+                        m.second_similarity == n.second_similarity;
+               });
+      };
+      EXPECT_TRUE(is_same(matches, expected)) << ToString(level);
+      EXPECT_TRUE(is_same(guided, expected_guided)) << ToString(level);
+    }
+  }
+}
+
+TEST(CpuVisionDevice, WorkAfterConstructionDoesNotAllocate) {
+  const auto device = Create(2);
+  const Picture picture = Texture(5);
+  Picture colour = picture;
+  colour.pixels.resize(picture.pixels.size() * 3, 90);
+  std::vector<Keypoint> keypoints(500);
+  std::vector<Match> matches(600);
+  std::vector<GuidedQuery> queries(500);
+  std::vector<DescriptorRef> refs(500);
+  std::int32_t count = 0;
+  bool is_ok = true;
+
+  const int before = NumAllocations();
+  const FeatureSetHandle set = device->CreateFeatureSet().value();
+  const FeatureSetHandle second = device->CreateFeatureSet().value();
+  is_ok &= ExtractAndWait(*device, Lane::kTracking, {picture.view(), set, keypoints, &count}).ok();
+  for (int i = 0; i < 500; ++i) {
+    refs[i] = {set, i};
+    queries[i] = {refs[i], keypoints[i].x_px, keypoints[i].y_px, 20.0f, 0.0f, 100.0f};
+  }
+  is_ok &= ExtractAndWait(
+               *device, Lane::kBackground,
+               {{colour.pixels.data(), kWidth, kHeight, 3 * kWidth, PixelFormat::kBgr8}, second, keypoints, &count})
+               .ok();
+  is_ok &= MatchAndWait(*device, Lane::kTracking,
+                        {DescriptorList::Whole(set),
+                         DescriptorList::Gather(refs),
+                         {0.1f, 0.9f, true},
+                         nullptr,
+                         nullptr,
+                         matches,
+                         &count})
+               .ok();
+  is_ok &= GuidedMatchAndWait(*device, Lane::kTracking, {queries, set, {}, {}, matches, &count}).ok();
+  device->ReleaseFeatureSet(set);
+  device->ReleaseFeatureSet(second);
+  const int after = NumAllocations();
+
+  EXPECT_TRUE(is_ok);
+  EXPECT_GT(count, 300);
+  EXPECT_EQ(after, before);
+}
+
+TEST(CpuVisionDevice, CreateRefusesWhatThisMachineCannotDo) {
+  EXPECT_EQ(CreateCpuVisionDevice(SmallPlan(), {}, 0).code(), StatusCode::kInvalidArgument);
+  ExtractOptions options;
+  options.num_features = 500;
+  EXPECT_EQ(CreateCpuVisionDevice(SmallPlan(), options, 65).code(), StatusCode::kInvalidArgument);
+  for (const SimdLevel level : {SimdLevel::kNeonDot, SimdLevel::kAvx2, SimdLevel::kAvx512}) {
+    if (kernels::IsSupported(level)) continue;
+    EXPECT_EQ(CreateCpuVisionDevice(SmallPlan(), options, 1, level).code(), StatusCode::kUnavailable);
+  }
+}
+
+}  // namespace
+}  // namespace haustra::testing

@@ -42,8 +42,8 @@ struct InitialisationConfig {
   double brute_force_ratio = 0.8;     // [0.1, 1]
   double max_disparity_x_px = 120.0;  // the baseline is short (paper, Section III-D) [1, 4000]
   double max_disparity_y_px = 120.0;
-  int min_matches = 35;           // below it the reference frame is renewed [10, 8000]
-  int min_points = 25;            // triangulated points [10, 8000]
+  int min_matches = 35;  // below it the reference frame is renewed [10, 8000]
+  int min_points = 25;   // triangulated points [10, 8000]
   // The two views are near in time: nothing has deformed between them, and only the localisation of the features is
   // noise (sigma = noise_k * scale). With the noise of mapping, small motions would vanish in the tolerance [0.05, 10]
   double noise_k = 0.35;
@@ -63,7 +63,7 @@ struct TrackingConfig {
   int min_motion_matches = 15;      // below it: second try, then brute force [5, 1000]
   int min_inliers = 15;             // a pose with fewer is not a pose [6, 1000]
   int min_recovery_inliers = 20;    // a pose found by brute force needs more [6, 1000]
-  int max_unclear_frames = 12;           // in a row with much less in sight than usual, then lost [1, 1000]
+  int max_unclear_frames = 12;      // in a row with much less in sight than usual, then lost [1, 1000]
   double max_jump_depth_ratio =
       0.5;                     // tracked motion in one frame over the median depth: more is inconsistent [0.01, 10]
   double max_jump_deg = 25.0;  // rotation in one frame [1, 180]
@@ -83,16 +83,16 @@ struct MappingConfig {
   double triangulation_ratio = 0.85;  // [0.1, 1]
   double min_parallax_deg = 0.5;      // of a new point [0.01, 30]
   double min_baseline_depth_ratio = 0.01;
-  int fuse_neighbours = 12;       // keyframes whose points are searched in the new one and back [1, 60]
-  int window_keyframes = 35;      // optimised by local bundle adjustment [2, 60]
-  int fixed_keyframes = 20;       // older ring that holds the gauge [0, 60]
-  int min_shared_points = 15;     // to be a covisible neighbour [1, 1000]
-  int bundle_iterations = 10;     // [1, 100]
-  int max_bundle_ms = 150;        // real-time mode only; sequential mode counts iterations [1, 10000]
-  int point_trial_keyframes = 20;        // made after a point, before it is judged by its observations [1, 1000]
-  int min_lasting_observations = 4;      // a point with fewer after its trial is culled [2, 40]
-  double redundant_share = 0.90;  // a keyframe whose points are seen so much elsewhere is culled [0.5, 1]
-  int min_map_keyframes = 4;      // a map with fewer is dropped when it is lost [2, 100]
+  int fuse_neighbours = 12;          // keyframes whose points are searched in the new one and back [1, 60]
+  int window_keyframes = 35;         // optimised by local bundle adjustment [2, 60]
+  int fixed_keyframes = 20;          // older ring that holds the gauge [0, 60]
+  int min_shared_points = 15;        // to be a covisible neighbour [1, 1000]
+  int bundle_iterations = 10;        // [1, 100]
+  int max_bundle_ms = 150;           // real-time mode only; sequential mode counts iterations [1, 10000]
+  int point_trial_keyframes = 20;    // made after a point, before it is judged by its observations [1, 1000]
+  int min_lasting_observations = 4;  // a point with fewer after its trial is culled [2, 40]
+  double redundant_share = 0.90;     // a keyframe whose points are seen so much elsewhere is culled [0.5, 1]
+  int min_map_keyframes = 4;         // a map with fewer is dropped when it is lost [2, 100]
 };
 
 // Capacities, fixed at start-up.

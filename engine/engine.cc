@@ -5,8 +5,8 @@ namespace {
 
 // The tracker asks for a keyframe only when the mapper is idle, but for one in need; more would be stale work.
 constexpr int kMaxProposals = 3;
-// Beside those of the keyframes: current and last frame, reference view, proposals, retired ones; and the frames that an
-// initialisation keeps, here and in a proposal that waits.
+// Beside those of the keyframes: current and last frame, reference view, proposals, retired ones; and the frames that
+// an initialisation keeps, here and in a proposal that waits.
 constexpr int kSpareFeatureSets = 32;
 
 }  // namespace
@@ -16,7 +16,8 @@ VisionPlan Engine::PlanFor(const EngineConfig& config, const CameraCalibration& 
   plan.max_width_px = calibration.width_px;
   plan.max_height_px = calibration.height_px;
   plan.max_features = config.features.max;
-  plan.max_feature_sets = config.memory.max_keyframes + kSpareFeatureSets + 2 * config.initialisation.max_reference_age_frames;
+  plan.max_feature_sets =
+      config.memory.max_keyframes + kSpareFeatureSets + 2 * config.initialisation.max_reference_age_frames;
   plan.max_match_list = std::max(config.memory.max_local_points, config.features.max);
   return plan;
 }

@@ -14,7 +14,8 @@ bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHa
   for (int i = 0; i < keyframe.features.num; ++i) {
     if (!keyframe.points[i]) continue;
     Eigen::Vector2d pixel;
-    if (!camera_.Project(guess * atlas.point(keyframe.points[i]).position, &pixel) || !camera_.IsInImage(pixel)) continue;
+    if (!camera_.Project(guess * atlas.point(keyframe.points[i]).position, &pixel) || !camera_.IsInImage(pixel))
+      continue;
     const float scale = keyframe.features.keypoints[i].scale_px;
     queries_.push_back({{keyframe.features.set, i},
                         static_cast<float>(pixel.x()),

@@ -1,6 +1,6 @@
-// Poses for the frames between the two founding views of a map: when they came there was no map yet, when it stands they
-// are found in it by guided search around the motion between the views. They can no longer be answered in time, but belong
-// to the final trajectory. thread-bound(mapping).
+// Poses for the frames between the two founding views of a map: when they came there was no map yet, when it stands
+// they are found in it by guided search around the motion between the views. They can no longer be answered in time,
+// but belong to the final trajectory. thread-bound(mapping).
 #pragma once
 
 #include <vector>

@@ -10,7 +10,15 @@
 
 namespace haustra {
 
-enum class MapEventKind : std::uint8_t { kMapCreated, kMapRefused, kMapDropped, kMapStored, kMerged, kLoopClosed, kMergeRejected };
+enum class MapEventKind : std::uint8_t {
+  kMapCreated,
+  kMapRefused,
+  kMapDropped,
+  kMapStored,
+  kMerged,
+  kLoopClosed,
+  kMergeRejected
+};
 
 std::string_view ToString(MapEventKind kind);
 

@@ -157,7 +157,8 @@ void Mapper::RefineFounding(KeyframeHandle reference) {
   if (placed_.empty()) return;
   std::vector<MapPointHandle> points;
   std::map<MapPointHandle, std::int32_t> point_idx;
-  founding_.poses.assign({{atlas_.keyframe(reference).cam_from_map, true}, {atlas_.keyframe(newest_).cam_from_map, false}});
+  founding_.poses.assign(
+      {{atlas_.keyframe(reference).cam_from_map, true}, {atlas_.keyframe(newest_).cam_from_map, false}});
   founding_.points.clear();
   founding_.observations.clear();
   const KeyframeHandle keyframes[] = {reference, newest_};
@@ -328,8 +329,8 @@ void Mapper::CollectPoints(std::span<const Covisible> keyframes, int max_keyfram
   for (const MapPointHandle point : *out) is_candidate_[point.index] = 0;
 }
 
-// A point seen in a few neighbouring keyframes only helped to place those; when they have settled it has done its work. What
-// the map keeps are the points that can be found again.
+// A point seen in a few neighbouring keyframes only helped to place those; when they have settled it has done its work.
+// What the map keeps are the points that can be found again.
 void Mapper::CullPoints() {
   const KeyframeId now = atlas_.keyframe(newest_).id;
   std::size_t kept = 0;

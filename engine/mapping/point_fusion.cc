@@ -15,8 +15,7 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 PointFuser::PointFuser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
     : config_(config), camera_(camera), device_(device) {}
 
-int PointFuser::SearchInto(KeyframeHandle handle, std::span<const MapPointHandle> candidates,
-                           Atlas* atlas) {
+int PointFuser::SearchInto(KeyframeHandle handle, std::span<const MapPointHandle> candidates, Atlas* atlas) {
   queries_.clear();
   query_points_.clear();
   const Keyframe& keyframe = atlas->keyframe(handle);

@@ -128,8 +128,7 @@ TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
   std::nth_element(parallax_.begin(), parallax_.begin() + parallax_.size() / 2, parallax_.end());
   if (parallax_[parallax_.size() / 2] < options.min_parallax_deg * kDegree) return TrackingReason::kLowParallax;
   if (num_pairs_ < options.min_points) return TrackingReason::kLowParallax;
-  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) <
-      options.min_spread * scene_share_) {
+  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < options.min_spread * scene_share_) {
     return TrackingReason::kLowSpread;
   }
   cam_from_reference_ = estimate.b_from_a;

@@ -19,7 +19,8 @@ namespace haustra {
 
 class Initialiser {
  public:
-  // scene_share: part of the image's area inside the scope's window, (0, 1]: spread is measured against what can be seen.
+  // scene_share: part of the image's area inside the scope's window, (0, 1]: spread is measured against what can be
+  // seen.
   Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, double scene_share);
 
   // Forgets the reference view.
@@ -36,8 +37,8 @@ class Initialiser {
   int num_matches() const { return num_matches_; }
   int num_inliers() const { return num_inliers_; }
 
-  // Keeps a view that came after the reference but did not found a map, with its feature set. False when there is no room
-  // left: the caller keeps the set then.
+  // Keeps a view that came after the reference but did not found a map, with its feature set. False when there is no
+  // room left: the caller keeps the set then.
   bool KeepBetween(const ProposedView& view);
 
   // Moves everything that founds the map into the proposal, with the feature sets of reference and kept views, and

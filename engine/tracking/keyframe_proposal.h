@@ -47,7 +47,7 @@ struct KeyframeProposal {
   // A keyframe of an existing map: its pose and the points that its features were found to show.
   MapId map_id = kNoId;
   SE3 cam_from_map;
-  std::uint64_t reframing_done = 0;  // the last reframing (local_map.h) that the pose has been through
+  std::uint64_t reframing_done = 0;    // the last reframing (local_map.h) that the pose has been through
   std::vector<MapPointHandle> points;  // [0, view.features.num)
 
   // A new map: the other view, the motion between them with a baseline of one, and the triangulated pairs.

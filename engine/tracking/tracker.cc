@@ -13,8 +13,8 @@ constexpr double kChi2TwoDof = 5.991;  // 95 %
 // A pose from fewer points than this is not worth a search of the local map.
 constexpr int kMinSeedInliers = 8;
 constexpr int kMinFeatures = 30;
-// The share of expected points that is found changes slowly with the view, but falls at once when something comes between
-// scope and wall. Below this part of what is usual nothing that is seen may enter the map.
+// The share of expected points that is found changes slowly with the view, but falls at once when something comes
+// between scope and wall. Below this part of what is usual nothing that is seen may enter the map.
 constexpr double kDegradedShare = 0.35;
 constexpr double kUsualShareMemory = 0.95;  // per frame
 constexpr int kMinExpected = 60;

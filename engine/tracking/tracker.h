@@ -136,10 +136,10 @@ class Tracker {
   std::vector<Eigen::Vector3d> bearings_;
   std::vector<Eigen::Vector3d> points_;
   std::vector<double> tolerance_;
-  int num_expected_ = 0;     // established points that should be visible from the pose
-  int num_established_ = 0;  // established points among the matches
+  int num_expected_ = 0;      // established points that should be visible from the pose
+  int num_established_ = 0;   // established points among the matches
   double usual_share_ = 0.0;  // of established points over expected ones, in clear frames; 0: not known yet
-  int num_unclear_ = 0;  // frames in a row that were tracked without a clear view
+  int num_unclear_ = 0;       // frames in a row that were tracked without a clear view
   double median_depth_ = 1.0;
   std::vector<double> depths_;
 };

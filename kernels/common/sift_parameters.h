@@ -23,9 +23,10 @@ inline constexpr int kEdgeMarginPx = 5;
 inline constexpr int kMaxRefinementSteps = 5;
 inline constexpr float kDefaultContrastThreshold = 0.0027f;
 
-// Orientation (5): the pixels of a square of at most kOrientationReachPx (octave pixels) around the point, under a Gaussian
-// window in units of the keypoint's scale. The window is wider than Lowe's (1.5), and second orientations are rarer (his
-// share is 0.8): on endoscopic pictures both give more matches at different places (README.md has the figures).
+// Orientation (5): the pixels of a square of at most kOrientationReachPx (octave pixels) around the point, under a
+// Gaussian window in units of the keypoint's scale. The window is wider than Lowe's (1.5), and second orientations are
+// rarer (his share is 0.8): on endoscopic pictures both give more matches at different places (README.md has the
+// figures).
 inline constexpr float kOrientationWindowSigma = 2.5f;
 inline constexpr float kOrientationReachSigmas = 2.0f;  // of the window
 inline constexpr int kOrientationReachPx = 16;
@@ -33,9 +34,9 @@ inline constexpr int kOrientationBins = 36;
 inline constexpr float kOrientationPeakRatio = 0.9f;
 inline constexpr int kMaxOrientations = 3;
 
-// Descriptor (6): 4x4 cells of 8 orientations, index = (row * 4 + column) * 8 + orientation, in the keypoint's own frame
-// (x along its orientation). Cells of five scales instead of three: mucosa has little detail, and the wider view gives a
-// third more inliers between neighbouring frames, and twice as many when a place of low texture is seen again.
+// Descriptor (6): 4x4 cells of 8 orientations, index = (row * 4 + column) * 8 + orientation, in the keypoint's own
+// frame (x along its orientation). Cells of five scales instead of three: mucosa has little detail, and the wider view
+// gives a third more inliers between neighbouring frames, and twice as many when a place of low texture is seen again.
 inline constexpr int kDescriptorCells = 4;
 inline constexpr int kDescriptorOrientations = 8;
 inline constexpr float kDescriptorCellSize = 5.0f;   // side of a cell, in units of the keypoint's scale
@@ -43,7 +44,7 @@ inline constexpr int kDescriptorSamplesPerCell = 3;  // a side
 // Gradients come from the level above the keypoint's and reach this far to either side: in dim, smooth pictures, noise
 // costs more than detail gains.
 inline constexpr int kDescriptorLevelOffset = 1;
-inline constexpr int kDescriptorGradientReachPx = 3;  // octave pixels
+inline constexpr int kDescriptorGradientReachPx = 3;   // octave pixels
 inline constexpr float kDescriptorWindowSigma = 2.0f;  // cells
 inline constexpr float kDescriptorClip = 0.2f;
 inline constexpr float kDescriptorNorm =

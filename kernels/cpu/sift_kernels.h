@@ -39,9 +39,9 @@ struct Extremum {
 };
 
 // Columns in a strip of the extremum search, small enough for the rows of all levels to stay in the first-level cache.
-inline constexpr int kStripWidth = 192;
+inline constexpr int kStripWidth = 384;
 inline constexpr int kStripHalo = 16;
-inline constexpr int kExtremaScratchFloats = (kNumLevels - 1) * (3 + 4) * (kStripWidth + 2 * kStripHalo);
+inline constexpr int kExtremaScratchFloats = 3 * (kNumLevels - 1) * (kStripWidth + 2 * kStripHalo);
 
 // Where to sample a patch: octave pixels, radians.
 struct PatchFrame {

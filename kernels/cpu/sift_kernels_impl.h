@@ -117,24 +117,34 @@ int KeepStrongest(Extremum* extrema, int count, int capacity, float* threshold) 
   return count;
 }
 
+// Whether the value at a point of a difference of Gaussians, already known to be extremal among its four nearest
+// neighbours, is so among all 26; sign 1: maximum, -1: minimum. Rows are those above, at and below the point.
+inline bool IsExtremum(const float* const rows[3][3], int column, float sign) {
+  const float value = sign * rows[1][1][column];
+  for (const int dog : {0, 2, 1}) {
+    for (int r = 0; r < 3; ++r) {
+      const float* row = rows[dog][r] + column;
+      if (sign * row[0] > value || sign * row[-1] > value || sign * row[1] > value) return false;
+    }
+  }
+  return true;
+}
+
 int FindExtrema(const Plane* levels, float threshold, int y_begin, int y_end, Extremum* out, int capacity,
                 float* scratch) {
   constexpr int kDogs = kNumLevels - 1;
   constexpr int kPitch = kStripWidth + 2 * kStripHalo;
   const int width = levels[0].width;
   const int height = levels[0].height;
-  float* dog_rows = scratch;                          // [row % 3][dog][column]
-  float* column_max = dog_rows + 3 * kDogs * kPitch;  // over three rows; [dog][column]
-  float* column_min = column_max + kDogs * kPitch;
-  float* square_max = column_min + kDogs * kPitch;  // over 3x3; [dog][column]
-  float* square_min = square_max + kDogs * kPitch;
+  // [row % 3][dog][column] of the strip.
   const auto dog_row = [&](int y, int dog) {
-    return dog_rows + (static_cast<std::ptrdiff_t>(y % 3) * kDogs + dog) * kPitch;
+    return scratch + (static_cast<std::ptrdiff_t>(y % 3) * kDogs + dog) * kPitch;
   };
 
   const int first_row = y_begin < kEdgeMarginPx ? kEdgeMarginPx : y_begin;
   const int last_row = y_end > height - kEdgeMarginPx ? height - kEdgeMarginPx : y_end;
   const int last_column = width - kEdgeMarginPx;
+  if (first_row >= last_row) return 0;
   int count = 0;
   for (int x0 = 0; x0 < width; x0 += kStripWidth) {
     // Strip column i is plane column x0 + i - kStripHalo.
@@ -150,47 +160,35 @@ int FindExtrema(const Plane* levels, float threshold, int y_begin, int y_end, Ex
         }
       }
     };
-    if (first_row >= last_row) break;
     compute_dogs(first_row - 1);
     compute_dogs(first_row);
     for (int y = first_row; y < last_row; ++y) {
       compute_dogs(y + 1);
-      for (int d = 0; d < kDogs; ++d) {
-        const float* above = dog_row(y - 1, d);
-        const float* here = dog_row(y, d);
-        const float* below = dog_row(y + 1, d);
-        float* max_out = column_max + d * kPitch;
-        float* min_out = column_min + d * kPitch;
-        for (int i = kStripHalo - kLanes; i < kStripHalo + used + kLanes; i += kLanes) {
-          const VecF a = Load(above + i);
-          const VecF b = Load(here + i);
-          const VecF c = Load(below + i);
-          Store(max_out + i, Max(Max(a, b), c));
-          Store(min_out + i, Min(Min(a, b), c));
-        }
-        float* square_max_out = square_max + d * kPitch;
-        float* square_min_out = square_min + d * kPitch;
-        for (int i = kStripHalo; i < kStripHalo + used; i += kLanes) {
-          Store(square_max_out + i, Max(Max(Load(max_out + i - 1), Load(max_out + i)), Load(max_out + i + 1)));
-          Store(square_min_out + i, Min(Min(Load(min_out + i - 1), Load(min_out + i)), Load(min_out + i + 1)));
-        }
-      }
       for (int level = 1; level <= kScalesPerOctave; ++level) {
-        const float* here = dog_row(y, level);
+        const float* rows[3][3];
+        for (int d = 0; d < 3; ++d) {
+          for (int r = 0; r < 3; ++r) rows[d][r] = dog_row(y + r - 1, level + d - 1);
+        }
+        const float* above = rows[1][0];
+        const float* here = rows[1][1];
+        const float* below = rows[1][2];
         for (int i = kStripHalo; i < kStripHalo + used; i += kLanes) {
+          // Most points fail against their four nearest neighbours; only the rest is looked at one by one.
           const VecF value = Load(here + i);
-          if (MaskBits(Abs(value) > threshold) == 0) continue;
-          const float* highest = square_max + level * kPitch + i;
-          const float* lowest = square_min + level * kPitch + i;
-          const VecF max = Max(Max(Load(highest - kPitch), Load(highest)), Load(highest + kPitch));
-          const VecF min = Min(Min(Load(lowest - kPitch), Load(lowest)), Load(lowest + kPitch));
-          std::uint32_t bits =
-              MaskBits(((value > threshold) & (value >= max)) | ((value < -threshold) & (value <= min)));
+          const VecF left = Load(here + i - 1);
+          const VecF right = Load(here + i + 1);
+          const VecF up = Load(above + i);
+          const VecF down = Load(below + i);
+          const VecF highest = Max(Max(Max(left, right), Max(up, down)), Splat(threshold));
+          const VecF lowest = Min(Min(Min(left, right), Min(up, down)), Splat(-threshold));
+          std::uint32_t bits = MaskBits((value >= highest) | (value <= lowest));
           for (; bits != 0; bits &= bits - 1) {
-            const int x = x0 + i - kStripHalo + __builtin_ctz(bits);
-            if (x < kEdgeMarginPx || x >= last_column) continue;
+            const int column = i + __builtin_ctz(bits);
+            const int x = x0 + column - kStripHalo;
+            const float response = __builtin_fabsf(here[column]);
+            if (x < kEdgeMarginPx || x >= last_column || response <= threshold) continue;
+            if (!IsExtremum(rows, column, here[column] > 0.0f ? 1.0f : -1.0f)) continue;
             if (count == capacity) count = KeepStrongest(out, count, capacity, &threshold);
-            const float response = __builtin_fabsf(here[x - x0 + kStripHalo]);
             if (response <= threshold) continue;
             out[count++] = Extremum{static_cast<std::int16_t>(x), static_cast<std::int16_t>(y),
                                     static_cast<std::int16_t>(level), response};
@@ -277,12 +275,13 @@ int FindOrientations(const Plane& level, const PatchFrame& frame, float* angles)
     Store(column_weights + i, Select(is_inside, ExpNegative(falloff * dx * dx), Splat(0.0f)));
     Store(row_weights + i, ExpNegative(falloff * dy * dy));
   }
-  // Two histograms in turn, so that no addition waits for the one before; the last two bins wrap around (an angle may
+  // Four histograms in turn, so that no addition waits for the one before; the last two bins wrap around (an angle may
   // round up to a full turn).
-  float histograms[2][kOrientationBins + 2] = {};
+  float histograms[4][kOrientationBins + 2] = {};
   for (int y = centre_y + 1 - reach; y <= centre_y + reach; ++y) {
     if (y < 1 || y > level.height - 2) continue;
     const float row_weight = row_weights[y - first_y];
+    const float distance = static_cast<float>(y) - frame.y;
     // Columns outside the plane are read as well (rows are padded), with weight 0.
     const float* row = level.row(y) + first_x;
     alignas(64) float to_lower[kSide];
@@ -299,14 +298,18 @@ int FindOrientations(const Plane& level, const PatchFrame& frame, float* angles)
       Store(to_lower + c, magnitude - upper);
       StoreInts(lower + c, bin);
     }
-    for (int c = kOrientationReachPx - reach; c < kOrientationReachPx + reach; ++c) {
-      float* bin = histograms[c & 1] + lower[c];
+    const float squared_half = static_cast<float>(reach * reach) - distance * distance;
+    const int half = squared_half > 1.0f ? static_cast<int>(__builtin_sqrtf(squared_half)) : 1;
+    for (int c = kOrientationReachPx - half; c < kOrientationReachPx + half; ++c) {
+      float* bin = histograms[c & 3] + lower[c];
       bin[0] += to_lower[c];
       bin[1] += to_upper[c];
     }
   }
   float* histogram = histograms[0];
-  for (int i = 0; i < kOrientationBins + 2; ++i) histogram[i] += histograms[1][i];
+  for (int i = 0; i < kOrientationBins + 2; ++i) {
+    histogram[i] = (histograms[0][i] + histograms[1][i]) + (histograms[2][i] + histograms[3][i]);
+  }
   histogram[0] += histogram[kOrientationBins];
   histogram[1] += histogram[kOrientationBins + 1];
 

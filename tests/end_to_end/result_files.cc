@@ -31,8 +31,8 @@ std::string ResultFolder(const std::string& name) { return SequenceFolder(name) 
 
 std::string ScratchFolder() {
   const testing::TestInfo& test = *testing::UnitTest::GetInstance()->current_test_info();
-  const fs::path folder = fs::path(HAUSTRA_END_TO_END_DATA) / "scratch" /
-                          (std::string(test.test_suite_name()) + "." + test.name());
+  const fs::path folder =
+      fs::path(HAUSTRA_END_TO_END_DATA) / "scratch" / (std::string(test.test_suite_name()) + "." + test.name());
   fs::remove_all(folder);
   fs::create_directories(folder);
   return folder.string();

@@ -39,8 +39,8 @@ LensEffects::LensEffects(const std::vector<Event>& events, const WindowMask& win
     for (int x = 0; x < width; ++x) {
       if (window.coverage(x, y) > 0.0f) continue;
       for (float share = 0.99f; share > 0.0f; share -= 0.005f) {
-        const int sx = static_cast<int>(cx + share * (static_cast<float>(x) - cx) + 0.5f);
-        const int sy = static_cast<int>(cy + share * (static_cast<float>(y) - cy) + 0.5f);
+        const int sx = static_cast<int>(std::lround(cx + share * (static_cast<float>(x) - cx)));
+        const int sy = static_cast<int>(std::lround(cy + share * (static_cast<float>(y) - cy)));
         if (window.coverage(sx, sy) <= 0.0f) continue;
         surround_.push_back({y * width + x, sy * width + sx});
         break;

@@ -26,13 +26,13 @@ class LensEffects {
     std::uint32_t seed;
     std::vector<Drop> drops;  // foam, or flecks of debris
   };
+  struct Copy {
+    std::int32_t to, from;  // pixel numbers
+  };
   // Continues the picture beyond the window, so that what bends light finds something there.
   void FillSurround(LinearImage* image) const;
 
   std::vector<Active> active_;
-  struct Copy {
-    std::int32_t to, from;  // pixel numbers
-  };
   std::vector<Copy> surround_;
 };
 

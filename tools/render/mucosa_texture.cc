@@ -146,7 +146,7 @@ MucosaSample MucosaTexture::Sample(const Footprint& f) const {
 
 MucosaSample MucosaTexture::SampleFlat(const Footprint& f) const {
   const float ratio = f.major_mm / std::max(f.minor_mm, 1e-6f);
-  const int num_taps = std::clamp(static_cast<int>(ratio + 0.5f), 1, kMaxTaps);
+  const int num_taps = static_cast<int>(std::lround(std::clamp(ratio, 1.0f, static_cast<float>(kMaxTaps))));
   // Width that one tap must cover; a little less than the spacing keeps the picture crisp.
   const float width_texels = std::max(f.minor_mm, f.major_mm / static_cast<float>(num_taps)) * (0.9f / kTexelMm);
   const float lod =

@@ -1,7 +1,7 @@
 // The mucosa as a picture of the wall: colour, wetness and the slope of its relief, with coarser copies for distant
 // places. Fixed to the surface. Surface coordinates in mm: u along the wall, v around the girth (periodic).
-// Immutable after construction; reentrant. About 8 bytes and 10 with the coarser copies for each texel of 0.07 mm: 85
-// MB for 300 mm of colon.
+// Immutable after construction; reentrant. Memory: 11 bytes a texel of 0.07 mm with the coarser copies, about 150 MB
+// for a colon of 250 mm, whose wall is longer than its axis.
 #pragma once
 
 #include <array>
@@ -19,7 +19,6 @@ struct MucosaSample {
   float wetness;  // 0 dry, 1 wet
   float slope_u;  // of the relief, mm per mm
   float slope_v;
-  float polyp;  // 0 to 1
 };
 
 // The part of the wall that one pixel covers, as an ellipse.

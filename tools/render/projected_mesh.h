@@ -40,7 +40,8 @@ struct ProjectedMesh {
     corners[2] = (triangle & 1) == 0 ? (ring + 1) * kM + k : ring * kM + k;
   }
 
-  // Rings from `behind_mm` behind the camera's place along the centre line to `ahead_mm` before it.
+  // Rings from 45 mm behind the camera's place along the centre line (camera_arc_mm) to 170 mm before it, with the wall
+  // deformed as it is at that time.
   void Project(const Colon& colon, const CameraModel& camera, const SE3& world_from_cam, double camera_arc_mm,
                double time_s);
 };

@@ -104,7 +104,9 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--seconds", arguments->seconds, "Length; by default the preset's");
   command->add_option("--rate", arguments->rate_hz, "Frames a second; by default the preset's");
   command->add_option("--size", arguments->size, "Picture size, like 720x540; by default the preset's");
-  command->add_option("--seed", arguments->seed, "Colon, mucosa and path")->capture_default_str();
+  command->add_option("--seed", arguments->seed, "Colon, mucosa and path")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   command->add_option(
       "--events", arguments->events,
       "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "

@@ -43,6 +43,8 @@ Status WriteDescription(const std::string& folder, const SequenceModel& model) {
   const RenderOptions& options = model.options();
   std::vector<double> times_s;
   std::vector<SE3> world_from_cam;
+  times_s.reserve(options.num_frames());
+  world_from_cam.reserve(options.num_frames());
   for (int i = 0; i < options.num_frames(); ++i) {
     times_s.push_back(model.TimeS(i));
     world_from_cam.push_back(model.path().WorldFromCam(model.TimeS(i)));
@@ -94,6 +96,7 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
 
   const int num_frames = options.num_frames(), num_threads = options.num_threads;
   std::vector<std::unique_ptr<FrameRenderer>> renderers;
+  renderers.reserve(num_threads);
   for (int i = 0; i < num_threads; ++i) {
     renderers.push_back(
         std::make_unique<FrameRenderer>(model->colon(), model->mucosa(), model->camera(), model->window()));

@@ -77,8 +77,8 @@ void Sensor::Develop(float gain, int frame, LinearImage* linear, Image* picture)
         const float own = Bell((h + static_cast<std::uint32_t>(c + 1) * 0x9e3779b9u) * 0x2c1b3c6du);
         light += noise_ * std::sqrt(kShotNoise * light + kReadNoise) * (common + 0.6f * own);
         const float root = std::sqrt(std::clamp(light, 0.0f, kFullWell));
-        const float value = cover * static_cast<float>(tone_[static_cast<std::size_t>(root * kToneStepsPerRoot)]);
-        out[2 - c] = static_cast<std::uint8_t>(value + 0.5f);
+        const std::uint8_t value = tone_[static_cast<std::size_t>(root * kToneStepsPerRoot)];
+        out[2 - c] = cover >= 1.0f ? value : static_cast<std::uint8_t>(std::lround(cover * static_cast<float>(value)));
       }
     }
   }

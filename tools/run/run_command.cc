@@ -206,7 +206,8 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--rate", arguments->rate, "Pace of real-time mode relative to the camera (0.5: half as fast)")
       ->check(CLI::Range(0.01, 100.0))
       ->capture_default_str();
-  command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)");
+  command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
+      ->check(CLI::NonNegativeNumber);
   command->add_option("--config", arguments->config, "Configuration file (YAML); see config/");
   command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value");
   command->add_option("--device", arguments->device, "Vision device")

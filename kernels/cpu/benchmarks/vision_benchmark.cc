@@ -33,31 +33,32 @@ struct Picture {
   ImageView view() const { return {pixels.data(), width, height, width, PixelFormat::kGrey8}; }
 };
 
-// Sum of value noise over octaves, amplitude proportional to the wavelength's square root.
+// Gaussian blobs of many sizes on grey, strong enough for the default threshold of OpenCV to leave 2000 points and
+// more.
 Picture MakePicture() {
   Picture picture;
   std::mt19937 random(7);
-  std::uniform_real_distribution<float> uniform(-1.0f, 1.0f);
-  std::vector<float> sum(static_cast<std::size_t>(picture.width) * picture.height, 0.0f);
-  for (int wavelength = 2; wavelength <= 128; wavelength *= 2) {
-    const int columns = picture.width / wavelength + 3;
-    const int rows = picture.height / wavelength + 3;
-    std::vector<float> grid(static_cast<std::size_t>(columns) * rows);
-    for (float& value : grid) value = uniform(random);
-    const float amplitude = 7.0f * std::sqrt(static_cast<float>(wavelength));
-    for (int y = 0; y < picture.height; ++y) {
-      for (int x = 0; x < picture.width; ++x) {
-        const float fx = static_cast<float>(x % wavelength) / static_cast<float>(wavelength);
-        const float fy = static_cast<float>(y % wavelength) / static_cast<float>(wavelength);
-        const float* corner = grid.data() + static_cast<std::size_t>(y / wavelength) * columns + x / wavelength;
-        const float top = corner[0] + fx * (corner[1] - corner[0]);
-        const float bottom = corner[columns] + fx * (corner[columns + 1] - corner[columns]);
-        sum[static_cast<std::size_t>(y) * picture.width + x] += amplitude * (top + fy * (bottom - top));
+  std::uniform_real_distribution<float> uniform(0.0f, 1.0f);
+  std::vector<float> sum(static_cast<std::size_t>(picture.width) * picture.height, 120.0f);
+  for (int i = 0; i < 9000; ++i) {
+    const float x = uniform(random) * static_cast<float>(picture.width);
+    const float y = uniform(random) * static_cast<float>(picture.height);
+    const float sigma = 0.8f * std::exp2(4.0f * uniform(random) * uniform(random));
+    const float height = (uniform(random) < 0.5f ? -1.0f : 1.0f) * (10.0f + 50.0f * uniform(random));
+    const int reach = static_cast<int>(4.0f * sigma) + 1;
+    for (int v = std::max(0, static_cast<int>(y) - reach);
+         v <= std::min(picture.height - 1, static_cast<int>(y) + reach); ++v) {
+      for (int u = std::max(0, static_cast<int>(x) - reach);
+           u <= std::min(picture.width - 1, static_cast<int>(x) + reach); ++u) {
+        const float dx = static_cast<float>(u) - x;
+        const float dy = static_cast<float>(v) - y;
+        sum[static_cast<std::size_t>(v) * picture.width + u] +=
+            height * std::exp(-(dx * dx + dy * dy) / (2 * sigma * sigma));
       }
     }
   }
   for (const float value : sum) {
-    picture.pixels.push_back(static_cast<std::uint8_t>(std::clamp(std::lround(120.0f + value), 30L, 230L)));
+    picture.pixels.push_back(static_cast<std::uint8_t>(std::clamp(std::lround(value), 30L, 230L)));
   }
   return picture;
 }

@@ -1,0 +1,351 @@
+// What a user gets wrong, and what disks and cables do: always a message that names the thing and the documented exit
+// code (tools/exit_codes.h), never a crash, and nothing of the user's is lost.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "tests/end_to_end/command.h"
+#include "tests/end_to_end/result_files.h"
+#include "tools/exit_codes.h"
+
+namespace haustra::end_to_end {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string Replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << "'" << from << "' is not in the text";
+  if (at != std::string::npos) text.replace(at, from.size(), to);
+  return text;
+}
+
+void ReplaceInFile(const std::string& path, const std::string& from, const std::string& to) {
+  WriteBytes(path, Replaced(ReadBytes(path), from, to));
+}
+
+std::map<std::string, std::string> ContentOf(const std::string& folder) {
+  std::map<std::string, std::string> content;
+  for (const std::string& file : FilesBelow(folder)) content[file] = ReadBytes(folder + "/" + file);
+  return content;
+}
+
+void ExpectFailure(const CommandResult& result, int exit_code, const std::vector<std::string>& words) {
+  EXPECT_EQ(result.exit_code, exit_code) << result.ToString();
+  const std::string said = result.out + result.err;
+  for (const std::string& word : words) {
+    EXPECT_NE(said.find(word), std::string::npos) << "no '" << word << "' in: " << result.ToString();
+  }
+}
+
+// A short sequence that the test spoils, and a place for the results.
+class BadInput : public testing::Test {
+ protected:
+  void SetUp() override {
+    scratch_ = ScratchFolder();
+    sequence_ = scratch_ + "/sequence";
+    out_ = scratch_ + "/out";
+    CopySequence(SequenceFolder("standard"), sequence_, 3);
+  }
+
+  CommandResult Run(const std::vector<std::string>& more_arguments = {}) const {
+    std::vector<std::string> arguments = {"run", sequence_, "--out", out_};
+    arguments.insert(arguments.end(), more_arguments.begin(), more_arguments.end());
+    return Haustra(arguments);
+  }
+  // The run refuses to start: nothing is made.
+  void ExpectRefusal(int exit_code, const std::vector<std::string>& words,
+                     const std::vector<std::string>& more_arguments = {}) const {
+    ExpectFailure(Run(more_arguments), exit_code, words);
+    EXPECT_FALSE(Exists(out_));
+  }
+  std::string Write(const std::string& name, const std::string& text) const {
+    WriteBytes(scratch_ + "/" + name, text);
+    return scratch_ + "/" + name;
+  }
+  void SpoilTimes(const std::string& second) const { ReplaceInFile(sequence_ + "/times.txt", "0.040000", second); }
+  void SpoilCalibration(const std::string& from, const std::string& to) const {
+    ReplaceInFile(sequence_ + "/calib.yaml", from, to);
+  }
+
+  std::string scratch_, sequence_, out_;
+};
+
+TEST_F(BadInput, MissingFolderIsNamed) {
+  fs::remove_all(sequence_);
+  ExpectRefusal(kExitNoInput, {sequence_});
+}
+
+TEST_F(BadInput, SequenceWithoutImagesIsEmpty) {
+  fs::remove_all(sequence_ + "/frames");
+  fs::create_directories(sequence_ + "/frames");
+  ExpectRefusal(kExitBadData, {sequence_, "empty"});
+}
+
+TEST_F(BadInput, FolderOfSomethingElseIsNoSequence) {
+  fs::remove_all(sequence_);
+  Write("sequence/notes.txt", "nothing to see");
+  ExpectRefusal(kExitBadData, {sequence_});
+}
+
+TEST_F(BadInput, MissingCalibrationIsNamed) {
+  fs::remove(sequence_ + "/calib.yaml");
+  ExpectRefusal(kExitNoInput, {"calib.yaml"});
+}
+
+TEST_F(BadInput, TypoInCalibrationIsNamed) {
+  SpoilCalibration("Camera.k2", "Camera.kk2");
+  ExpectRefusal(kExitBadData, {"calib.yaml", "k2"});
+}
+
+TEST_F(BadInput, WordForANumberInCalibrationIsNamed) {
+  SpoilCalibration("Camera.fx: 197.3", "Camera.fx: wide");
+  ExpectRefusal(kExitBadData, {"calib.yaml", "fx", "wide"});
+}
+
+TEST_F(BadInput, NanInCalibrationIsNamed) {
+  SpoilCalibration("Camera.fx: 197.3", "Camera.fx: nan");
+  ExpectRefusal(kExitBadData, {"calib.yaml", "fx", "nan"});
+}
+
+TEST_F(BadInput, BrokenYamlInCalibrationIsNamed) {
+  SpoilCalibration("Camera.type: \"KannalaBrandt8\"", "Camera.type: \"KannalaBrandt8");
+  ExpectRefusal(kExitBadData, {"calib.yaml"});
+}
+
+TEST_F(BadInput, UnknownCameraModelIsNamed) {
+  SpoilCalibration("KannalaBrandt8", "Fishbowl");
+  ExpectRefusal(kExitBadData, {"calib.yaml", "Fishbowl"});
+}
+
+TEST_F(BadInput, ImagesOfAnotherSizeThanTheCalibrationAreNamed) {
+  SpoilCalibration("Camera.width: 360", "Camera.width: 720");
+  ExpectRefusal(kExitBadData, {"000000.jpg", "360x270", "720x270"});
+}
+
+TEST_F(BadInput, MaskOfAnotherSizeIsNamed) {
+  fs::copy_file(FramePath(sequence_, 0), sequence_ + "/mask.png", fs::copy_options::overwrite_existing);
+  const CommandResult result = Run();  // a JPEG by the name of .png is told by its content, and not a mask in grey
+  if (result.exit_code != 0) ExpectFailure(result, kExitBadData, {"mask.png"});
+}
+
+TEST_F(BadInput, DuplicateTimeIsNamedWithItsLine) {
+  SpoilTimes("0.000000");
+  ExpectRefusal(kExitBadData, {"times.txt:2"});
+}
+
+TEST_F(BadInput, BackwardTimeIsNamedWithItsLine) {
+  SpoilTimes("0.090000");
+  ExpectRefusal(kExitBadData, {"times.txt:3"});
+}
+
+TEST_F(BadInput, WordForATimeIsNamedWithItsLine) {
+  SpoilTimes("soon");
+  ExpectRefusal(kExitBadData, {"times.txt:2", "soon"});
+}
+
+TEST_F(BadInput, FewerTimesThanImagesAreCounted) {
+  ReplaceInFile(sequence_ + "/times.txt", "0.040000\n", "");
+  ExpectRefusal(kExitBadData, {"times.txt", "2", "3"});
+}
+
+TEST_F(BadInput, SequenceOfBrokenImagesOnlyIsRefused) {
+  for (const int index : {0, 1, 2}) WriteBytes(FramePath(sequence_, index), "no image");
+  ExpectRefusal(kExitBadData, {"000000.jpg"});
+}
+
+TEST_F(BadInput, UnknownConfigurationKeyIsNamedWithItsLine) {
+  const std::string config = Write("config.yaml", "tracking:\n  min_inlier: 20\n");
+  ExpectRefusal(kExitConfig, {config + ":2", "min_inlier"}, {"--config", config});
+}
+
+TEST_F(BadInput, ConfigurationValueOutOfRangeIsNamedWithTheRange) {
+  const std::string config = Write("config.yaml", "features:\n  max: 9\n");
+  ExpectRefusal(kExitConfig, {config + ":2", "features.max", "9", "100", "8000"}, {"--config", config});
+}
+
+TEST_F(BadInput, ConfigurationThatIsNoYamlIsNamed) {
+  const std::string config = Write("config.yaml", "features: [\n");
+  ExpectRefusal(kExitConfig, {config}, {"--config", config});
+}
+
+TEST_F(BadInput, MissingConfigurationFileIsNamed) {
+  ExpectRefusal(kExitConfig, {scratch_ + "/none.yaml"}, {"--config", scratch_ + "/none.yaml"});
+}
+
+TEST_F(BadInput, UnknownKeyOnTheCommandLineIsNamed) {
+  ExpectRefusal(kExitConfig, {"tracking.speed"}, {"--set", "tracking.speed=3"});
+}
+
+TEST_F(BadInput, ValueOnTheCommandLineOutOfRangeIsNamed) {
+  ExpectRefusal(kExitConfig, {"noise.k", "-1"}, {"--set", "noise.k=-1"});
+}
+
+TEST_F(BadInput, DeviceThatTheBuildDoesNotHaveIsUnavailable) {
+  ExpectRefusal(kExitUnavailable, {"cuda"}, {"--device", "cuda"});
+}
+
+TEST_F(BadInput, OutputNameOfAFileIsRefusedAndTheFileKept) {
+  Write("out", "precious");
+  ExpectFailure(Run(), kExitBadData, {out_});
+  EXPECT_EQ(ReadBytes(out_), "precious");
+}
+
+TEST_F(BadInput, OutputFolderBelowAFileIsAnIoError) {
+  const std::string file = Write("file", "precious");
+  out_ = file + "/out";
+  ExpectFailure(Run(), kExitIo, {out_});
+  EXPECT_EQ(ReadBytes(file), "precious");
+}
+
+TEST_F(BadInput, OutputFolderWithForeignFilesIsRefusedAndKept) {
+  Write("out/thesis.tex", "precious");
+  Write("out/maps/map_0000.ply", "of somebody's");
+  const auto before = ContentOf(out_);
+  ExpectFailure(Run(), kExitBadData, {out_, "not part of a run"});
+  EXPECT_EQ(ContentOf(out_), before);
+}
+
+TEST_F(BadInput, SequenceAsItsOwnOutputFolderIsRefusedAndKept) {
+  out_ = sequence_;
+  const auto before = ContentOf(out_);
+  ExpectFailure(Run(), kExitBadData, {out_});
+  EXPECT_EQ(ContentOf(out_), before);
+}
+
+TEST_F(BadInput, ForeignFileDeepInAnEarlierRunIsKept) {
+  ASSERT_EQ(Run().exit_code, 0);
+  Write("out/maps/scan_of_patient.ply", "precious");
+  const auto before = ContentOf(out_);
+  ExpectFailure(Run(), kExitBadData, {out_, "maps/scan_of_patient.ply"});
+  EXPECT_EQ(ContentOf(out_), before);
+}
+
+TEST_F(BadInput, EarlierRunIsReplacedWhole) {
+  ASSERT_EQ(Run().exit_code, 0);
+  Write("out/trajectory/map_0007.tum", "of the earlier run");
+  Write("out/frames.csv.partial-77", "of a killed run");
+  const CommandResult again = Run();
+  EXPECT_EQ(again.exit_code, 0) << again.ToString();
+  EXPECT_FALSE(Exists(out_ + "/trajectory/map_0007.tum"));
+  EXPECT_EQ(ReadCsv(out_ + "/frames.csv").size(), 3u);
+}
+
+TEST_F(BadInput, EarlierRunIsKeptWhenTheNextCannotStart) {
+  ASSERT_EQ(Run().exit_code, 0);
+  const auto before = ContentOf(out_);
+  ExpectFailure(Run({"--device", "cuda"}), kExitUnavailable, {"cuda"});
+  ExpectFailure(Run({"--set", "features.max=1"}), kExitConfig, {"features.max"});
+  fs::remove_all(sequence_);
+  ExpectFailure(Run(), kExitNoInput, {sequence_});
+  EXPECT_EQ(ContentOf(out_), before);
+}
+
+TEST_F(BadInput, WrongCommandLinesAreUsageErrors) {
+  const std::vector<std::vector<std::string>> wrong = {
+      {},
+      {"walk"},
+      {"run"},
+      {"run", sequence_},
+      {"run", sequence_, "--out"},
+      {"run", sequence_, "--out", out_, "--mode", "sometimes"},
+      {"run", sequence_, "--out", out_, "--rate", "0"},
+      {"run", sequence_, "--out", out_, "--rate", "-1"},
+      {"run", sequence_, "--out", out_, "--rate", "fast"},
+      {"run", sequence_, "--out", out_, "--seed", "-5"},
+      {"run", sequence_, "--out", out_, "--threads", "-2"},
+      {"run", sequence_, "--out", out_, "--every-nth", "0"},
+      {"run", sequence_, "--out", out_, "--device", "abacus"},
+      {"run", sequence_, "--out", out_, "--colour"},
+      {"run", sequence_, sequence_, "--out", out_},
+      {"evaluate", out_},
+      {"render"},
+  };
+  for (const std::vector<std::string>& arguments : wrong) {
+    const CommandResult result = Haustra(arguments);
+    EXPECT_EQ(result.exit_code, kExitUsage) << testing::PrintToString(arguments) << "\n" << result.ToString();
+    EXPECT_FALSE(result.out.empty() && result.err.empty());
+    EXPECT_FALSE(Exists(out_));
+  }
+}
+
+TEST_F(BadInput, HelpAndVersionAreNoErrors) {
+  for (const std::vector<std::string>& arguments :
+       std::vector<std::vector<std::string>>{{"--help"}, {"--version"}, {"run", "--help"}, {"evaluate", "--help"}}) {
+    const CommandResult result = Haustra(arguments);
+    EXPECT_EQ(result.exit_code, kExitOk) << result.ToString();
+    EXPECT_FALSE(result.out.empty());
+  }
+}
+
+TEST_F(BadInput, EvaluationWithoutGroundTruthOrRunNamesWhatIsMissing) {
+  ExpectFailure(Haustra({"evaluate", ResultFolder("standard"), "--groundtruth", scratch_ + "/none.txt"}), kExitNoInput,
+                {"none.txt"});
+  ExpectFailure(Haustra({"evaluate", out_, "--groundtruth", SequenceFolder("standard") + "/groundtruth.txt"}),
+                kExitNoInput, {out_});
+}
+
+// Long enough for a map before the damage.
+class DamagedSequence : public testing::Test {
+ protected:
+  static constexpr int kNumFrames = 60;
+
+  void SetUp() override {
+    const std::string scratch = ScratchFolder();
+    sequence_ = scratch + "/sequence";
+    out_ = scratch + "/out";
+    CopySequence(SequenceFolder("standard"), sequence_, kNumFrames);
+  }
+  void Truncate(int index) const {
+    WriteBytes(FramePath(sequence_, index), ReadBytes(FramePath(sequence_, index)).substr(0, 700));
+  }
+  // The run goes through, counts these frames as damaged, says so, and has a map before and after each of them.
+  void ExpectOnlyTheseAreLost(const std::vector<int>& damaged) const {
+    const CommandResult run = Haustra({"run", sequence_, "--out", out_});
+    ASSERT_EQ(run.exit_code, kExitOk) << run.ToString();
+    CsvRows frames = ReadCsv(out_ + "/frames.csv");
+    ASSERT_EQ(frames.size(), static_cast<std::size_t>(kNumFrames));
+    EXPECT_EQ(ReadJson(out_ + "/summary.json").at("damaged").get<std::size_t>(), damaged.size());
+    std::map<std::string, std::string> damage_stamps;
+    for (auto& event : ReadCsv(out_ + "/events.csv")) {
+      if (event["event"] == "frame_damaged") damage_stamps[event["frame_idx"]] = event["timestamp_ns"];
+    }
+    EXPECT_EQ(damage_stamps.size(), damaged.size());
+    for (const int index : damaged) {
+      auto& frame = frames[index];
+      EXPECT_EQ(frame["reason"], "damaged_frame");
+      EXPECT_EQ(frame["map_id"], "-1");
+      EXPECT_EQ(damage_stamps[std::to_string(index)], frame["timestamp_ns"]);
+      EXPECT_NE(run.err.find(fs::path(FramePath(sequence_, index)).filename().string()), std::string::npos) << run.err;
+    }
+    int num_localised = 0;
+    for (auto& frame : frames) num_localised += frame["map_id"] != "-1";
+    EXPECT_GE(num_localised, kNumFrames - static_cast<int>(damaged.size()) - 15);
+    EXPECT_TRUE(Exists(out_ + "/trajectory/map_0000.tum"));
+  }
+
+  std::string sequence_, out_;
+};
+
+TEST_F(DamagedSequence, TruncatedImageInTheMiddleCostsItsFrameOnly) {
+  Truncate(30);
+  ExpectOnlyTheseAreLost({30});
+}
+
+TEST_F(DamagedSequence, ImageOfAnotherSizeInTheMiddleCostsItsFrameOnly) {
+  fs::copy_file(SequenceFolder("other_size") + "/frames/000000.jpg", FramePath(sequence_, 30),
+                fs::copy_options::overwrite_existing);
+  ExpectOnlyTheseAreLost({30});
+}
+
+TEST_F(DamagedSequence, BrokenImagesAtBothEndsCostTheirFramesOnly) {
+  Truncate(0);
+  Truncate(kNumFrames - 1);
+  ExpectOnlyTheseAreLost({0, kNumFrames - 1});
+}
+
+}  // namespace
+}  // namespace haustra::end_to_end

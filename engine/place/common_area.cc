@@ -16,9 +16,6 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr int kGuidedRounds = 2;
 // Covisible keyframes of K_b whose points the neighbours of K_a may see.
 constexpr int kWideGroup = 8;
-// Speed is measured between keyframes at most so far apart; longer gaps may hide a loss.
-constexpr std::uint32_t kMaxSpeedGapFrames = 30;
-constexpr double kFastShare = 0.9;
 // A correction smaller than this share of the depth needs no explanation by drift.
 constexpr double kFreeDriftDepthShare = 0.2;
 
@@ -51,7 +48,6 @@ std::string_view ToString(CommonAreaVerdict verdict) {
     case CommonAreaVerdict::kUncertain: return "uncertain";
     case CommonAreaVerdict::kUnconfirmed: return "unconfirmed";
     case CommonAreaVerdict::kImplausibleDrift: return "implausible_drift";
-    case CommonAreaVerdict::kImplausibleJump: return "implausible_jump";
     case CommonAreaVerdict::kAmbiguous: return "ambiguous";
   }
   return "unknown";
@@ -375,7 +371,7 @@ CommonAreaVerdict CommonAreaVerifier::CheckNeighbours(const Atlas& atlas, Common
 CommonAreaVerdict CommonAreaVerifier::CheckDrift(const Atlas& atlas, CommonArea* out) const {
   const Keyframe& a = atlas.keyframe(keyframe_a_);
   const Keyframe& b = atlas.keyframe(group_[0]);
-  if (a.map != b.map) return CheckJump(atlas, out);
+  if (a.map != b.map) return CommonAreaVerdict::kAccepted;
   double way = 0.0;
   const Keyframe* former = nullptr;
   const KeyframeId first = std::min(a.id, b.id), last = std::max(a.id, b.id);
@@ -396,44 +392,6 @@ CommonAreaVerdict CommonAreaVerifier::CheckDrift(const Atlas& atlas, CommonArea*
   const bool is_plausible = (is_small || drift <= options_.max_drift_share * way) &&
                             rotation_deg <= options_.max_drift_deg && scale <= options_.max_drift_scale;
   return is_plausible ? CommonAreaVerdict::kAccepted : CommonAreaVerdict::kImplausibleDrift;
-}
-
-// Along the frames, wherever the view changes from one map to the other: the scope must have been able to get there.
-CommonAreaVerdict CommonAreaVerifier::CheckJump(const Atlas& atlas, CommonArea* out) const {
-  struct Stop {
-    std::uint32_t frame_index;
-    bool is_in_a;
-    Eigen::Vector3d centre;  // map b
-  };
-  std::vector<Stop> stops;
-  for (const bool is_in_a : {true, false}) {
-    const KeyframeHandle member = is_in_a ? keyframe_a_ : group_[0];
-    for (const KeyframeHandle handle : atlas.map(atlas.keyframe(member).map).keyframes) {
-      const Keyframe& keyframe = atlas.keyframe(handle);
-      const Eigen::Vector3d centre = keyframe.cam_from_map.InverseTranslation();
-      stops.push_back({keyframe.frame_index, is_in_a, is_in_a ? out->b_from_a * centre : centre});
-    }
-  }
-  std::sort(stops.begin(), stops.end(), [](const Stop& x, const Stop& y) {
-    return std::tuple(x.frame_index, x.is_in_a) < std::tuple(y.frame_index, y.is_in_a);
-  });
-  std::vector<double> speeds;  // map units of b per frame
-  for (std::size_t i = 1; i < stops.size(); ++i) {
-    const std::uint32_t gap = stops[i].frame_index - stops[i - 1].frame_index;
-    if (stops[i].is_in_a != stops[i - 1].is_in_a || gap == 0 || gap > kMaxSpeedGapFrames) continue;
-    speeds.push_back((stops[i].centre - stops[i - 1].centre).norm() / gap);
-  }
-  if (speeds.empty()) return CommonAreaVerdict::kAccepted;
-  const auto fast = speeds.begin() + static_cast<std::ptrdiff_t>(kFastShare * static_cast<double>(speeds.size() - 1));
-  std::nth_element(speeds.begin(), fast, speeds.end());
-  for (std::size_t i = 1; i < stops.size(); ++i) {
-    if (stops[i].is_in_a == stops[i - 1].is_in_a) continue;
-    const double gap = static_cast<double>(stops[i].frame_index - stops[i - 1].frame_index);
-    const double limit =
-        options_.max_jump_speed_ratio * *fast * gap + options_.max_jump_depth_ratio * out->median_depth_in_b;
-    out->counts.jump_ratio = std::max(out->counts.jump_ratio, (stops[i].centre - stops[i - 1].centre).norm() / limit);
-  }
-  return out->counts.jump_ratio <= 1.0 ? CommonAreaVerdict::kAccepted : CommonAreaVerdict::kImplausibleJump;
 }
 
 }  // namespace haustra

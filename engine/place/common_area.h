@@ -45,7 +45,6 @@ enum class CommonAreaVerdict : std::uint8_t {
   kUncertain,         // what is found does not hold all seven degrees of freedom
   kUnconfirmed,       // the neighbours of the new keyframe do not see the same
   kImplausibleDrift,  // inside one map: no drift could be as large as this correction
-  kImplausibleJump,   // between two maps: the scope cannot have come so far in the time between
   kAmbiguous,         // another place agrees as well (place_recogniser.h)
 };
 std::string_view ToString(CommonAreaVerdict verdict);
@@ -81,7 +80,6 @@ struct CommonAreaCounts {
   double scale_sigma = 0.0;
   double position_sigma = 0.0;  // over the median depth
   double drift_share = 0.0;     // inside one map
-  double jump_ratio = 0.0;      // between two maps: the way between their views over what is plausible, the worst
 };
 
 struct CommonArea {
@@ -125,7 +123,6 @@ class CommonAreaVerifier {
   CommonAreaVerdict CheckView(const Atlas& atlas, const Sim3OptimizerResult& result, CommonArea* out) const;
   CommonAreaVerdict CheckNeighbours(const Atlas& atlas, CommonArea* out);
   CommonAreaVerdict CheckDrift(const Atlas& atlas, CommonArea* out) const;
-  CommonAreaVerdict CheckJump(const Atlas& atlas, CommonArea* out) const;
   void MarkFeaturesWithPoint(const Keyframe& keyframe);
 
   const EngineConfig& config_;

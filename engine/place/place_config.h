@@ -36,10 +36,6 @@ struct CommonAreaConfig {
   double max_drift_share = 0.25;  // inside one map: what a loop corrects over the length of the way round [0.01, 1]
   double max_drift_scale = 1.6;   // the same for the scale, as a ratio [1, 10]
   double max_drift_deg = 30.0;    // the same for the rotation [1, 180]
-  // Between two maps: how far the scope may have moved from the last view of one to the first of the other. It moves
-  // on at several times its usual speed, and may slip by part of the depth besides; farther off is another place.
-  double max_jump_speed_ratio = 3.0;  // over the faster keyframes of both maps [1, 100]
-  double max_jump_depth_ratio = 0.5;  // over the median depth, whatever the time [0, 100]
 };
 
 struct RecognitionConfig {

@@ -95,18 +95,6 @@ TEST_F(CommonAreaTest, TwinPlaceOfOneMapIsNoDrift) {
   EXPECT_NEAR(area_.counts.drift_share, 1.0, 0.2);
 }
 
-TEST_F(CommonAreaTest, TwinPlaceThatIsTooFarFromTheLastViewIsAnotherPlace) {
-  const int wall = colon_.AddWall(0.0, 7.0, 2500);
-  colon_.AddTwin(wall, 2500, 9.0, 0.0);
-  // The first map ends at z = 3, the second begins a frame later 9 on, where everything looks as at z = 3.
-  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 10.0, 12.0, 10, kMapFromWorld).first;
-  EXPECT_FALSE(Verify(first + 4, 9));
-  EXPECT_EQ(verdict(), "implausible_jump");
-  EXPECT_GE(area_.counts.num_inliers, 100);
-  EXPECT_GT(area_.counts.jump_ratio, 1.0);
-}
-
 TEST_F(CommonAreaTest, NeighboursThatDisagreeRefuse) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});

@@ -127,9 +127,9 @@ TEST_F(BadInput, ImagesOfAnotherSizeThanTheCalibrationAreNamed) {
 }
 
 TEST_F(BadInput, MaskOfAnotherSizeIsNamed) {
-  fs::copy_file(FramePath(sequence_, 0), sequence_ + "/mask.png", fs::copy_options::overwrite_existing);
-  const CommandResult result = Run();  // a JPEG by the name of .png is told by its content, and not a mask in grey
-  if (result.exit_code != 0) ExpectFailure(result, kExitBadData, {"mask.png"});
+  fs::copy_file(SequenceFolder("other_size") + "/mask.png", sequence_ + "/mask.png",
+                fs::copy_options::overwrite_existing);
+  ExpectRefusal(kExitBadData, {"mask.png", "240x180", "360x270"});
 }
 
 TEST_F(BadInput, DuplicateTimeIsNamedWithItsLine) {

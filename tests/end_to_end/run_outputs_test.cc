@@ -19,7 +19,7 @@
 namespace haustra::end_to_end {
 namespace {
 
-constexpr const char* kSequences[] = {"standard", "losses"};
+constexpr const char* kSequences[] = {"standard", "losses", "breathing"};
 
 std::string MapName(const std::string& map_id) {
   char name[32];

@@ -1,0 +1,228 @@
+// The threads of a real-time session, held and let go by the test where their order matters; no time is asserted.
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <semaphore>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "platform/clock/system_clock.h"
+#include "platform/session/session.h"
+#include "tests/tools/run/recording_observer.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra {
+namespace {
+
+using test::RecordingObserver;
+using test::ScriptedColon;
+
+constexpr double kFast = 1000.0;  // 25 000 frames a second: the pace never waits
+const std::atomic<bool> kNeverStop{false};
+
+// Calls `before_extract` on the tracking thread before each extraction.
+class HookedDevice final : public VisionDevice {
+ public:
+  HookedDevice(VisionDevice& device, std::function<void()> before_extract)
+      : device_(device), before_extract_(std::move(before_extract)) {}
+
+  std::string_view name() const override { return device_.name(); }
+  const VisionPlan& plan() const override { return device_.plan(); }
+  Status SetStaticMask(ImageView mask) override { return device_.SetStaticMask(mask); }
+  Result<FeatureSetHandle> CreateFeatureSet() override { return device_.CreateFeatureSet(); }
+  void ReleaseFeatureSet(FeatureSetHandle set) override { device_.ReleaseFeatureSet(set); }
+  std::int32_t num_free_feature_sets() const override { return device_.num_free_feature_sets(); }
+  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    before_extract_();
+    return device_.EnqueueExtract(lane, request);
+  }
+  Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) override {
+    return device_.EnqueueMatch(lane, request);
+  }
+  Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
+    return device_.EnqueueGuidedMatch(lane, request);
+  }
+  Status Wait(Ticket ticket, TimePoint deadline) override { return device_.Wait(ticket, deadline); }
+  Status ReadDescriptors(FeatureSetHandle set, std::span<std::uint8_t> out) override {
+    return device_.ReadDescriptors(set, out);
+  }
+  Status WriteFeatures(FeatureSetHandle set, std::span<const Keypoint> keypoints,
+                       std::span<const std::uint8_t> descriptors) override {
+    return device_.WriteFeatures(set, keypoints, descriptors);
+  }
+
+ private:
+  VisionDevice& device_;
+  std::function<void()> before_extract_;
+};
+
+// Calls `before_next` with the number of the call, from 0, on the capture thread.
+class HookedSource final : public FrameSource {
+ public:
+  HookedSource(FrameSource& source, std::function<void(int)> before_next)
+      : source_(source), before_next_(std::move(before_next)) {}
+
+  const CameraCalibration& calibration() const override { return source_.calibration(); }
+  std::uint32_t num_frames() const override { return source_.num_frames(); }
+  ImageView static_mask() const override { return source_.static_mask(); }
+  Result<Frame> Next(TimePoint deadline) override {
+    before_next_(num_calls_++);
+    return source_.Next(deadline);
+  }
+
+ private:
+  FrameSource& source_;
+  std::function<void(int)> before_next_;
+  int num_calls_ = 0;
+};
+
+// Capture waits until tracking has begun with the frame before, so that none is dropped; for sources without damage.
+struct Lockstep {
+  explicit Lockstep(ScriptedColon& colon)
+      : device(colon.device(), [this] { tracking_began.release(); }), source(colon.source(), [this](int call) {
+          if (call > 0) tracking_began.acquire();
+        }) {}
+  std::counting_semaphore<> tracking_began{0};
+  HookedDevice device;
+  HookedSource source;
+};
+
+TEST(RealTimeSession, FramesThatTrackingKeepsUpWithAreAllAnswered) {
+  ScriptedColon colon;
+  colon.Occlude(20);
+  Lockstep lockstep(colon);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
+  RecordingObserver observer;
+  const auto session = RunRealTime(lockstep.source, *engine, SystemClock(), kFast, observer, kNeverStop);
+  ASSERT_TRUE(session.ok()) << session.status().ToString();
+  ASSERT_EQ(observer.frames.size(), 20u);
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(observer.frames[i].result.frame_index, i);
+    EXPECT_EQ(observer.frames[i].result.timestamp, colon.TimeOf(i));
+    EXPECT_FALSE(observer.frames[i].is_dropped || observer.frames[i].is_damaged) << i;
+  }
+  EXPECT_EQ(session->video_time, 20 * test::kFramePeriod);
+}
+
+TEST(RealTimeSession, SlowTrackingGetsTheNewestFrameAndTheOthersCountAsDropped) {
+  ScriptedColon colon;
+  colon.Occlude(12);
+  std::binary_semaphore tracking_began{0}, source_is_over{0};
+  HookedDevice device(colon.device(), [&, is_first = true]() mutable {
+    if (!is_first) return;
+    is_first = false;
+    tracking_began.release();
+    source_is_over.acquire();
+  });
+  HookedSource source(colon.source(), [&](int call) {
+    if (call == 1) tracking_began.acquire();
+    if (call == 12) source_is_over.release();
+  });
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, device);
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), kFast, observer, kNeverStop).ok());
+  ASSERT_EQ(observer.frames.size(), 12u);
+  for (std::uint32_t i = 0; i < 12; ++i) {
+    EXPECT_EQ(observer.frames[i].result.frame_index, i);
+    EXPECT_EQ(observer.frames[i].is_dropped, i != 0 && i != 11) << i;
+    EXPECT_EQ(observer.frames[i].result.timestamp, colon.TimeOf(i));
+  }
+}
+
+TEST(RealTimeSession, DamagedFramesAreReportedInTheMiddleAndAtBothEnds) {
+  ScriptedColon colon;
+  colon.Damage("zero");
+  colon.Occlude(1);
+  colon.Damage("two");
+  colon.Occlude(1);
+  colon.Damage("four");
+  colon.Damage("five");
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, kNeverStop).ok());
+  ASSERT_EQ(observer.frames.size(), 6u);
+  for (std::uint32_t i = 0; i < 6; ++i) {
+    EXPECT_EQ(observer.frames[i].result.frame_index, i);
+    EXPECT_EQ(observer.frames[i].is_damaged, i != 1 && i != 3) << i;
+  }
+  EXPECT_EQ(observer.frames[4].result.timestamp, colon.TimeOf(4));
+  EXPECT_EQ(observer.frames[5].result.timestamp, colon.TimeOf(5));
+}
+
+// More than the session's note pad holds, faster than anybody reads it.
+TEST(RealTimeSession, LongDamageIsCountedFrameByFrame) {
+  ScriptedColon colon;
+  colon.Occlude(1);
+  for (int i = 0; i < 1000; ++i) colon.Damage("broken");
+  colon.Occlude(1);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, kNeverStop).ok());
+  ASSERT_EQ(observer.frames.size(), 1002u);
+  int num_damaged = 0;
+  for (const FrameOutcome& frame : observer.frames) num_damaged += frame.is_damaged;
+  EXPECT_EQ(num_damaged, 1000);
+}
+
+TEST(RealTimeSession, ErrorOfTheSourceEndsTheSessionWithItsStatus) {
+  ScriptedColon colon;
+  colon.Occlude(3);
+  colon.Fail(StatusCode::kUnavailable, "grabber: cable pulled");
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, kNeverStop);
+  EXPECT_EQ(session.code(), StatusCode::kUnavailable);
+  EXPECT_EQ(session.status().message(), "grabber: cable pulled");
+  EXPECT_EQ(observer.frames.size(), 3u);
+}
+
+TEST(RealTimeSession, EmptySourceEndsAtOnce) {
+  ScriptedColon colon;
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, kNeverStop);
+  ASSERT_TRUE(session.ok());
+  EXPECT_EQ(session->video_time, Duration{0});
+  EXPECT_TRUE(observer.calls.empty());
+}
+
+TEST(RealTimeSession, StopEndsTheSessionWithSuccess) {
+  ScriptedColon colon;
+  colon.Occlude(1000);
+  std::atomic<bool> stop{false};
+  HookedSource source(colon.source(), [&](int call) { stop = call == 7; });
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), kFast, observer, stop).ok());
+  EXPECT_EQ(observer.frames.size(), 8u);
+}
+
+TEST(RealTimeSession, PaceOfZeroIsRefused) {
+  ScriptedColon colon;
+  colon.Occlude(1);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), 0.0, observer, kNeverStop);
+  EXPECT_EQ(session.code(), StatusCode::kInvalidArgument);
+  EXPECT_TRUE(observer.calls.empty());
+}
+
+TEST(RealTimeSession, MappingThreadFoundsAMapThatTrackingAdopts) {
+  ScriptedColon colon;
+  colon.Move(0.0, 4.0, 100);
+  Lockstep lockstep(colon);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
+  RecordingObserver observer;
+  // An ordinary pace: the map has time to be made.
+  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 2.0, observer, kNeverStop).ok());
+  ASSERT_EQ(observer.frames.size(), 100u);
+  ASSERT_FALSE(observer.events.empty());
+  EXPECT_EQ(observer.events[0].kind, MapEventKind::kMapCreated);
+  int num_tracking = 0;
+  for (const FrameOutcome& frame : observer.frames) num_tracking += frame.result.state == TrackingState::kTracking;
+  EXPECT_GE(num_tracking, 20);
+}
+
+}  // namespace
+}  // namespace haustra

@@ -1,0 +1,209 @@
+#include "tools/run/run_summary.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "hal/fakes/manual_clock.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra {
+namespace {
+
+using std::chrono::milliseconds;
+using test::ScriptedColon;
+
+const std::atomic<bool> kNeverStop{false};
+
+FrameOutcome OutcomeWithLatency(std::uint32_t index, Duration latency) {
+  FrameOutcome outcome;
+  outcome.result.frame_index = index;
+  outcome.latency = latency;
+  return outcome;
+}
+
+// Of a record alone: the engine has seen nothing.
+RunSummary SummaryOf(const RunRecord& record, const SessionSummary& session = {}) {
+  ScriptedColon colon;
+  const auto engine = colon.MakeEngine();
+  return Summarise(record, ResolveAll(record, *engine), *engine, session);
+}
+
+TEST(RunSummary, PercentilesAreByNearestRank) {
+  RunRecord record({});
+  for (int i = 1; i <= 1000; ++i) record.OnFrame(OutcomeWithLatency(i, milliseconds((i * 617) % 1000 + 1)));
+  const LatencyFigures figures = SummaryOf(record).frame_ms;
+  EXPECT_EQ(figures.p50, 500.0);
+  EXPECT_EQ(figures.p99, 990.0);
+  EXPECT_EQ(figures.p999, 999.0);
+  EXPECT_EQ(figures.max, 1000.0);
+}
+
+TEST(RunSummary, OneFrameIsEveryPercentile) {
+  RunRecord record({});
+  record.OnFrame(OutcomeWithLatency(0, milliseconds(7)));
+  const LatencyFigures figures = SummaryOf(record).frame_ms;
+  EXPECT_EQ(figures.p50, 7.0);
+  EXPECT_EQ(figures.p999, 7.0);
+  EXPECT_EQ(figures.max, 7.0);
+}
+
+TEST(RunSummary, DroppedAndDamagedFramesHaveNoLatency) {
+  RunRecord record({});
+  record.OnFrame(OutcomeWithLatency(0, milliseconds(10)));
+  FrameOutcome dropped = OutcomeWithLatency(1, milliseconds(0));
+  dropped.is_dropped = true;
+  FrameOutcome damaged = OutcomeWithLatency(2, milliseconds(0));
+  damaged.is_damaged = true;
+  record.OnFrame(dropped);
+  record.OnFrame(damaged);
+  const RunSummary summary = SummaryOf(record);
+  EXPECT_EQ(summary.frame_ms.p50, 10.0);
+  EXPECT_EQ(summary.frames, 3u);
+  EXPECT_EQ(summary.dropped, 1u);
+  EXPECT_EQ(summary.damaged, 1u);
+}
+
+TEST(RunSummary, EmptyRunIsAllZero) {
+  const RunSummary summary = SummaryOf(RunRecord({}));
+  EXPECT_EQ(summary.frames, 0u);
+  EXPECT_EQ(summary.coverage, 0.0);
+  EXPECT_EQ(summary.maps, 0u);
+  EXPECT_EQ(summary.realtime_ratio, 0.0);
+  EXPECT_EQ(summary.frame_ms.max, 0.0);
+}
+
+TEST(RunSummary, RealTimeRatioIsWallTimeOverVideoTime) {
+  const RunSummary summary = SummaryOf(RunRecord({}), {milliseconds(3000), milliseconds(2000)});
+  EXPECT_EQ(summary.video_s, 2.0);
+  EXPECT_EQ(summary.wall_s, 3.0);
+  EXPECT_EQ(summary.realtime_ratio, 1.5);
+}
+
+// A sequential session over scripted frames with all that follows from it.
+class ScriptedRun {
+ public:
+  explicit ScriptedRun(ScriptedColon& colon) : engine_(colon.MakeEngine()) {
+    const auto session = RunSequential(colon.source(), *engine_, ManualClock(), record_, kNeverStop);
+    EXPECT_TRUE(session.ok()) << session.status().ToString();
+    poses_ = ResolveAll(record_, *engine_);
+    summary_ = Summarise(record_, poses_, *engine_, *session);
+  }
+  const RunRecord& record() const { return record_; }
+  const std::vector<FinalPose>& poses() const { return poses_; }
+  const RunSummary& summary() const { return summary_; }
+  const Engine& engine() const { return *engine_; }
+
+ private:
+  RunRecord record_{{}};
+  std::unique_ptr<Engine> engine_;
+  std::vector<FinalPose> poses_;
+  RunSummary summary_;
+};
+
+TEST(RunSummary, OccludedFramesAreNotLocalisedAndTheMapIsOne) {
+  ScriptedColon colon;
+  colon.Move(0.0, 3.0, 75);
+  colon.Occlude(15);
+  colon.Move(3.0, 4.0, 25);
+  const ScriptedRun run(colon);
+  const RunSummary& summary = run.summary();
+  EXPECT_EQ(summary.frames, 115u);
+  EXPECT_EQ(summary.maps, 1u);
+  EXPECT_EQ(summary.maps_created, 1u);
+  EXPECT_EQ(summary.losses, 1u);
+  EXPECT_EQ(summary.relocalisations, 1u);
+  EXPECT_EQ(summary.largest_map_frames, summary.localised);
+  EXPECT_GE(summary.localised, 90u);
+  EXPECT_LE(summary.localised, 100u);
+  EXPECT_DOUBLE_EQ(summary.coverage, 100.0 * static_cast<double>(summary.localised) / 115.0);
+  for (int i = 75; i < 90; ++i) EXPECT_FALSE(run.poses()[i].is_localised) << i;
+}
+
+// The views that founded the map were answered as initialising; they have poses all the same in the end.
+TEST(RunSummary, KeyframesAreLocalisedThoughTheyWereAnsweredWithoutAPose) {
+  ScriptedColon colon;
+  colon.Move(0.0, 2.0, 50);
+  const ScriptedRun run(colon);
+  int num_checked = 0;
+  run.engine().atlas().keyframes().ForEach([&](KeyframeHandle, const Keyframe& keyframe) {
+    const FinalPose& pose = run.poses()[keyframe.frame_index];
+    ASSERT_TRUE(pose.is_localised) << keyframe.frame_index;
+    num_checked += run.record().frames()[keyframe.frame_index].result.state == TrackingState::kInitialising;
+  });
+  EXPECT_EQ(num_checked, 2);
+}
+
+// Evaluation's definition: a map that was dropped for being too small takes its frames with it.
+TEST(RunSummary, FramesOfADroppedMapAreNotLocalised) {
+  ScriptedColon colon;
+  colon.Move(0.0, 0.32, 8);
+  colon.Occlude(10);
+  colon.Move(12.0, 15.0, 75);
+  const ScriptedRun run(colon);
+  int num_dropped = 0;
+  for (const RunEvent& event : run.record().events()) num_dropped += event.event == "map_dropped";
+  ASSERT_EQ(num_dropped, 1) << "the first map must be too small for this test";
+  std::size_t num_tracked_before = 0;
+  for (int i = 0; i < 8; ++i) {
+    num_tracked_before += run.record().frames()[i].result.state == TrackingState::kTracking;
+    EXPECT_FALSE(run.poses()[i].is_localised) << i;
+  }
+  EXPECT_GT(num_tracked_before, 0u);
+  EXPECT_EQ(run.summary().maps, 1u);
+  EXPECT_EQ(run.summary().maps_created, 2u);
+}
+
+TEST(RunSummary, FramesOfAMergedMapAreLocalisedInTheOneThatIsLeft) {
+  ScriptedColon colon;
+  colon.Move(0.0, 4.0, 100);
+  colon.Occlude(60);
+  colon.Move(8.0, 3.0, 125);  // on unseen wall first, then back to what the first map holds
+  const ScriptedRun run(colon);
+  EXPECT_EQ(run.summary().merges, 1u);
+  EXPECT_EQ(run.summary().maps, 1u);
+  EXPECT_EQ(run.summary().maps_created, 2u);
+  EXPECT_EQ(run.summary().largest_map_frames, run.summary().localised);
+  MapId left = kNoId;
+  for (const FinalPose& pose : run.poses()) {
+    if (!pose.is_localised) continue;
+    if (left == kNoId) left = pose.pose.map_id;
+    EXPECT_EQ(pose.pose.map_id, left);
+  }
+}
+
+TEST(RunSummary, JsonHasTheTermsOfTheEvaluation) {
+  RunSummary summary;
+  summary.mode = "sequential";
+  summary.device = "cpu";
+  summary.seed = 18446744073709551615u;
+  summary.frames = 8;
+  summary.localised = 6;
+  summary.coverage = 75.0;
+  summary.frame_ms = {1.0, 2.0, 3.0, 4.0};
+  const nlohmann::json json = nlohmann::json::parse(ToJson(summary));
+  for (const char* key : {"frames", "localised", "coverage", "maps", "merges", "loops", "relocalisations",
+                          "largest_map_frames", "frame_ms", "dropped", "peak_rss_mb", "realtime_ratio"}) {
+    EXPECT_TRUE(json.contains(key)) << key;
+  }
+  EXPECT_EQ(json["seed"].get<std::uint64_t>(), 18446744073709551615u);
+  EXPECT_EQ(json["frame_ms"], (nlohmann::json{{"p50", 1.0}, {"p99", 2.0}, {"p999", 3.0}, {"max", 4.0}}));
+}
+
+TEST(RunSummary, TextSaysWhatIsWrongOnlyWhenItIs) {
+  RunSummary summary;
+  summary.mode = "realtime";
+  EXPECT_EQ(ToText(summary).find("dropped"), std::string::npos);
+  EXPECT_EQ(ToText(summary).find("damaged"), std::string::npos);
+  summary.dropped = 3;
+  summary.damaged = 2;
+  EXPECT_NE(ToText(summary).find("dropped"), std::string::npos);
+  EXPECT_NE(ToText(summary).find("damaged"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace haustra

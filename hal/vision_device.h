@@ -176,9 +176,11 @@ class VisionDevice {
   // Not rt-safe; call before the first extraction. kInvalidArgument: larger than the plan.
   virtual Status SetStaticMask(ImageView mask) = 0;
 
-  // An empty set. kCapacityExceeded when all are in use. thread-safe.
+  // An empty set with one owner. kCapacityExceeded when all are in use. thread-safe.
   virtual Result<FeatureSetHandle> CreateFeatureSet() = 0;
-  // Stale handles are ignored. thread-safe.
+  // One owner more (another thread that works on the set). False when the handle is stale. thread-safe.
+  virtual bool RetainFeatureSet(FeatureSetHandle set) = 0;
+  // One owner less; the set goes with the last. Stale handles are ignored. thread-safe.
   virtual void ReleaseFeatureSet(FeatureSetHandle set) = 0;
   virtual std::int32_t num_free_feature_sets() const = 0;
 

@@ -47,6 +47,13 @@ struct Reframing {
 };
 inline constexpr int kMaxReframings = 8;
 
+// The frame was found in map `map_id` of this snapshot, which has been made active for it.
+struct FoundFrame {
+  std::uint64_t sequence = 0;  // counts from 1
+  std::uint32_t frame_index = 0;
+  SE3 cam_from_map;
+};
+
 struct LocalMap {
   LocalMap() = default;
   explicit LocalMap(int max_points) : points(static_cast<std::size_t>(max_points)) {}
@@ -56,6 +63,7 @@ struct LocalMap {
   // Answers to proposals of new maps: the one that founded this map, and the last one that was refused.
   std::uint64_t founding_proposal = 0;
   std::uint64_t refused_proposal = 0;
+  FoundFrame found_frame;  // the last one
   FixedVector<LocalKeyframe, kMaxLocalKeyframes> keyframes;  // the newest first
   int num_points = 0;
   std::vector<LocalPoint> points;                     // [0, num_points), in order of handle.index

@@ -11,6 +11,8 @@ std::string_view ToString(MapEventKind kind) {
     case MapEventKind::kMerged: return "merged";
     case MapEventKind::kLoopClosed: return "loop_closed";
     case MapEventKind::kMergeRejected: return "merge_rejected";
+    case MapEventKind::kFrameFound: return "frame_found";
+    case MapEventKind::kFrameNotFound: return "frame_not_found";
   }
   return "unknown";
 }

@@ -6,6 +6,7 @@
 
 #include "engine/atlas/handles.h"
 #include "engine/place/common_area.h"
+#include "engine/place/relocaliser.h"
 #include "hal/core/time.h"
 
 namespace haustra {
@@ -17,7 +18,9 @@ enum class MapEventKind : std::uint8_t {
   kMapStored,
   kMerged,
   kLoopClosed,
-  kMergeRejected
+  kMergeRejected,
+  kFrameFound,     // a frame that tracking had lost, in the map named
+  kFrameNotFound,  // a candidate for one that was turned down
 };
 
 std::string_view ToString(MapEventKind kind);
@@ -31,7 +34,8 @@ struct MapEvent {
   int num_keyframes = 0;
   int num_points = 0;
   CommonAreaCounts place;  // of a merge, a loop or a rejected candidate: what was measured
-  Duration duration{0};    // of a merge or a loop, when the mapper has a clock
+  RelocalisationCounts relocalisation;  // of a frame found, or of a candidate that was turned down
+  Duration duration{0};                 // of a merge, a loop or the search for a frame, when the mapper has a clock
 };
 
 }  // namespace haustra

@@ -33,6 +33,7 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       bundle_(config, camera),
       late_placement_(config, camera, device),
       retrieval_(config, config.place.retrieval, device),
+      relocaliser_(config, config.place.relocalisation, config.place.retrieval, camera, device, retrieval_),
       recogniser_(config, config.place, camera, device, retrieval_),
       merger_(config, config.merging, camera, device),
       events_(kMaxEvents),
@@ -43,10 +44,10 @@ bool Mapper::Step() {
   ReleaseRetired();
   const KeyframeProposal* proposal = link_.proposals.Front();
   if (proposal == nullptr) return false;
-  if (proposal->founds_map) {
-    FoundMap(*proposal);
-  } else {
-    InsertKeyframe(*proposal);
+  switch (proposal->kind) {
+    case ProposalKind::kKeyframe: InsertKeyframe(*proposal); break;
+    case ProposalKind::kFounding: FoundMap(*proposal); break;
+    case ProposalKind::kPlaceless: FindPlace(proposal->view); break;
   }
   link_.proposals.Pop();
   link_.num_pending.fetch_sub(1, std::memory_order_acq_rel);
@@ -54,11 +55,13 @@ bool Mapper::Step() {
 }
 
 void Mapper::FoundMap(const KeyframeProposal& proposal) {
-  if (!MakeFoundingBundle(proposal)) {
+  // Relocalisation came first: the half-made map is dropped (system.md 8).
+  const bool is_overtaken = proposal.relocalisation_done != found_frame_.sequence;
+  if (is_overtaken || !MakeFoundingBundle(proposal)) {
     RefuseFounding(proposal);
     return;
   }
-  RetireActiveMap(proposal);
+  RetireActiveMap(proposal.view);
   active_ = atlas_.CreateMap();
   if (!active_) {
     RefuseFounding(proposal);
@@ -224,15 +227,15 @@ bool Mapper::MakeFoundingBundle(const KeyframeProposal& proposal) {
 }
 
 // The map that was active is kept when it is worth it.
-void Mapper::RetireActiveMap(const KeyframeProposal& proposal) {
+void Mapper::RetireActiveMap(const ProposedView& view) {
   if (!active_) return;
   Map& map = atlas_.map(active_);
   if (static_cast<int>(map.keyframes.size()) >= config_.mapping.min_map_keyframes) {
     map.status = MapStatus::kStored;
-    Report(MapEventKind::kMapStored, proposal.view, active_);
+    Report(MapEventKind::kMapStored, view, active_);
     return;
   }
-  Report(MapEventKind::kMapDropped, proposal.view, active_);
+  Report(MapEventKind::kMapDropped, view, active_);
   RemoveFromRetrieval(active_);
   std::vector<FeatureSetHandle> sets;
   atlas_.DropMap(active_, &sets);
@@ -385,6 +388,50 @@ bool Mapper::IsRedundant(KeyframeHandle handle) const {
   return num_seen_elsewhere > config_.mapping.redundant_share * keyframe.num_points;
 }
 
+// The tracker has lost its map: does any show this frame? The one that does becomes the active map.
+void Mapper::FindPlace(const ProposedView& view) {
+  const TimePoint start = Now();
+  Relocalisation found;
+  const bool is_found = atlas_.keyframes().size() > 0 &&
+                        relocaliser_.Relocalise(atlas_, view.features, {}, &found, &relocalisations_tried_);
+  device_.ReleaseFeatureSet(view.features.set);
+  if (is_found) {
+    if (!(found.map == active_)) {
+      RetireActiveMap(view);
+      active_ = found.map;
+      atlas_.map(active_).status = MapStatus::kActive;
+      recent_points_.clear();
+    }
+    newest_ = found.reference;
+    const Keyframe& reference = atlas_.keyframe(found.reference);
+    found_frame_ = {found_frame_.sequence + 1, view.frame_index, found.cam_from_map};
+    LatePose pose;
+    pose.frame_index = view.frame_index;
+    pose.reference_keyframe = reference.id;
+    pose.cam_from_reference = found.cam_from_map * reference.cam_from_map.Inverse();
+    pose.reference_scale = atlas_.KeyframeScale(found.reference);
+    pose.num_inliers = found.counts.num_inliers;
+    late_poses_.TryPush(pose);
+    Publish(founding_proposal_, 0);
+  }
+  const Duration duration = Now() - start;
+  counters_.relocalisation_time += duration;
+  ++counters_.num_placeless;
+  for (const RelocalisationCounts& counts : relocalisations_tried_) {
+    if (counts.verdict == RelocalisationVerdict::kNoCandidate) continue;
+    MapEvent event;
+    event.kind =
+        counts.verdict == RelocalisationVerdict::kAccepted ? MapEventKind::kFrameFound : MapEventKind::kFrameNotFound;
+    event.frame_index = view.frame_index;
+    event.timestamp = view.timestamp;
+    event.map_id = counts.map_id;
+    event.relocalisation = counts;
+    event.duration = duration;
+    events_.TryPush(event);
+  }
+  link_.num_placeless_done.fetch_add(1, std::memory_order_release);
+}
+
 // Does the newest keyframe show what another map, or another part of this one, already holds?
 void Mapper::RecognisePlace(const ProposedView& view) {
   const TimePoint start = Now();
@@ -438,6 +485,7 @@ void Mapper::Publish(std::uint64_t founding_proposal, std::uint64_t refused_prop
   snapshot.version = ++version_;
   snapshot.founding_proposal = founding_proposal;
   snapshot.refused_proposal = refused_proposal;
+  snapshot.found_frame = found_frame_;
   snapshot.reframings = reframings_;
   if (active_ && newest_) {
     snapshot.map_id = atlas_.map(active_).id;

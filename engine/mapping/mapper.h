@@ -1,5 +1,6 @@
 // The one writer of the atlas (system.md 7): takes proposals from the tracker, founds maps, inserts keyframes, makes,
-// joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal.
+// joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal
+// that changed something. Looks for lost frames in all maps and makes the map that shows one the active one.
 // thread-bound(mapping). Uses the heap (Ceres), inside bounds set by the window.
 #pragma once
 
@@ -18,6 +19,7 @@
 #include "engine/merging/merger.h"
 #include "engine/place/exhaustive_retrieval.h"
 #include "engine/place/place_recogniser.h"
+#include "engine/place/relocaliser.h"
 #include "engine/tracking/tracker.h"
 #include "hal/clock.h"
 #include "hal/vision_device.h"
@@ -32,8 +34,10 @@ struct MapperCounters {
   std::uint64_t num_points_culled = 0;
   std::uint64_t num_points_fused = 0;
   std::uint64_t num_foundings_refused = 0;
+  std::uint64_t num_placeless = 0;  // frames without a pose whose place was looked for
   // Time spent, for the stage table; only measured when a clock is given.
   Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, place_time{0}, merge_time{0};
+  Duration relocalisation_time{0};
 };
 
 class Mapper {
@@ -58,7 +62,8 @@ class Mapper {
   void PlaceBetween(const KeyframeProposal& proposal, KeyframeHandle reference);
   void RefineFounding(KeyframeHandle reference);
   void RefuseFounding(const KeyframeProposal& proposal);
-  void RetireActiveMap(const KeyframeProposal& proposal);
+  void RetireActiveMap(const ProposedView& view);
+  void FindPlace(const ProposedView& view);
   void InsertKeyframe(const KeyframeProposal& proposal);
   void CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out);
   void CullPoints();
@@ -86,6 +91,7 @@ class Mapper {
   LocalBundle bundle_;
   LatePlacement late_placement_;
   ExhaustiveRetrieval retrieval_;
+  Relocaliser relocaliser_;
   PlaceRecogniser recogniser_;
   Merger merger_;
   SpscRing<MapEvent> events_;
@@ -98,8 +104,10 @@ class Mapper {
   std::uint64_t founding_proposal_ = 0;
   FixedVector<Reframing, kMaxReframings> reframings_;  // the latest ones, oldest first
   std::uint64_t num_reframings_ = 0;
+  FoundFrame found_frame_;
   CommonArea area_;
   PlaceReport place_report_;
+  std::vector<RelocalisationCounts> relocalisations_tried_;
   struct RetiredSet {
     std::uint64_t version;  // first snapshot that does not refer to it
     FeatureSetHandle set;

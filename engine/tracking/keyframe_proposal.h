@@ -1,5 +1,6 @@
-// What the tracker hands to the mapper: a frame that should become a keyframe, or two that found a new map. Slots of a
-// ring (hal/core/spsc_ring.h), filled and read in place. With a proposal the feature sets in it become the mapper's.
+// What the tracker hands to the mapper: a frame that should become a keyframe, two that found a new map, or one whose
+// place is to be found. Slots of a ring (hal/core/spsc_ring.h), filled and read in place. With a proposal the mapper
+// becomes an owner of the feature sets in it.
 #pragma once
 
 #include <cstdint>
@@ -31,6 +32,12 @@ struct ProposedView {
 // Copies frame number, time, feature set and features into a view of the same capacity; allocates nothing.
 void CopyView(const ProposedView& from, ProposedView* to);
 
+enum class ProposalKind : std::uint8_t {
+  kKeyframe,   // of an existing map
+  kFounding,   // two views that found a map
+  kPlaceless,  // a frame without a pose: where in all maps is it?
+};
+
 struct KeyframeProposal {
   KeyframeProposal() = default;
   // max_between: frames between the views of a founding that can be carried.
@@ -41,8 +48,9 @@ struct KeyframeProposal {
         pairs(static_cast<std::size_t>(max_features)),
         between(static_cast<std::size_t>(max_between), ProposedView(max_features)) {}
 
-  bool founds_map = false;
+  ProposalKind kind = ProposalKind::kKeyframe;
   ProposedView view;
+  std::uint64_t relocalisation_done = 0;  // the last relocalisation (local_map.h) that the tracker had heard of
 
   // A keyframe of an existing map: its pose and the points that its features were found to show.
   MapId map_id = kNoId;

@@ -129,6 +129,7 @@ bool Tracker::Extract(const Frame& frame, TimePoint deadline) {
 }
 
 void Tracker::ReadSnapshot() {
+  is_asking_ = link_.num_placeless_done.load(std::memory_order_acquire) < num_placeless_;
   link_.snapshots.Refresh();
   for (const Reframing& reframing : local_map().reframings) {
     if (reframing.sequence <= reframing_done_) continue;
@@ -205,7 +206,9 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
     }
     awaited_founding_ = 0;
   }
-  if (had_map_ && RecoverPose(deadline)) {
+  if (AdoptFoundFrame(deadline, result)) return;
+  // While the mapper looks for a frame of ours its answer may change the map: then that is what counts.
+  if (had_map_ && !is_asking_ && RecoverPose(deadline)) {
     initialiser_.Reset();
     state_ = TrackingState::kTracking;
     has_velocity_ = false;
@@ -214,6 +217,7 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
     return;
   }
   matches_.clear();
+  AskForPlace();
   if (!initialiser_.has_reference()) {
     initialiser_.SetReference(current_);
     current_is_proposed_ = true;
@@ -236,14 +240,30 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
 // The mapper has made the map: continue from its second founding view.
 void Tracker::Adopt() {
   awaited_founding_ = 0;
+  ContinueFrom(local_map().keyframes[0].cam_from_map, founding_frame_);
+}
+
+// The mapper has found an earlier frame in one of the maps: true when this one can be tracked from there.
+bool Tracker::AdoptFoundFrame(TimePoint deadline, FrameResult* result) {
+  const FoundFrame& found = local_map().found_frame;
+  if (found.sequence == relocalisation_done_) return false;
+  relocalisation_done_ = found.sequence;
+  ContinueFrom(found.cam_from_map, found.frame_index);
+  TrackMap(deadline, result);
+  if (state_ != TrackingState::kTracking) return false;
+  initialiser_.Reset();
+  result->reason = TrackingReason::kRelocalised;
+  return true;
+}
+
+// In the map of the snapshot, as if the frame had just been tracked.
+void Tracker::ContinueFrom(const SE3& pose, std::uint32_t frame_index) {
   state_ = TrackingState::kTracking;
   had_map_ = true;
   map_id_ = local_map().map_id;
-  const LocalKeyframe& second = local_map().keyframes[0];
-  last_pose_ = second.cam_from_map;
-  last_keyframe_pose_ = second.cam_from_map;
+  last_pose_ = last_keyframe_pose_ = pose;
+  last_pose_frame_ = last_keyframe_frame_ = frame_index;
   usual_share_ = 0.0;
-  last_keyframe_frame_ = last_pose_frame_ = founding_frame_;
   has_velocity_ = false;
   if (has_last_ && owns_last_set_) device_.ReleaseFeatureSet(last_.set);
   has_last_ = owns_last_set_ = false;
@@ -463,7 +483,7 @@ void Tracker::ConsiderKeyframe(FrameResult* result) {
 void Tracker::ProposeKeyframe(FrameResult* result) {
   KeyframeProposal* slot = link_.proposals.BeginPush();
   if (slot == nullptr) return;
-  slot->founds_map = false;
+  slot->kind = ProposalKind::kKeyframe;
   slot->map_id = map_id_;
   slot->cam_from_map = pose_;
   slot->reframing_done = reframing_done_;
@@ -483,7 +503,8 @@ void Tracker::ProposeKeyframe(FrameResult* result) {
 void Tracker::ProposeMap() {
   KeyframeProposal* slot = link_.proposals.BeginPush();
   if (slot == nullptr) return;
-  slot->founds_map = true;
+  slot->kind = ProposalKind::kFounding;
+  slot->relocalisation_done = relocalisation_done_;
   slot->founding_id = awaited_founding_ = next_founding_id_++;
   CopyView(current_, &slot->view);
   initialiser_.MoveInto(slot);
@@ -491,6 +512,18 @@ void Tracker::ProposeMap() {
   link_.proposals.CommitPush();
   founding_frame_ = current_.frame_index;
   current_is_proposed_ = true;
+}
+
+// One frame at a time, when the mapper has nothing else to do.
+void Tracker::AskForPlace() {
+  if (link_.num_pending.load(std::memory_order_acquire) > 0) return;
+  KeyframeProposal* slot = link_.proposals.BeginPush();
+  if (slot == nullptr || !device_.RetainFeatureSet(current_.features.set)) return;
+  slot->kind = ProposalKind::kPlaceless;
+  ++num_placeless_;
+  CopyView(current_, &slot->view);
+  link_.num_pending.fetch_add(1, std::memory_order_acq_rel);
+  link_.proposals.CommitPush();
 }
 
 // The current frame becomes the last one.

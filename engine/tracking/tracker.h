@@ -2,7 +2,8 @@
 // snapshot, never the atlas; proposes keyframes and new maps through a ring and never waits for the mapper.
 //   tracking: predict, guided search of the last frame's points, pose; guided search of the local map, pose;
 //             too little found: brute force against the local map's descriptors, RANSAC, guided search, pose
-//   lost:     the same brute force against the last map and the initialisation of a new one, both on every frame
+//   lost:     the same brute force against the last window, a request to find the frame in any map (the mapper
+//             answers with a snapshot of that place), and the initialisation of a new map, all on every frame
 // thread-bound(tracking); rt-safe after construction: no allocation, no lock, no wait but for the vision device.
 #pragma once
 
@@ -39,6 +40,8 @@ struct TrackingLink {
   std::atomic<std::uint64_t> version_done{0};
   // Proposals waiting or being worked on: the mapper is busy while this is not zero.
   std::atomic<int> num_pending{0};
+  // Placeless frames that the mapper has finished with; what came of them is in the snapshot before this counts them.
+  std::atomic<std::uint64_t> num_placeless_done{0};
 };
 
 class Tracker {
@@ -69,6 +72,8 @@ class Tracker {
   void TrackMap(TimePoint deadline, FrameResult* result);
   void FindMap(TimePoint deadline, FrameResult* result);
   void Adopt();
+  bool AdoptFoundFrame(TimePoint deadline, FrameResult* result);
+  void ContinueFrom(const SE3& pose, std::uint32_t frame_index);
 
   bool SearchLastFrame(const SE3& predicted, double radius_px, TimePoint deadline);
   bool SearchLocalMap(double min_radius_px, TimePoint deadline);
@@ -84,6 +89,7 @@ class Tracker {
   void ConsiderKeyframe(FrameResult* result);
   void ProposeKeyframe(FrameResult* result);
   void ProposeMap();
+  void AskForPlace();
   void FillPose(FrameResult* result) const;
   int NearestKeyframe() const;
   void EndFrame();
@@ -105,6 +111,9 @@ class Tracker {
   std::uint64_t next_founding_id_ = 1;
   std::uint64_t awaited_founding_ = 0;  // 0: none
   std::uint64_t reframing_done_ = 0;
+  std::uint64_t relocalisation_done_ = 0;
+  std::uint64_t num_placeless_ = 0;  // frames whose place was asked for
+  bool is_asking_ = false;           // the last of them is not answered yet
 
   ProposedView current_;
   SE3 pose_;  // of the current frame, cam_from_map

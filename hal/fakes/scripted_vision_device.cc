@@ -101,12 +101,20 @@ Result<FeatureSetHandle> ScriptedVisionDevice::CreateFeatureSet() {
   if (!set) return Status(StatusCode::kCapacityExceeded);
   sets_[set.index].num = 0;
   sets_[set.index].is_taken = false;
+  sets_[set.index].num_owners = 1;
   return set;
+}
+
+bool ScriptedVisionDevice::RetainFeatureSet(FeatureSetHandle set) {
+  const std::lock_guard lock(sets_mutex_);
+  if (!handles_.Contains(set)) return false;
+  ++sets_[set.index].num_owners;
+  return true;
 }
 
 void ScriptedVisionDevice::ReleaseFeatureSet(FeatureSetHandle set) {
   const std::lock_guard lock(sets_mutex_);
-  handles_.Release(set);
+  if (handles_.Contains(set) && --sets_[set.index].num_owners == 0) handles_.Release(set);
 }
 
 std::int32_t ScriptedVisionDevice::num_free_feature_sets() const {

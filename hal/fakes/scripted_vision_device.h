@@ -59,6 +59,7 @@ class ScriptedVisionDevice final : public VisionDevice {
   const VisionPlan& plan() const override { return plan_; }
   Status SetStaticMask(ImageView mask) override;
   Result<FeatureSetHandle> CreateFeatureSet() override;
+  bool RetainFeatureSet(FeatureSetHandle set) override;
   void ReleaseFeatureSet(FeatureSetHandle set) override;
   std::int32_t num_free_feature_sets() const override;
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override;
@@ -77,6 +78,7 @@ class ScriptedVisionDevice final : public VisionDevice {
     std::vector<ScriptedFeature> features;  // [0, num)
     std::int32_t num = 0;
     bool is_taken = false;  // by an extraction or by WriteFeatures: written once
+    int num_owners = 0;
   };
 
   struct Job {
@@ -127,7 +129,7 @@ class ScriptedVisionDevice final : public VisionDevice {
   std::vector<std::uint8_t> mask_;
   int mask_width_ = 0, mask_height_ = 0;
 
-  mutable std::mutex sets_mutex_;  // guards handles_ and is_taken; features are immutable once written
+  mutable std::mutex sets_mutex_;  // guards handles_, owners and is_taken; features are immutable once written
   SlotPool<char, FeatureSetTag> handles_;
   std::vector<FeatureSet> sets_;
   std::array<LaneState, kNumLanes> lanes_;

@@ -109,6 +109,7 @@ class CpuVisionDevice final : public VisionDevice {
     return handle;
   }
 
+  bool RetainFeatureSet(FeatureSetHandle set) override { return sets_.Retain(set); }
   void ReleaseFeatureSet(FeatureSetHandle set) override { sets_.Release(set); }
   std::int32_t num_free_feature_sets() const override { return sets_.num_free(); }
 

@@ -10,7 +10,8 @@ FeatureSetPool::FeatureSetPool(const VisionPlan& plan)
     : num_bucket_columns_((plan.max_width_px + kBucketPx - 1) / kBucketPx),
       num_bucket_rows_((plan.max_height_px + kBucketPx - 1) / kBucketPx),
       sets_(plan.max_feature_sets),
-      tags_(plan.max_feature_sets) {
+      tags_(plan.max_feature_sets),
+      num_owners_(plan.max_feature_sets, 0) {
   const std::size_t num_sets = plan.max_feature_sets;
   const std::size_t num_features = plan.max_features;
   const std::size_t num_starts = static_cast<std::size_t>(num_bucket_columns_) * num_bucket_rows_ + 1;
@@ -40,15 +41,21 @@ FeatureSetHandle FeatureSetPool::Create() {
   free_.pop_back();
   const std::uint32_t generation = static_cast<std::uint32_t>(tags_[index].load(std::memory_order_relaxed) >> 2);
   sets_[index].num_features = 0;
+  num_owners_[index] = 1;
   tags_[index].store(TagOf(generation, kEmpty), std::memory_order_release);
   return {index, generation};
 }
 
-void FeatureSetPool::Release(FeatureSetHandle handle) {
-  if (handle.index >= tags_.size()) return;
+bool FeatureSetPool::Retain(FeatureSetHandle handle) {
   const std::lock_guard lock(mutex_);
-  const std::uint64_t tag = tags_[handle.index].load(std::memory_order_acquire);
-  if ((tag >> 2) != handle.generation || (tag & 3) == kFree) return;
+  if (Get(handle) == nullptr) return false;
+  ++num_owners_[handle.index];
+  return true;
+}
+
+void FeatureSetPool::Release(FeatureSetHandle handle) {
+  const std::lock_guard lock(mutex_);
+  if (Get(handle) == nullptr || --num_owners_[handle.index] > 0) return;
   tags_[handle.index].store(TagOf(handle.generation + 1, kFree), std::memory_order_release);
   if (handle.generation + 1 == 0xffffffffu) return;  // retired: its generation would wrap
   free_.push_back(handle.index);

@@ -35,7 +35,8 @@ class FeatureSetPool {
 
   explicit FeatureSetPool(const VisionPlan& plan);
 
-  FeatureSetHandle Create();
+  FeatureSetHandle Create();  // with one owner
+  bool Retain(FeatureSetHandle handle);
   void Release(FeatureSetHandle handle);
   std::int32_t num_free() const;
 
@@ -68,7 +69,8 @@ class FeatureSetPool {
   AlignedBuffer<std::int32_t> bucket_features_;
   std::vector<FeatureSet> sets_;
   std::vector<std::atomic<std::uint64_t>> tags_;  // generation and state of each slot
-  mutable std::mutex mutex_;                      // guards free_ (a min-heap of slots)
+  mutable std::mutex mutex_;                      // guards num_owners_ and free_ (a min-heap of slots)
+  std::vector<std::uint32_t> num_owners_;
   std::vector<std::uint32_t> free_;
 };
 

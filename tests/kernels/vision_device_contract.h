@@ -205,6 +205,23 @@ TEST_P(VisionDeviceContract, ReleaseOfStaleOrInvalidHandleIsIgnored) {
   EXPECT_EQ(device->ReadDescriptors(set, none).code(), StatusCode::kInvalidArgument);
 }
 
+TEST_P(VisionDeviceContract, SetLivesUntilItsLastOwnerReleasesIt) {
+  const auto device = Create();
+  const HostFeatures features = RandomFeatures(20, 3);
+  const FeatureSetHandle set = Write(*device, features);
+  ASSERT_TRUE(device->RetainFeatureSet(set));
+  const std::int32_t num_free = device->num_free_feature_sets();
+  device->ReleaseFeatureSet(set);
+  EXPECT_EQ(device->num_free_feature_sets(), num_free);
+  std::vector<std::uint8_t> read(features.descriptors.size());
+  EXPECT_TRUE(device->ReadDescriptors(set, read).ok());
+  EXPECT_EQ(read, features.descriptors);
+  device->ReleaseFeatureSet(set);
+  EXPECT_EQ(device->num_free_feature_sets(), num_free + 1);
+  EXPECT_FALSE(device->RetainFeatureSet(set));
+  EXPECT_EQ(device->num_free_feature_sets(), num_free + 1);
+}
+
 TEST_P(VisionDeviceContract, CreateAndReleaseFromManyThreadsLosesNoSet) {
   const auto device = Create();
   std::vector<std::thread> threads;

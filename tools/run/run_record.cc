@@ -41,7 +41,23 @@ void RunRecord::OnFrame(const FrameOutcome& outcome) {
 
 namespace {
 
+std::string Describe(const RelocalisationCounts& found) {
+  std::string text(ToString(found.verdict));
+  const std::pair<const char*, int> counts[] = {{"keyframe", static_cast<int>(found.keyframe)},
+                                                {"votes", found.num_votes},
+                                                {"matches", found.num_matches},
+                                                {"ransac_inliers", found.num_ransac_inliers},
+                                                {"agreeing", found.num_agreeing},
+                                                {"guided", found.num_guided},
+                                                {"inliers", found.num_inliers}};
+  for (const auto& [name, count] : counts) text += " " + std::string(name) + "=" + std::to_string(count);
+  return text;
+}
+
 std::string Describe(const MapEvent& event) {
+  if (event.kind == MapEventKind::kFrameFound || event.kind == MapEventKind::kFrameNotFound) {
+    return Describe(event.relocalisation);
+  }
   if (event.kind != MapEventKind::kMerged && event.kind != MapEventKind::kLoopClosed &&
       event.kind != MapEventKind::kMergeRejected) {
     return std::to_string(event.num_keyframes) + " keyframes " + std::to_string(event.num_points) + " points";

@@ -87,7 +87,9 @@ class Procedure {
         late.reference_scale = pose.reference_scale;
       }
       for (MapEvent event; engine_->map_events().TryPop(&event);) {
-        if (event.kind != MapEventKind::kMergeRejected) events_.push_back(event);
+        const bool is_refusal =
+            event.kind == MapEventKind::kMergeRejected || event.kind == MapEventKind::kFrameNotFound;
+        if (!is_refusal) events_.push_back(event);
       }
     }
   }
@@ -185,6 +187,50 @@ TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {
   EXPECT_EQ(procedure.results()[75].reason, TrackingReason::kFewFeatures);
   EXPECT_EQ(procedure.results()[90].reason, TrackingReason::kRelocalised);
   EXPECT_EQ(procedure.results()[90].map_id, procedure.results()[74].map_id);
+}
+
+// The third stretch shows what the stored map holds; the map tracked last holds nothing of it.
+TEST(System, LostFrameIsFoundInAStoredMap) {
+  Procedure procedure(SmallConfig());
+  procedure.Move(0.0, 4.0, 100);
+  procedure.Occlude(5);
+  procedure.Move(12.0, 15.0, 75);
+  procedure.Occlude(5);
+  procedure.Move(2.0, 1.0, 25);
+  procedure.Run();
+  const std::vector<FrameResult>& results = procedure.results();
+  const MapId first = results[99].map_id;
+  ASSERT_NE(results[179].map_id, first);
+  // The mapper finds the first frame after the occlusion; tracking goes on from there in the next one.
+  EXPECT_EQ(results[185].state, TrackingState::kLost);
+  EXPECT_EQ(results[186].state, TrackingState::kTracking);
+  EXPECT_EQ(results[186].reason, TrackingReason::kRelocalised);
+  for (std::size_t i = 186; i < results.size(); ++i) EXPECT_EQ(results[i].map_id, first) << i;
+  EXPECT_EQ(procedure.NumEvents(MapEventKind::kFrameFound), 1);
+  EXPECT_EQ(procedure.NumEvents(MapEventKind::kMapCreated), 2);
+  ResolvedPose late;
+  ASSERT_TRUE(procedure.engine().Resolve(results[185], &late));  // it counts in the final trajectory
+  EXPECT_EQ(late.map_id, first);
+  const auto centres = procedure.FinalCentres();
+  ASSERT_EQ(centres.size(), 2u);
+  EXPECT_GE(centres.at(first).truth.size(), 120u);
+  EXPECT_LT(Procedure::RmsAfterAlignment(centres.at(first)), 0.05);
+  EXPECT_EQ(CheckInvariants(procedure.engine().atlas()).ToString(), "ok");
+}
+
+TEST(System, EveryFeatureSetIsGivenBackButThoseOfKeyframes) {
+  Procedure procedure(SmallConfig());
+  procedure.Move(0.0, 4.0, 100);
+  procedure.Occlude(5);
+  procedure.Move(12.0, 15.0, 75);
+  procedure.Occlude(5);
+  procedure.Move(2.0, 1.0, 25);
+  procedure.Run();
+  const int num_used = procedure.device().plan().max_feature_sets - procedure.device().num_free_feature_sets();
+  const int num_keyframes = static_cast<int>(procedure.engine().atlas().keyframes().size());
+  // Beside the keyframes': that of the last frame, and what the last snapshots may still refer to.
+  EXPECT_GE(num_used, num_keyframes);
+  EXPECT_LE(num_used, num_keyframes + 6);
 }
 
 TEST(System, MapBegunElsewhereIsMergedWhenTheScopeComesBack) {

@@ -31,6 +31,7 @@ class HookedDevice final : public VisionDevice {
   const VisionPlan& plan() const override { return device_.plan(); }
   Status SetStaticMask(ImageView mask) override { return device_.SetStaticMask(mask); }
   Result<FeatureSetHandle> CreateFeatureSet() override { return device_.CreateFeatureSet(); }
+  bool RetainFeatureSet(FeatureSetHandle set) override { return device_.RetainFeatureSet(set); }
   void ReleaseFeatureSet(FeatureSetHandle set) override { device_.ReleaseFeatureSet(set); }
   std::int32_t num_free_feature_sets() const override { return device_.num_free_feature_sets(); }
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {

@@ -11,11 +11,12 @@ LocalBundle::LocalBundle(const EngineConfig& config, const CameraModel& camera)
       point_slots_(static_cast<std::size_t>(config.memory.max_map_points), -1),
       ring_votes_(static_cast<std::size_t>(config.memory.max_keyframes), 0) {}
 
-Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, Atlas* atlas, const Clock* clock, TimePoint deadline) {
-  ChooseWindow(centre, *atlas);
+Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, const Extent& extent, Atlas* atlas, const Clock* clock,
+                                          TimePoint deadline) {
+  ChooseWindow(centre, extent, *atlas);
   FillProblem(*atlas);
   BundleOptions options;
-  options.max_iterations = config_.mapping.bundle_iterations;
+  options.max_iterations = extent.max_iterations;
   options.clock = clock;
   options.deadline = deadline;
   Result<BundleSummary> summary = adjuster_.Adjust(camera_, options, &problem_);
@@ -25,16 +26,22 @@ Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, Atlas* atlas, c
   return summary;
 }
 
-void LocalBundle::ChooseWindow(KeyframeHandle centre, const Atlas& atlas) {
+void LocalBundle::ChooseWindow(KeyframeHandle centre, const Extent& extent, const Atlas& atlas) {
   poses_.clear();
   points_.clear();
   poses_.push_back(centre);
   pose_slots_[centre.index] = 0;
-  atlas.FindCovisible(centre, config_.mapping.min_shared_points, &covisible_);
-  for (const Covisible& covisible : covisible_) {
-    if (poses_.size() == static_cast<std::size_t>(config_.mapping.window_keyframes)) break;
-    pose_slots_[covisible.keyframe.index] = static_cast<std::int32_t>(poses_.size());
-    poses_.push_back(covisible.keyframe);
+  // Breadth first: poses_ is the queue, too.
+  const auto max_keyframes = static_cast<std::size_t>(extent.max_keyframes);
+  for (std::size_t i = 0; i < poses_.size() && poses_.size() < max_keyframes; ++i) {
+    if (extent.is_direct && i > 0) break;
+    atlas.FindCovisible(poses_[i], config_.mapping.min_shared_points, &covisible_);
+    for (const Covisible& covisible : covisible_) {
+      if (poses_.size() == max_keyframes) break;
+      if (pose_slots_[covisible.keyframe.index] >= 0) continue;
+      pose_slots_[covisible.keyframe.index] = static_cast<std::int32_t>(poses_.size());
+      poses_.push_back(covisible.keyframe);
+    }
   }
   window_size_ = poses_.size();
 

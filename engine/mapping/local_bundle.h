@@ -1,5 +1,5 @@
-// Local bundle adjustment: the newest keyframe, its best covisible ones and all their points move; older keyframes that
-// see those points hold the gauge. Writes the result back and takes out the observations that do not fit.
+// Local bundle adjustment: a keyframe, covisible ones and all their points move; other keyframes that see those points
+// hold the gauge. Writes the result back and takes out the observations that do not fit.
 // thread-bound(mapping).
 #pragma once
 
@@ -16,11 +16,18 @@ class LocalBundle {
  public:
   LocalBundle(const EngineConfig& config, const CameraModel& camera);
 
+  struct Extent {
+    int max_keyframes = 1;    // that move
+    bool is_direct = true;    // only those covisible with the centre; otherwise theirs as well, and so on
+    int max_iterations = 10;  // of the solver
+  };
+
   // `clock` and `deadline` bound the time in real-time mode; with kNoDeadline only iterations count.
-  Result<BundleSummary> Adjust(KeyframeHandle centre, Atlas* atlas, const Clock* clock, TimePoint deadline);
+  Result<BundleSummary> Adjust(KeyframeHandle centre, const Extent& extent, Atlas* atlas, const Clock* clock,
+                               TimePoint deadline);
 
  private:
-  void ChooseWindow(KeyframeHandle centre, const Atlas& atlas);
+  void ChooseWindow(KeyframeHandle centre, const Extent& extent, const Atlas& atlas);
   void FillProblem(const Atlas& atlas);
   void WriteBack(Atlas* atlas);
 

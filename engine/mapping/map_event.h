@@ -33,7 +33,7 @@ struct MapEvent {
   MapId other_map_id = kNoId;
   int num_keyframes = 0;
   int num_points = 0;
-  CommonAreaCounts place;  // of a merge, a loop or a rejected candidate: what was measured
+  CommonAreaCounts place;               // of a merge, a loop or a rejected candidate: what was measured
   RelocalisationCounts relocalisation;  // of a frame found, or of a candidate that was turned down
   Duration duration{0};                 // of a merge, a loop or the search for a frame, when the mapper has a clock
 };

@@ -8,6 +8,8 @@ namespace haustra {
 namespace {
 
 constexpr int kFoundingIterations = 20;
+// A slice of bundle adjustment that leaves this much of the cost has little left to do.
+constexpr double kSettledShare = 0.995;
 constexpr std::size_t kMaxEvents = 1024;
 constexpr std::size_t kMaxLatePoses = 1024;
 
@@ -43,7 +45,7 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
 bool Mapper::Step() {
   ReleaseRetired();
   const KeyframeProposal* proposal = link_.proposals.Front();
-  if (proposal == nullptr) return false;
+  if (proposal == nullptr) return Settle();
   switch (proposal->kind) {
     case ProposalKind::kKeyframe: InsertKeyframe(*proposal); break;
     case ProposalKind::kFounding: FoundMap(*proposal); break;
@@ -62,6 +64,7 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
     return;
   }
   RetireActiveMap(proposal.view);
+  settling_rounds_ = 0;
   active_ = atlas_.CreateMap();
   if (!active_) {
     RefuseFounding(proposal);
@@ -302,7 +305,9 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   const TimePoint deadline =
       is_time_boxed_ ? fused + std::chrono::milliseconds(config_.mapping.max_bundle_ms) : kNoDeadline;
   // A failed adjustment leaves the map as it was; the next keyframe tries again.
-  const Result<BundleSummary> bundle = bundle_.Adjust(handle, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
+  const LocalBundle::Extent window{config_.mapping.window_keyframes, true, config_.mapping.bundle_iterations};
+  const Result<BundleSummary> bundle =
+      bundle_.Adjust(handle, window, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
   (void)bundle;
   const TimePoint adjusted = Now();
   CullKeyframes(handle);
@@ -392,6 +397,7 @@ bool Mapper::IsRedundant(KeyframeHandle handle) const {
 void Mapper::FindPlace(const ProposedView& view) {
   const TimePoint start = Now();
   Relocalisation found;
+  relocalisations_tried_.clear();
   const bool is_found = atlas_.keyframes().size() > 0 &&
                         relocaliser_.Relocalise(atlas_, view.features, {}, &found, &relocalisations_tried_);
   device_.ReleaseFeatureSet(view.features.set);
@@ -459,12 +465,8 @@ void Mapper::JoinMaps(const CommonArea& area, const ProposedView& view) {
   MergeOutcome outcome;
   if (!merger_.Apply(MakeMergePlan(area), &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline, &outcome).ok()) return;
   active_ = outcome.map;
-  if (reframings_.full()) {
-    std::move(reframings_.begin() + 1, reframings_.end(), reframings_.begin());
-    reframings_.SwapErase(reframings_.size() - 1);
-  }
-  outcome.reframing.sequence = ++num_reframings_;
-  HAUSTRA_CHECK(reframings_.PushBack(outcome.reframing));
+  settling_rounds_ = config_.merging.settling_rounds;
+  Reframe(outcome.reframing);
   const TimePoint joined = Now();
   counters_.merge_time += joined - start;
   MapEvent event;
@@ -478,6 +480,40 @@ void Mapper::JoinMaps(const CommonArea& area, const ProposedView& view) {
   event.place = area.counts;
   event.duration = joined - start;
   events_.TryPush(event);
+}
+
+void Mapper::Reframe(const Reframing& reframing) {
+  if (reframings_.full()) {
+    std::move(reframings_.begin() + 1, reframings_.end(), reframings_.begin());
+    reframings_.SwapErase(reframings_.size() - 1);
+  }
+  HAUSTRA_CHECK(reframings_.PushBack(reframing));
+  reframings_[reframings_.size() - 1].sequence = ++num_reframings_;
+}
+
+// After a join, when there is nothing else to do: what the seam made known spreads over the map around it, a slice of
+// bundle adjustment at a time.
+bool Mapper::Settle() {
+  if (settling_rounds_ == 0) return false;
+  --settling_rounds_;
+  const TimePoint start = Now();
+  const MergingConfig& options = config_.merging;
+  const LocalBundle::Extent extent{options.settling_keyframes, false, options.settling_iterations};
+  const TimePoint deadline =
+      is_time_boxed_ ? start + std::chrono::milliseconds(options.settling_milliseconds) : kNoDeadline;
+  const SE3 old_pose = atlas_.keyframe(newest_).cam_from_map;
+  const Result<BundleSummary> summary =
+      bundle_.Adjust(newest_, extent, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
+  if (!summary.ok() || !summary->usable) {
+    settling_rounds_ = 0;
+    return true;
+  }
+  if (summary->final_cost > kSettledShare * summary->initial_cost) settling_rounds_ = 0;
+  const MapId map_id = atlas_.map(active_).id;
+  Reframe({0, map_id, map_id, Sim3(atlas_.keyframe(newest_).cam_from_map).Inverse() * Sim3(old_pose)});
+  Publish(founding_proposal_, 0);
+  counters_.settle_time += Now() - start;
+  return true;
 }
 
 void Mapper::Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal) {

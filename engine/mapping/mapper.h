@@ -37,7 +37,7 @@ struct MapperCounters {
   std::uint64_t num_placeless = 0;  // frames without a pose whose place was looked for
   // Time spent, for the stage table; only measured when a clock is given.
   Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, place_time{0}, merge_time{0};
-  Duration relocalisation_time{0};
+  Duration relocalisation_time{0}, settle_time{0};
 };
 
 class Mapper {
@@ -71,6 +71,8 @@ class Mapper {
   bool IsRedundant(KeyframeHandle handle) const;
   void RecognisePlace(const ProposedView& view);
   void JoinMaps(const CommonArea& area, const ProposedView& view);
+  void Reframe(const Reframing& reframing);
+  bool Settle();
   void RemoveFromRetrieval(MapHandle map);
   void Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal);
   void Retire(FeatureSetHandle set) { retired_.push_back({version_ + 1, set}); }
@@ -104,6 +106,7 @@ class Mapper {
   std::uint64_t founding_proposal_ = 0;
   FixedVector<Reframing, kMaxReframings> reframings_;  // the latest ones, oldest first
   std::uint64_t num_reframings_ = 0;
+  int settling_rounds_ = 0;  // left after the last join
   FoundFrame found_frame_;
   CommonArea area_;
   PlaceReport place_report_;

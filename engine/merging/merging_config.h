@@ -4,13 +4,18 @@
 namespace haustra {
 
 struct MergingConfig {
-  bool enabled = true;         // off: every loss leaves a map of its own
-  int window_keyframes = 8;    // of each side of the seam that are fused and welded [2, 30]
-  int fixed_keyframes = 16;    // older ring that holds the gauge of the weld [0, 60]
-  int weld_iterations = 15;    // [1, 100]
-  int graph_iterations = 30;   // [1, 200]
-  int graph_min_shared = 30;   // points of an edge of the essential graph [1, 1000]
-  int graph_max_edges = 6;     // strongest ones of each keyframe, beside the one that keeps it connected [0, 60]
+  bool enabled = true;        // off: every loss leaves a map of its own
+  int window_keyframes = 8;   // of each side of the seam that are fused and welded [2, 30]
+  int fixed_keyframes = 16;   // older ring that holds the gauge of the weld [0, 60]
+  int weld_iterations = 15;   // [1, 100]
+  int graph_iterations = 30;  // [1, 200]
+  int graph_min_shared = 30;  // points of an edge of the essential graph [1, 1000]
+  int graph_max_edges = 6;    // strongest ones of each keyframe, beside the one that keeps it connected [0, 60]
+  // After the seam is welded, whenever the mapper is idle: bundle adjustment of the map around it, in slices.
+  int settling_rounds = 6;          // at most; ends when nothing is gained any more [0, 100]
+  int settling_iterations = 6;      // of each [1, 100]
+  int settling_keyframes = 200;     // nearest ones by covisibility; their cube bounds an iteration [2, 1000]
+  int settling_milliseconds = 150;  // of each, real-time mode only [1, 10000]
   int max_milliseconds = 400;  // real-time mode only: weld and graph together stop there, best state kept [1, 10000]
 };
 

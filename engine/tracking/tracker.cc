@@ -16,6 +16,9 @@ constexpr int kMinFeatures = 30;
 // The share of expected points that is found changes slowly with the view, but falls at once when something comes
 // between scope and wall. Below this part of what is usual nothing that is seen may enter the map.
 constexpr double kDegradedShare = 0.35;
+// Below this part what still matches is as likely to be chance, blur or debris as the wall: no pose is better than
+// this.
+constexpr double kBlindShare = 0.15;
 constexpr double kUsualShareMemory = 0.95;  // per frame
 constexpr int kMinExpected = 60;
 // A prediction over more lost frames than this is worth nothing.
@@ -186,7 +189,7 @@ void Tracker::TrackMap(TimePoint deadline, FrameResult* result) {
     result->reason = TrackingReason::kRecovered;
     result->num_matches = static_cast<int>(matches_.size());
   }
-  if (has_pose && !IsClearView() && ++num_unclear_ > config_.tracking.max_unclear_frames) {
+  if (has_pose && !IsClearView() && (++num_unclear_ > config_.tracking.max_unclear_frames || !SeesShare(kBlindShare))) {
     has_pose = false;
     result->reason = TrackingReason::kUnclearView;
   }
@@ -453,10 +456,12 @@ void Tracker::FillPose(FrameResult* result) const {
   result->num_established = num_established_;
 }
 
-// Whether the frame shows what the map says it should, compared with what is usual.
-bool Tracker::IsClearView() const {
-  return num_expected_ < kMinExpected || num_established_ >= kDegradedShare * usual_share_ * num_expected_;
+// Whether the frame shows what the map says it should: so much of what is usual.
+bool Tracker::SeesShare(double share_of_usual) const {
+  return num_expected_ < kMinExpected || num_established_ >= share_of_usual * usual_share_ * num_expected_;
 }
+
+bool Tracker::IsClearView() const { return SeesShare(kDegradedShare); }
 
 void Tracker::LearnUsualShare() {
   if (num_expected_ < kMinExpected) return;

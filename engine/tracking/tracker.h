@@ -84,6 +84,7 @@ class Tracker {
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose(TimePoint deadline);
 
+  bool SeesShare(double share_of_usual) const;
   bool IsClearView() const;
   void LearnUsualShare();
   void ConsiderKeyframe(FrameResult* result);

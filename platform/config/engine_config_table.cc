@@ -293,6 +293,13 @@ void AddMerging(Fields* out) {
       Merge<&C::graph_min_shared>("graph_min_shared", {1, 1000}, "points", "points of an edge of the essential graph"));
   out->push_back(Merge<&C::graph_max_edges>("graph_max_edges", {0, 60}, "edges",
                                             "strongest ones of each keyframe, beside the one that keeps it connected"));
+  out->push_back(Merge<&C::settling_rounds>("settling_rounds", {0, 100}, "rounds",
+                                            "of bundle adjustment around the seam while the mapper is idle, at most"));
+  out->push_back(Merge<&C::settling_iterations>("settling_iterations", {1, 100}, "iterations", "of each round"));
+  out->push_back(Merge<&C::settling_keyframes>("settling_keyframes", {2, 1000}, "keyframes",
+                                               "nearest ones by covisibility that settle together"));
+  out->push_back(Merge<&C::settling_milliseconds>("settling_milliseconds", {1, 10000}, "ms",
+                                                  "real-time mode only: end of each round, best state kept"));
   out->push_back(
       Merge<&C::max_milliseconds>("max_milliseconds", {1, 10000}, "ms",
                                   "real-time mode only: weld and graph together stop there, best state kept"));

@@ -143,7 +143,9 @@ std::string ToJson(const RunSummary& s) {
                        {"bundle", MsPerKeyframe(m.bundle_time, m)},
                        {"cull", MsPerKeyframe(m.cull_time, m)},
                        {"place", MsPerKeyframe(m.place_time, m)},
-                       {"merge", MsPerKeyframe(m.merge_time, m)}}}};
+                       {"merge", MsPerKeyframe(m.merge_time, m)},
+                       {"settle", MsPerKeyframe(m.settle_time, m)},
+                       {"relocalise", MsPerKeyframe(m.relocalisation_time, m)}}}};
   return json.dump(2) + "\n";
 }
 

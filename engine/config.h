@@ -54,16 +54,20 @@ struct InitialisationConfig {
   // Area of the ellipse fitted to the points over that of the scope's window [0, 1]. The paper accepts 0.59 and rejects
   // 0.35 of the image; texture that covers a part of the window only must do, too.
   double min_spread = 0.30;
+  // In a row without a motion that explains the matches: the reference is no good (blur, bubbles) and is renewed
+  // [1, 1000].
+  int max_unexplained_frames = 8;
   int max_reference_age_frames = 40;  // a reference older than this is renewed [1, 1000]
 };
 
 struct TrackingConfig {
-  double motion_radius_px = 16.0;   // search radius around the constant-velocity prediction [2, 200]
-  double wide_radius_factor = 3.0;  // second try when the first finds too few [1, 10]
-  int min_motion_matches = 15;      // below it: second try, then brute force [5, 1000]
-  int min_inliers = 15;             // a pose with fewer is not a pose [6, 1000]
-  int min_recovery_inliers = 20;    // a pose found by brute force needs more [6, 1000]
-  int max_unclear_frames = 12;      // in a row with much less in sight than usual, then lost [1, 1000]
+  double motion_radius_px = 16.0;    // search radius around the constant-velocity prediction [2, 200]
+  double wide_radius_factor = 3.0;   // second try when the first finds too few [1, 10]
+  int min_motion_matches = 15;       // below it: second try, then brute force [5, 1000]
+  int min_inliers = 15;              // a pose with fewer is not a pose [6, 1000]
+  int min_recovery_inliers = 20;     // a pose found by brute force needs more [6, 1000]
+  bool brute_force_recovery = true;  // off: a frame that guided search cannot place is lost (for comparison)
+  int max_unclear_frames = 12;       // in a row with much less in sight than usual, then lost [1, 1000]
   double max_jump_depth_ratio =
       0.5;                     // tracked motion in one frame over the median depth: more is inconsistent [0.01, 10]
   double max_jump_deg = 25.0;  // rotation in one frame [1, 180]

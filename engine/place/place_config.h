@@ -45,13 +45,13 @@ struct RecognitionConfig {
 };
 
 struct RelocalisationConfig {
-  int max_candidates = 3;         // keyframes tried for one frame [1, 20]
+  int max_candidates = 6;         // keyframes tried for one frame [1, 20]
   int group_size = 4;             // keyframe and its best covisible ones whose points are matched [1, 20]
   double max_angle_ratio = 0.85;  // of a brute-force match [0.1, 1]
   int min_matches = 12;           // [4, 8000]
-  int ransac_iterations = 300;    // [10, 10000]
+  int ransac_iterations = 1500;   // finds a pose that one match in six supports [10, 10000]
   int min_ransac_inliers = 10;    // [4, 8000]
-  double min_match_share = 0.3;   // of the brute-force matches that agree; where walls are only alike, few do [0, 1]
+  double min_match_share = 0.2;   // of the brute-force matches that agree; where walls are only alike, few do [0, 1]
   int min_inliers = 30;           // after guided matching [4, 8000]
   double min_inlier_share = 0.6;  // of the guided matches that agree with the pose [0, 1]
   double min_spread = 0.05;       // image share of the ellipse around the inliers [0, 1]

@@ -49,6 +49,7 @@ void Initialiser::SetReference(const ProposedView& view) {
   Reset();
   CopyView(view, &reference_);
   has_reference_ = true;
+  num_unexplained_ = 0;
 }
 
 bool Initialiser::KeepBetween(const ProposedView& view) {
@@ -69,6 +70,14 @@ void Initialiser::MoveInto(KeyframeProposal* proposal) {
 }
 
 TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
+  const TrackingReason reason = Compare(view, deadline);
+  num_unexplained_ = reason == TrackingReason::kNoEpipolarGeometry ? num_unexplained_ + 1 : 0;
+  is_worn_out_ =
+      reason == TrackingReason::kFewMatches || num_unexplained_ > config_.initialisation.max_unexplained_frames;
+  return reason;
+}
+
+TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline) {
   const InitialisationConfig& options = config_.initialisation;
   num_matches_ = num_inliers_ = num_pairs_ = 0;
 

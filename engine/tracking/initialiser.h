@@ -30,9 +30,10 @@ class Initialiser {
   // Takes the view as the new reference, with its feature set.
   void SetReference(const ProposedView& view);
 
-  // Compares the view with the reference. kMapProposed: pairs() and cam_from_reference() hold what founds the map, and
-  // the reference is still held. kFewMatches: the caller should renew the reference.
+  // Compares the view with the reference. kMapProposed: MoveInto() gives what founds the map.
   TrackingReason Try(const ProposedView& view, TimePoint deadline);
+  // After Try: the reference has little in common with what is seen now, or is too old; the caller should renew it.
+  bool is_worn_out() const { return is_worn_out_; }
 
   int num_matches() const { return num_matches_; }
   int num_inliers() const { return num_inliers_; }
@@ -50,9 +51,13 @@ class Initialiser {
   const CameraModel& camera_;
   VisionDevice& device_;
   const double scene_share_;
+  TrackingReason Compare(const ProposedView& view, TimePoint deadline);
+
   TwoViewRansac ransac_;
   Rng rng_;
   bool has_reference_ = false;
+  bool is_worn_out_ = false;
+  int num_unexplained_ = 0;  // frames in a row
   ProposedView reference_;
   SE3 cam_from_reference_;
   int num_matches_ = 0;

@@ -183,7 +183,7 @@ void Tracker::TrackMap(TimePoint deadline, FrameResult* result) {
   } else {
     result->reason = TrackingReason::kFewMatches;
   }
-  if (!has_pose && RecoverPose(deadline)) {
+  if (!has_pose && config_.tracking.brute_force_recovery && RecoverPose(deadline)) {
     has_pose = true;
     has_velocity_ = false;
     result->reason = TrackingReason::kRecovered;
@@ -211,7 +211,7 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
   }
   if (AdoptFoundFrame(deadline, result)) return;
   // While the mapper looks for a frame of ours its answer may change the map: then that is what counts.
-  if (had_map_ && !is_asking_ && RecoverPose(deadline)) {
+  if (config_.tracking.brute_force_recovery && had_map_ && !is_asking_ && RecoverPose(deadline)) {
     initialiser_.Reset();
     state_ = TrackingState::kTracking;
     has_velocity_ = false;
@@ -232,7 +232,7 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
   result->num_inliers = initialiser_.num_inliers();
   if (result->reason == TrackingReason::kMapProposed) {
     ProposeMap();
-  } else if (result->reason == TrackingReason::kFewMatches) {
+  } else if (initialiser_.is_worn_out()) {
     initialiser_.SetReference(current_);
     current_is_proposed_ = true;
   } else {

@@ -85,6 +85,9 @@ void AddInitialisation(Fields* out) {
                                                       "inliers of the epipolar geometry over matches"));
   out->push_back(Initialisation<&C::min_spread>("min_spread", {0, 1}, "",
                                                 "area of the ellipse fitted to the points over that of the image"));
+  out->push_back(Initialisation<&C::max_unexplained_frames>(
+      "max_unexplained_frames", {1, 1000}, "frames",
+      "in a row without a motion that explains the matches, then the reference is renewed"));
   out->push_back(Initialisation<&C::max_reference_age_frames>("max_reference_age_frames", {1, 1000}, "frames",
                                                               "an older reference frame is renewed"));
 }
@@ -105,6 +108,8 @@ void AddTracking(Fields* out) {
   out->push_back(Tracking<&C::min_inliers>("min_inliers", {6, 1000}, "points", "a pose with fewer is not a pose"));
   out->push_back(Tracking<&C::min_recovery_inliers>("min_recovery_inliers", {6, 1000}, "points",
                                                     "a pose found by brute force needs as many"));
+  out->push_back(Tracking<&C::brute_force_recovery>("brute_force_recovery", {}, "",
+                                                    "off: a frame that guided search cannot place is lost"));
   out->push_back(Tracking<&C::max_unclear_frames>("max_unclear_frames", {1, 1000}, "frames",
                                                   "in a row with much less in sight than usual, then lost"));
   out->push_back(

@@ -50,6 +50,9 @@ class Procedure {
     }
   }
 
+  // Everything in sight is up to so many pixels from where it should be.
+  void Shake(double pixels) { shake_ = pixels; }
+
   void Add(double z) {
     const auto index = static_cast<std::uint32_t>(truth_.size());
     if (std::isnan(z)) {
@@ -141,7 +144,7 @@ class Procedure {
       Eigen::Vector2d pixel;
       if (in_cam.z() < 0.3 || in_cam.norm() > 3.0 || !camera_.Project(in_cam, &pixel)) continue;
       if (noise_.Uniform() > 0.7) continue;  // not detected in this frame
-      pixel += Eigen::Vector2d(noise_.Uniform(-0.5, 0.5), noise_.Uniform(-0.5, 0.5));
+      pixel += Eigen::Vector2d(noise_.Uniform(-shake_, shake_), noise_.Uniform(-shake_, shake_));
       if (!camera_.IsInImage(pixel)) continue;
       ScriptedFeature feature;
       feature.keypoint.x_px = static_cast<float>(pixel.x());
@@ -159,6 +162,7 @@ class Procedure {
   ScriptedVisionDevice device_;
   ScriptedFrameSource source_;
   Rng noise_{23};
+  double shake_ = 0.5;
   std::vector<Landmark> landmarks_;
   std::vector<SE3> truth_;
   std::unique_ptr<Engine> engine_;
@@ -175,6 +179,17 @@ TEST(System, TubeIsMappedInOneMapAndPosesAgreeWithTheTruth) {
   EXPECT_GE(centres.begin()->second.truth.size(), 140u);
   EXPECT_LT(Procedure::RmsAfterAlignment(centres.begin()->second), 0.03);
   EXPECT_EQ(CheckInvariants(procedure.engine().atlas()).ToString(), "ok");
+}
+
+TEST(System, ReferenceThatNoMotionExplainsIsRenewedSoon) {
+  Procedure procedure(SmallConfig());
+  procedure.Shake(60.0);
+  procedure.Add(0.0);
+  procedure.Shake(0.5);
+  procedure.Move(0.0, 2.0, 50);
+  procedure.Run();
+  EXPECT_EQ(procedure.results()[8].reason, TrackingReason::kNoEpipolarGeometry);
+  EXPECT_EQ(procedure.results()[25].state, TrackingState::kTracking);  // 40 frames make a reference too old
 }
 
 TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {

@@ -5,6 +5,9 @@
 #include <thread>
 
 #include "kernels/cpu/cpu_vision_device.h"
+#ifdef HAUSTRA_HAVE_CUDA
+#include "kernels/cuda/cuda_vision_device.h"
+#endif
 
 namespace haustra {
 
@@ -15,7 +18,16 @@ Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, 
         num_threads > 0 ? num_threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
     return CreateCpuVisionDevice(Engine::PlanFor(config, calibration), Engine::ExtractOptionsFor(config), threads);
   }
-  if (name == "cuda") return Unavailable("vision device 'cuda': this build has no CUDA support; use 'cpu'");
+  if (name == "cuda") {
+#ifdef HAUSTRA_HAVE_CUDA
+    Result<std::unique_ptr<CudaVisionDevice>> device =
+        CreateCudaVisionDevice(Engine::PlanFor(config, calibration), Engine::ExtractOptionsFor(config));
+    if (device.ok()) return std::unique_ptr<VisionDevice>(std::move(device).value());
+    return Status(device.code(), "vision device 'cuda': " + device.status().message() + "; use 'cpu'");
+#else
+    return Unavailable("vision device 'cuda': this build has no CUDA support; use 'cpu'");
+#endif
+  }
   return InvalidArgument("vision device '" + std::string(name) + "': unknown; use 'cpu' or 'cuda'");
 }
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "kernels/cpu/match_acceptance.h"
+#include "kernels/common/match_acceptance.h"
 
 namespace haustra::kernels {
 namespace {

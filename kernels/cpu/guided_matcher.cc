@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/cpu/match_acceptance.h"
+#include "kernels/common/match_acceptance.h"
 
 namespace haustra::kernels {
 namespace {

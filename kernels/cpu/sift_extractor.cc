@@ -17,30 +17,6 @@ int NumTasks(int count, int per_task) { return (count + per_task - 1) / per_task
 
 int AlignUp(int value, int alignment) { return (value + alignment - 1) / alignment * alignment; }
 
-GaussianKernel MakeKernel(float sigma) {
-  GaussianKernel kernel;
-  kernel.radius = std::clamp(static_cast<int>(std::ceil(kKernelRadiusSigmas * sigma)), 1, kMaxKernelRadius);
-  double sum = 0.0;
-  for (int j = 0; j <= kernel.radius; ++j) {
-    const double weight = std::exp(-0.5 * j * j / (static_cast<double>(sigma) * sigma));
-    kernel.weights[j] = static_cast<float>(weight);
-    sum += j == 0 ? weight : 2 * weight;
-  }
-  for (int j = 0; j <= kernel.radius; ++j) kernel.weights[j] = static_cast<float>(kernel.weights[j] / sum);
-  return kernel;
-}
-
-int OctaveSize(int size_px, int octave) { return octave < 0 ? size_px << -octave : size_px >> octave; }
-
-int CountOctaves(int width_px, int height_px) {
-  int count = 0;
-  while (count < kMaxOctaves - kFirstOctave &&
-         OctaveSize(std::min(width_px, height_px), kFirstOctave + count) >= kMinOctaveSizePx) {
-    ++count;
-  }
-  return count;
-}
-
 // Integer luma (Rec. 601), rounded.
 void ConvertToGrey(const std::uint8_t* bgr, int width, std::uint8_t* grey) {
   for (int x = 0; x < width; ++x) {
@@ -90,13 +66,7 @@ SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& optio
       options.contrast_threshold > 0.0f ? options.contrast_threshold : kDefaultContrastThreshold;
   refinement_.edge_threshold = options.edge_threshold;
 
-  const float input_sigma = std::ldexp(kInputSigma, -kFirstOctave);
-  kernels_of_levels_[0] = MakeKernel(std::sqrt(kBaseSigma * kBaseSigma - input_sigma * input_sigma));
-  const float factor = std::exp2(1.0f / kScalesPerOctave);
-  for (int i = 1; i < kNumLevels; ++i) {
-    const float before = kBaseSigma * std::pow(factor, static_cast<float>(i - 1));
-    kernels_of_levels_[i] = MakeKernel(before * std::sqrt(factor * factor - 1.0f));
-  }
+  for (int i = 0; i < kNumLevels; ++i) kernels_of_levels_[i] = KernelOfLevel(i);
 
   octaves_.resize(CountOctaves(plan.max_width_px, plan.max_height_px));
   for (std::size_t i = 0; i < octaves_.size(); ++i) {

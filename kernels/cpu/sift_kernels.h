@@ -3,22 +3,16 @@
 
 #include <cstdint>
 
+#include "kernels/common/gaussian_kernel.h"
 #include "kernels/common/sift_parameters.h"
 #include "kernels/cpu/simd_level.h"
 
 namespace haustra::kernels {
 
-inline constexpr int kMaxKernelRadius = 16;
 // Rows of planes start at multiples of this many floats.
 inline constexpr int kStrideAlignment = 16;
 // Floats in front of and behind a plane that may be read (not used).
 inline constexpr int kPlanePadding = 32;
-
-// Symmetric kernel: weights[0] at the centre, weights[j] at distance j; they sum up to 1.
-struct GaussianKernel {
-  int radius = 0;
-  float weights[kMaxKernelRadius + 1] = {};
-};
 
 // Float image, intensities in [0, 1]; rows `stride` floats apart.
 struct Plane {

@@ -2,6 +2,7 @@
 // code (tools/exit_codes.h), never a crash, and nothing of the user's is lost.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -40,6 +41,9 @@ void ExpectFailure(const CommandResult& result, int exit_code, const std::vector
     EXPECT_NE(said.find(word), std::string::npos) << "no '" << word << "' in: " << result.ToString();
   }
 }
+
+// The commands started from here on see none, whatever the machine has.
+void HideCudaDevices() { setenv("CUDA_VISIBLE_DEVICES", "", 1); }
 
 // A short sequence that the test spoils, and a place for the results.
 class BadInput : public testing::Test {
@@ -184,7 +188,8 @@ TEST_F(BadInput, ValueOnTheCommandLineOutOfRangeIsNamed) {
   ExpectRefusal(kExitConfig, {"noise.k", "-1"}, {"--set", "noise.k=-1"});
 }
 
-TEST_F(BadInput, DeviceThatTheBuildDoesNotHaveIsUnavailable) {
+TEST_F(BadInput, DeviceThatIsNotThereIsUnavailable) {
+  HideCudaDevices();
   ExpectRefusal(kExitUnavailable, {"cuda"}, {"--device", "cuda"});
 }
 
@@ -237,6 +242,7 @@ TEST_F(BadInput, EarlierRunIsReplacedWhole) {
 TEST_F(BadInput, EarlierRunIsKeptWhenTheNextCannotStart) {
   ASSERT_EQ(Run().exit_code, 0);
   const auto before = ContentOf(out_);
+  HideCudaDevices();
   ExpectFailure(Run({"--device", "cuda"}), kExitUnavailable, {"cuda"});
   ExpectFailure(Run({"--set", "features.max=1"}), kExitConfig, {"features.max"});
   fs::remove_all(sequence_);

@@ -1,0 +1,40 @@
+#include "kernels/common/gaussian_kernel.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace haustra::kernels {
+
+GaussianKernel MakeGaussianKernel(float sigma) {
+  GaussianKernel kernel;
+  kernel.radius = std::clamp(static_cast<int>(std::ceil(kKernelRadiusSigmas * sigma)), 1, kMaxKernelRadius);
+  double sum = 0.0;
+  for (int j = 0; j <= kernel.radius; ++j) {
+    const double weight = std::exp(-0.5 * j * j / (static_cast<double>(sigma) * sigma));
+    kernel.weights[j] = static_cast<float>(weight);
+    sum += j == 0 ? weight : 2 * weight;
+  }
+  for (int j = 0; j <= kernel.radius; ++j) kernel.weights[j] = static_cast<float>(kernel.weights[j] / sum);
+  return kernel;
+}
+
+GaussianKernel KernelOfLevel(int level) {
+  if (level == 0) {
+    const float input_sigma = std::ldexp(kInputSigma, -kFirstOctave);
+    return MakeGaussianKernel(std::sqrt(kBaseSigma * kBaseSigma - input_sigma * input_sigma));
+  }
+  const float factor = std::exp2(1.0f / kScalesPerOctave);
+  const float before = kBaseSigma * std::pow(factor, static_cast<float>(level - 1));
+  return MakeGaussianKernel(before * std::sqrt(factor * factor - 1.0f));
+}
+
+int CountOctaves(int width_px, int height_px) {
+  int count = 0;
+  while (count < kMaxOctaves - kFirstOctave &&
+         OctaveSize(std::min(width_px, height_px), kFirstOctave + count) >= kMinOctaveSizePx) {
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace haustra::kernels

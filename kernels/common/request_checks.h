@@ -1,0 +1,32 @@
+// What every device refuses, with the same words. Each returns ok or the reason.
+#pragma once
+
+#include "hal/vision_device.h"
+
+namespace haustra::kernels {
+
+// Number of features of a set; -1 for a stale or invalid handle.
+class FeatureCounts {
+ public:
+  virtual ~FeatureCounts() = default;
+  virtual std::int32_t NumFeatures(FeatureSetHandle set) const = 0;
+};
+
+Status CheckPlan(const VisionPlan& plan);
+Status CheckExtractOptions(const ExtractOptions& options, const VisionPlan& plan);
+Status CheckLane(Lane lane);
+// `what` names the picture in the message.
+Status CheckImageSize(const ImageView& image, const VisionPlan& plan, const char* what);
+// All but the set. static_mask_*: 0 without a static mask.
+Status CheckExtractRequest(const ExtractRequest& request, const VisionPlan& plan, int static_mask_width,
+                           int static_mask_height);
+Status CheckMatchRequest(const MatchRequest& request, const VisionPlan& plan, const FeatureCounts& counts);
+Status CheckGuidedMatchRequest(const GuidedMatchRequest& request, const VisionPlan& plan, const FeatureCounts& counts);
+// All but the set.
+Status CheckFeaturesToWrite(std::span<const Keypoint> keypoints, std::span<const std::uint8_t> descriptors,
+                            const VisionPlan& plan);
+
+// Number of entries of a checked list.
+std::int32_t ListSize(const DescriptorList& list, const FeatureCounts& counts);
+
+}  // namespace haustra::kernels

@@ -1,0 +1,550 @@
+// Brute-force matching: blocks of 128 queries against tiles of 128 train descriptors, products by integer tensor cores
+// or dp4a, best and second best kept in registers. A second dimension of the grid shares out the tiles; the last block
+// of each query tile joins the results, the last of all judges them.
+#include <cstdint>
+
+#include "kernels/cuda/match_common.cuh"
+#include "kernels/cuda/match_kernels.h"
+
+namespace haustra::kernels::cuda {
+namespace {
+
+constexpr int kQueryTile = 128;
+constexpr int kTrainTile = 128;
+constexpr int kThreads = 256;
+constexpr int kStages = 3;
+constexpr int kTileBytes = kTrainTile * kDescriptorBytes;
+// 2^23 as a float: an integer below 2^23 added to its bits is 2^23 plus that integer. The largest product of two
+// descriptors is 128 * 255^2 < 2^23.
+constexpr int kFloatBase = 0x4b000000;
+static_assert(kDescriptorBytes * 255 * 255 < 1 << 23);
+
+// Layout of the dynamic shared memory.
+struct SharedLayout {
+  static constexpr int kTrain = 0;
+  static constexpr int kTrainNorms = kTrain + kStages * kTileBytes;
+  static constexpr int kQueryNorms = kTrainNorms + kStages * kTrainTile * 4;
+  static constexpr int kColumnBest = kQueryNorms + kQueryTile * 4;
+  static constexpr int kQueryGates = kColumnBest + kTrainTile * 8;
+  static constexpr int kJoin = kQueryGates + kGateValues * kQueryTile * 4;
+  static constexpr int kQueries = (kJoin + kQueryTile * 16 + 1023) / 1024 * 1024;
+  static constexpr int kSize = kQueries + kQueryTile * kDescriptorBytes;
+};
+
+__device__ __forceinline__ std::uint32_t SharedAddress(const void* p) {
+  return static_cast<std::uint32_t>(__cvta_generic_to_shared(p));
+}
+
+// Rows of 128 bytes in eight pieces; pieces change places with the row so that eight rows meet in no bank.
+__device__ __forceinline__ int Swizzled(int row, int piece) {
+  return row * kDescriptorBytes + ((piece ^ (row & 7)) << 4);
+}
+
+__device__ __forceinline__ void CopyAsync16(std::uint32_t to, const void* from) {
+  asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(to), "l"(from));
+}
+__device__ __forceinline__ void CopyAsync4(std::uint32_t to, const void* from) {
+  asm volatile("cp.async.ca.shared.global [%0], [%1], 4;" ::"r"(to), "l"(from));
+}
+__device__ __forceinline__ void CommitCopies() { asm volatile("cp.async.commit_group;"); }
+template <int kPending>
+__device__ __forceinline__ void WaitForCopies() {
+  asm volatile("cp.async.wait_group %0;" ::"n"(kPending));
+}
+
+__device__ __forceinline__ void LoadMatrices(std::uint32_t (&r)[4], std::uint32_t address) {
+  asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
+               : "=r"(r[0]), "=r"(r[1]), "=r"(r[2]), "=r"(r[3])
+               : "r"(address));
+}
+
+__device__ __forceinline__ void MultiplyAdd(int (&sum)[4], const std::uint32_t (&a)[4], std::uint32_t b0,
+                                            std::uint32_t b1) {
+  asm volatile(
+      "mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+      : "+r"(sum[0]), "+r"(sum[1]), "+r"(sum[2]), "+r"(sum[3])
+      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
+}
+
+__device__ __forceinline__ std::int32_t RowAt(const RowList& list, int i) {
+  return list.rows != nullptr ? list.rows[i] : list.first + i;
+}
+
+// Whether a pair passes the gates; the same operations as the CPU device's, without contraction.
+__device__ bool IsAdmissible(const float* query, const GateArrays& train, int train_idx, const GateInput& gate) {
+  const auto q = [&](int k) { return query[k * kQueryTile]; };
+  const auto t = [&](int k) { return __ldg(train.values + static_cast<std::size_t>(k) * train.capacity + train_idx); };
+  if (gate.has_window &&
+      !(fabsf(__fsub_rn(t(0), q(0))) <= gate.max_dx_px && fabsf(__fsub_rn(t(1), q(1))) <= gate.max_dy_px)) {
+    return false;
+  }
+  if (gate.query_bearings == nullptr) return true;
+  const float to_plane_of_query =
+      __fadd_rn(__fadd_rn(__fmul_rn(t(2), q(5)), __fmul_rn(t(3), q(6))), __fmul_rn(t(4), q(7)));
+  const float to_plane_of_train =
+      __fadd_rn(__fadd_rn(__fmul_rn(t(5), q(2)), __fmul_rn(t(6), q(3))), __fmul_rn(t(7), q(4)));
+  return fabsf(to_plane_of_query) <= t(8) && fabsf(to_plane_of_train) <= q(8);
+}
+
+// Best query of a train descriptor as one number: similarity first, then the lower query.
+__device__ __forceinline__ unsigned long long ColumnKey(float similarity, int query) {
+  return similarity < 0.0f ? 0ull
+                           : static_cast<unsigned long long>(__float_as_uint(similarity)) << 32 |
+                                 (0xffffffffu - static_cast<std::uint32_t>(query));
+}
+
+template <DotProduct kDot, bool kGated, bool kMutual>
+__global__ void __launch_bounds__(kThreads, 2)
+    BruteForceKernel(const __grid_constant__ MatchJob job, const __grid_constant__ SetBuffers sets,
+                     const __grid_constant__ MatchWork work, int tiles_per_split) {
+  extern __shared__ __align__(1024) std::uint8_t shared[];
+  const std::uint32_t base = SharedAddress(shared);
+  float* query_norms = reinterpret_cast<float*>(shared + SharedLayout::kQueryNorms);
+  unsigned long long* column_best = reinterpret_cast<unsigned long long*>(shared + SharedLayout::kColumnBest);
+  float* query_gates = reinterpret_cast<float*>(shared + SharedLayout::kQueryGates);
+  TopTwo* join = reinterpret_cast<TopTwo*>(shared + SharedLayout::kJoin);
+  __shared__ bool is_last;
+
+  const int thread = threadIdx.x;
+  const int lane = thread % 32;
+  const int warp_row = thread / 32 / 2;     // 32 queries
+  const int warp_column = thread / 32 % 2;  // 64 train descriptors
+  const int first_query = blockIdx.x * kQueryTile;
+  const int num_tiles = (job.train.size + kTrainTile - 1) / kTrainTile;
+  const int first_tile = blockIdx.y * tiles_per_split;
+  const int last_tile = min(num_tiles, first_tile + tiles_per_split);
+
+  // Invalid entries read row 0 and have a norm of -1.
+  constexpr int query_base = SharedLayout::kQueries;
+  for (int i = thread; i < kQueryTile * 8; i += kThreads) {
+    const int query = first_query + i / 8;
+    const std::int32_t row = query < job.query.size ? RowAt(job.query, query) : -1;
+    CopyAsync16(base + query_base + Swizzled(i / 8, i % 8),
+                sets.descriptors + static_cast<std::size_t>(max(row, 0)) * kDescriptorBytes + i % 8 * 16);
+    if (i % 8 != 0) continue;
+    if (row >= 0) {
+      CopyAsync4(SharedAddress(query_norms + i / 8), sets.inverse_norms + row);
+    } else {
+      query_norms[i / 8] = -1.0f;
+    }
+  }
+  CommitCopies();
+  if constexpr (kGated) {
+    for (int i = thread; i < kGateValues * kQueryTile; i += kThreads) {
+      const int query = first_query + i % kQueryTile;
+      query_gates[i] =
+          query < job.query.size
+              ? work.query_gates.values[static_cast<std::size_t>(i / kQueryTile) * work.query_gates.capacity + query]
+              : 0.0f;
+    }
+  }
+  const auto load_tile = [&](int tile, int stage) {
+    if (tile < last_tile) {
+      float* norms = reinterpret_cast<float*>(shared + SharedLayout::kTrainNorms) + stage * kTrainTile;
+#pragma unroll
+      for (int i = thread; i < kTrainTile * 8; i += kThreads) {
+        const int train = tile * kTrainTile + i / 8;
+        const std::int32_t row = train < job.train.size ? RowAt(job.train, train) : -1;
+        CopyAsync16(base + SharedLayout::kTrain + stage * kTileBytes + Swizzled(i / 8, i % 8),
+                    sets.descriptors + static_cast<std::size_t>(max(row, 0)) * kDescriptorBytes + i % 8 * 16);
+        if (i % 8 != 0) continue;
+        if (row >= 0) {
+          CopyAsync4(SharedAddress(norms + i / 8), sets.inverse_norms + row);
+        } else {
+          norms[i / 8] = -1.0f;
+        }
+      }
+    }
+    CommitCopies();
+  };
+#pragma unroll
+  for (int s = 0; s < kStages - 1; ++s) load_tile(first_tile + s, s);
+
+  WaitForCopies<kStages - 1>();  // the queries; the train tiles may still be on their way
+  __syncthreads();
+  std::uint32_t a[2][4][4];
+  if constexpr (kDot == DotProduct::kTensorCores) {
+#pragma unroll
+    for (int m = 0; m < 2; ++m) {
+#pragma unroll
+      for (int k = 0; k < 4; ++k) {
+        LoadMatrices(a[m][k], base + query_base + Swizzled(warp_row * 32 + m * 16 + lane % 16, 2 * k + lane / 16));
+      }
+    }
+  }
+
+  // Of rows 8 * r + lane / 4 of the warp's 32.
+  float norms_of_rows[4];
+  TopTwo tops[4];
+  // Second best of the row in the tiles before, as far as the four lanes of the row know: no pair that is not better
+  // changes the result, since ties go to the lower position.
+  float bars[4] = {-1.0f, -1.0f, -1.0f, -1.0f};
+#pragma unroll
+  for (int r = 0; r < 4; ++r) {
+    norms_of_rows[r] = query_norms[warp_row * 32 + 8 * r + lane / 4];
+    if (norms_of_rows[r] < 0.0f) bars[r] = tops[r].second = 2.0f;  // nothing gets past this; never looked at
+  }
+
+  int stage = 0;
+  for (int tile = first_tile; tile < last_tile; ++tile) {
+    WaitForCopies<kStages - 2>();
+    if constexpr (kMutual) {
+      if (thread < kTrainTile) column_best[thread] = 0;
+    }
+    __syncthreads();
+    load_tile(tile + kStages - 1, (stage + kStages - 1) % kStages);
+    const int train_base = SharedLayout::kTrain + stage * kTileBytes;
+    const float* train_norms = reinterpret_cast<const float*>(shared + SharedLayout::kTrainNorms) + stage * kTrainTile;
+#pragma unroll
+    for (int part = 0; part < 2; ++part) {
+      // Products of 32 x 32; a lane has rows as above, and columns 8 * n + 2 * (lane % 4) + {0, 1}.
+      const int first_column = warp_column * 64 + part * 32;
+      int sums[2][4][4];
+#pragma unroll
+      for (int m = 0; m < 2; ++m) {
+#pragma unroll
+        for (int n = 0; n < 4; ++n) {
+#pragma unroll
+          for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
+        }
+      }
+      if constexpr (kDot == DotProduct::kTensorCores) {
+#pragma unroll
+        for (int n = 0; n < 4; ++n) {
+          std::uint32_t b[2][4];
+          const int row = first_column + 8 * n + lane % 8;
+          LoadMatrices(b[0], base + train_base + Swizzled(row, lane / 8));
+          LoadMatrices(b[1], base + train_base + Swizzled(row, 4 + lane / 8));
+#pragma unroll
+          for (int m = 0; m < 2; ++m) {
+            MultiplyAdd(sums[m][n], a[m][0], b[0][0], b[0][1]);
+            MultiplyAdd(sums[m][n], a[m][1], b[0][2], b[0][3]);
+            MultiplyAdd(sums[m][n], a[m][2], b[1][0], b[1][1]);
+            MultiplyAdd(sums[m][n], a[m][3], b[1][2], b[1][3]);
+          }
+        }
+      } else {
+#pragma unroll 1
+        for (int piece = 0; piece < 8; ++piece) {
+          uint4 q[4];
+#pragma unroll
+          for (int r = 0; r < 4; ++r) {
+            q[r] = *reinterpret_cast<const uint4*>(shared + query_base +
+                                                   Swizzled(warp_row * 32 + 8 * r + lane / 4, piece));
+          }
+#pragma unroll
+          for (int n = 0; n < 4; ++n) {
+#pragma unroll
+            for (int e = 0; e < 2; ++e) {
+              const uint4 t = *reinterpret_cast<const uint4*>(shared + train_base +
+                                                              Swizzled(first_column + 8 * n + lane % 4 * 2 + e, piece));
+#pragma unroll
+              for (int r = 0; r < 4; ++r) {
+                std::uint32_t sum = static_cast<std::uint32_t>(sums[r / 2][n][r % 2 * 2 + e]);
+                sum = __dp4a(q[r].x, t.x, sum);
+                sum = __dp4a(q[r].y, t.y, sum);
+                sum = __dp4a(q[r].z, t.z, sum);
+                sum = __dp4a(q[r].w, t.w, sum);
+                sums[r / 2][n][r % 2 * 2 + e] = static_cast<int>(sum);
+              }
+            }
+          }
+        }
+      }
+
+      // Without mutual matching and gates, most pairs need no more than a bound: the product times the norm of the
+      // train descriptor, rounded once. Exact similarities are taken where the highest bound of a row may enter.
+      bool is_candidate[4] = {true, true, true, true};
+      if constexpr (!kMutual && !kGated) {
+        float bounds[4] = {};
+#pragma unroll
+        for (int n = 0; n < 4; ++n) {
+          const float2 norms = *reinterpret_cast<const float2*>(train_norms + first_column + 8 * n + lane % 4 * 2);
+          const float offset_x = -__int_as_float(kFloatBase) * norms.x;
+          const float offset_y = -__int_as_float(kFloatBase) * norms.y;
+#pragma unroll
+          for (int r = 0; r < 4; ++r) {
+            bounds[r] = fmaxf(bounds[r], fmaf(__int_as_float(sums[r / 2][n][r % 2 * 2]), norms.x, offset_x));
+            bounds[r] = fmaxf(bounds[r], fmaf(__int_as_float(sums[r / 2][n][r % 2 * 2 + 1]), norms.y, offset_y));
+          }
+        }
+        constexpr float kAboveRounding = 1.000002f;
+#pragma unroll
+        for (int r = 0; r < 4; ++r) {
+          is_candidate[r] = bounds[r] * norms_of_rows[r] * kAboveRounding > fmaxf(bars[r], tops[r].second);
+        }
+        if (!(is_candidate[0] || is_candidate[1] || is_candidate[2] || is_candidate[3])) continue;
+      }
+
+      float similarity[4][8];
+#pragma unroll
+      for (int n = 0; n < 4; ++n) {
+#pragma unroll
+        for (int e = 0; e < 2; ++e) {
+          const int column = first_column + 8 * n + lane % 4 * 2 + e;
+          const float norm = train_norms[column];
+#pragma unroll
+          for (int r = 0; r < 4; ++r) {
+            const float product = __int_as_float(sums[r / 2][n][r % 2 * 2 + e]) - __int_as_float(kFloatBase);
+            float value = __fmul_rn(product, __fmul_rn(norm, norms_of_rows[r]));
+            value = norm >= 0.0f ? value : -1.0f;
+            if constexpr (kGated) {
+              const int train = tile * kTrainTile + column;
+              if (train < job.train.size &&
+                  !IsAdmissible(query_gates + warp_row * 32 + 8 * r + lane / 4, work.train_gates, train, job.gate)) {
+                value = -1.0f;
+              }
+            }
+            similarity[r][2 * n + e] = value;
+          }
+        }
+      }
+#pragma unroll
+      for (int r = 0; r < 4; ++r) {
+        if (!is_candidate[r]) continue;
+        float highest = similarity[r][0];
+#pragma unroll
+        for (int c = 1; c < 8; ++c) highest = fmaxf(highest, similarity[r][c]);
+        if (highest <= tops[r].second) continue;
+#pragma unroll
+        for (int c = 0; c < 8; ++c) {
+          const float value = similarity[r][c];
+          tops[r].second = fmaxf(tops[r].second, fminf(tops[r].best, value));
+          if (value > tops[r].best) {
+            tops[r].best = value;
+            tops[r].best_idx = tile * kTrainTile + first_column + 8 * (c / 2) + lane % 4 * 2 + c % 2;
+          }
+        }
+      }
+      if constexpr (kMutual) {
+#pragma unroll
+        for (int c = 0; c < 8; ++c) {
+          unsigned long long key = 0;
+#pragma unroll
+          for (int r = 0; r < 4; ++r) {
+            // Invalid queries have a norm below 0.
+            const float value = norms_of_rows[r] >= 0.0f ? similarity[r][c] : -1.0f;
+            key = max(key, ColumnKey(value, first_query + warp_row * 32 + 8 * r + lane / 4));
+          }
+#pragma unroll
+          for (int step = 4; step < 32; step *= 2) key = max(key, __shfl_xor_sync(0xffffffffu, key, step));
+          if (lane < 4 && key != 0) atomicMax(&column_best[first_column + 8 * (c / 2) + lane % 4 * 2 + c % 2], key);
+        }
+      }
+    }
+    if constexpr (kMutual) {
+      __syncthreads();
+      const int train = tile * kTrainTile + thread;
+      if (thread < kTrainTile && train < job.train.size && column_best[thread] != 0) {
+        atomicMax(&work.train_best[train], column_best[thread]);
+      }
+      __syncthreads();
+    }
+    if constexpr (!kMutual && !kGated) {
+#pragma unroll
+      for (int r = 0; r < 4; ++r) {
+        float best = tops[r].best;
+        float second = tops[r].second;
+#pragma unroll
+        for (int step = 1; step < 4; step *= 2) {
+          const float other_best = __shfl_xor_sync(0xffffffffu, best, step);
+          const float other_second = __shfl_xor_sync(0xffffffffu, second, step);
+          second = fmaxf(fminf(best, other_best), fmaxf(second, other_second));
+          best = fmaxf(best, other_best);
+        }
+        bars[r] = second;
+      }
+    }
+    stage = (stage + 1) % kStages;
+  }
+  WaitForCopies<0>();
+
+  // Four lanes of a row, then the two warps of a row.
+#pragma unroll
+  for (int r = 0; r < 4; ++r) {
+#pragma unroll
+    for (int step = 1; step < 4; step *= 2) {
+      const float best = __shfl_xor_sync(0xffffffffu, tops[r].best, step);
+      const float second = __shfl_xor_sync(0xffffffffu, tops[r].second, step);
+      const std::int32_t best_idx = __shfl_xor_sync(0xffffffffu, tops[r].best_idx, step);
+      Join(tops[r], best, second, best_idx);
+    }
+    if (warp_column == 1 && lane % 4 == 0) join[warp_row * 32 + 8 * r + lane / 4] = tops[r];
+  }
+  __syncthreads();
+  const int padded_queries = gridDim.x * kQueryTile;
+  if (warp_column == 0 && lane % 4 == 0) {
+#pragma unroll
+    for (int r = 0; r < 4; ++r) {
+      const int row = warp_row * 32 + 8 * r + lane / 4;
+      Join(tops[r], join[row].best, join[row].second, join[row].best_idx);
+      work.partial[static_cast<std::size_t>(blockIdx.y) * padded_queries + first_query + row] = tops[r];
+    }
+  }
+
+  __threadfence();
+  __syncthreads();
+  if (thread == 0) {
+    is_last = atomicAdd(&work.counters[blockIdx.x], 1) == static_cast<int>(gridDim.y) - 1;
+    if (is_last) work.counters[blockIdx.x] = 0;
+  }
+  __syncthreads();
+  if (!is_last) return;
+  __threadfence();
+  if (thread < kQueryTile) {
+    const int query = first_query + thread;
+    TopTwo top;
+    if (query < job.query.size && query_norms[thread] >= 0.0f) {
+      constexpr int kAtOnce = 8;  // loads under way together
+      const int4* partial = reinterpret_cast<const int4*>(work.partial) + query;
+      for (int first = 0; first < static_cast<int>(gridDim.y); first += kAtOnce) {
+        int4 others[kAtOnce];
+#pragma unroll
+        for (int k = 0; k < kAtOnce; ++k) {
+          const int split = min(first + k, static_cast<int>(gridDim.y) - 1);
+          others[k] = __ldcg(partial + static_cast<std::size_t>(split) * padded_queries);
+        }
+#pragma unroll
+        for (int k = 0; k < kAtOnce; ++k) {
+          if (first + k < static_cast<int>(gridDim.y)) {
+            Join(top, __int_as_float(others[k].x), __int_as_float(others[k].y), others[k].z);
+          }
+        }
+      }
+    }
+    top.state = Judge(top, job.options);
+    if constexpr (kMutual) {
+      work.merged[query] = top;
+    } else {
+      if (query < job.query.size) job.results[query] = top;
+    }
+  }
+  if constexpr (kMutual) {
+    // Whose best is whose is known when all blocks are done.
+    __threadfence();
+    __syncthreads();
+    if (thread == 0) {
+      is_last = atomicAdd(&work.counters[gridDim.x], 1) == static_cast<int>(gridDim.x) - 1;
+      if (is_last) work.counters[gridDim.x] = 0;
+    }
+    __syncthreads();
+    if (!is_last) return;
+    __threadfence();
+#pragma unroll 4
+    for (int query = thread; query < job.query.size; query += kThreads) {
+      const int4 raw = __ldcg(reinterpret_cast<const int4*>(work.merged) + query);
+      TopTwo top{__int_as_float(raw.x), __int_as_float(raw.y), raw.z, raw.w};
+      const std::uint32_t chosen =
+          0xffffffffu - static_cast<std::uint32_t>(__ldcg(&work.train_best[max(top.best_idx, 0)]));
+      if (chosen != static_cast<std::uint32_t>(query)) top.state = kRejected;
+      job.results[query] = top;
+    }
+    __syncthreads();
+    for (int train = thread; train < job.train.size; train += kThreads) work.train_best[train] = 0;
+  }
+}
+
+// A thread to an entry of either list; the train list comes second.
+__global__ void __launch_bounds__(128)
+    PackGatesKernel(const __grid_constant__ MatchJob job, const __grid_constant__ SetBuffers sets,
+                    const __grid_constant__ MatchWork work) {
+  const int entry = blockIdx.x * 128 + threadIdx.x;
+  const bool is_query = entry < job.query.size;
+  const int i = is_query ? entry : entry - job.query.size;
+  if (!is_query && i >= job.train.size) return;
+  const std::int32_t row = RowAt(is_query ? job.query : job.train, i);
+  const GateArrays& gates = is_query ? work.query_gates : work.train_gates;
+  const auto out = [&](int k) -> float& { return gates.values[static_cast<std::size_t>(k) * gates.capacity + i]; };
+  out(0) = sets.keypoints[row].x_px;
+  out(1) = sets.keypoints[row].y_px;
+  if (job.gate.query_bearings == nullptr) return;
+  const std::int32_t feature = row - (is_query ? job.gate.query_set_row : job.gate.train_set_row);
+  const float* bearing = (is_query ? job.gate.query_bearings : job.gate.train_bearings) + 3 * feature;
+  const float* m = job.gate.essential;
+  float normal[3];
+#pragma unroll
+  for (int k = 0; k < 3; ++k) {
+    // E for the query, its transpose for the train descriptor.
+    const int first = is_query ? 3 * k : k;
+    const int step = is_query ? 1 : 3;
+    normal[k] = __fadd_rn(__fadd_rn(__fmul_rn(m[first], bearing[0]), __fmul_rn(m[first + step], bearing[1])),
+                          __fmul_rn(m[first + 2 * step], bearing[2]));
+  }
+  const float norm = __fsqrt_rn(__fadd_rn(__fadd_rn(__fmul_rn(normal[0], normal[0]), __fmul_rn(normal[1], normal[1])),
+                                          __fmul_rn(normal[2], normal[2])));
+#pragma unroll
+  for (int k = 0; k < 3; ++k) {
+    out(2 + k) = bearing[k];
+    out(5 + k) = __fdiv_rn(normal[k], norm);  // a zero vector becomes NaN, which passes no gate
+  }
+  out(8) = (is_query ? job.gate.query_tolerance : job.gate.train_tolerance)[feature];
+}
+
+using Kernel = void (*)(MatchJob, SetBuffers, MatchWork, int);
+
+template <DotProduct kDot>
+Kernel KernelFor(bool is_gated, bool is_mutual) {
+  if (is_gated) return is_mutual ? BruteForceKernel<kDot, true, true> : BruteForceKernel<kDot, true, false>;
+  return is_mutual ? BruteForceKernel<kDot, false, true> : BruteForceKernel<kDot, false, false>;
+}
+
+Kernel KernelFor(DotProduct dot_product, bool is_gated, bool is_mutual) {
+  return dot_product == DotProduct::kDp4a ? KernelFor<DotProduct::kDp4a>(is_gated, is_mutual)
+                                          : KernelFor<DotProduct::kTensorCores>(is_gated, is_mutual);
+}
+
+int NumTiles(int size, int tile) { return (size + tile - 1) / tile; }
+
+}  // namespace
+
+cudaError_t PrepareBruteForce(DotProduct dot_product, int* max_blocks) {
+  for (const bool is_gated : {false, true}) {
+    for (const bool is_mutual : {false, true}) {
+      const Kernel kernel = KernelFor(dot_product, is_gated, is_mutual);
+      const cudaError_t error = cudaFuncSetAttribute(reinterpret_cast<const void*>(kernel),
+                                                     cudaFuncAttributeMaxDynamicSharedMemorySize, SharedLayout::kSize);
+      if (error != cudaSuccess) return error;
+    }
+  }
+  int device = 0;
+  int num_processors = 0;
+  int per_processor = 0;
+  cudaError_t error = cudaGetDevice(&device);
+  if (error == cudaSuccess) {
+    error = cudaDeviceGetAttribute(&num_processors, cudaDevAttrMultiProcessorCount, device);
+  }
+  if (error == cudaSuccess) {
+    error = cudaOccupancyMaxActiveBlocksPerMultiprocessor(
+        &per_processor, reinterpret_cast<const void*>(KernelFor(dot_product, false, true)), kThreads,
+        SharedLayout::kSize);
+  }
+  *max_blocks = num_processors * (per_processor > 0 ? per_processor : 1);
+  return error;
+}
+
+std::size_t MaxPartialResults(int max_list, int max_blocks) {
+  const std::size_t query_tiles = NumTiles(max_list, kQueryTile);
+  // As many splits as fill the device, at least one.
+  return (query_tiles + max_blocks) * kQueryTile;
+}
+
+int NumMatchCounters(int max_list) { return NumTiles(max_list, kQueryTile) + 1; }
+
+cudaError_t LaunchBruteForce(const MatchJob& job, const SetBuffers& sets, const MatchWork& work, DotProduct dot_product,
+                             int max_blocks, cudaStream_t stream) {
+  if (job.is_gated) {
+    PackGatesKernel<<<NumTiles(job.query.size + job.train.size, 128), 128, 0, stream>>>(job, sets, work);
+    if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
+  }
+  const int query_tiles = NumTiles(job.query.size, kQueryTile);
+  const int train_tiles = NumTiles(job.train.size, kTrainTile);
+  int splits = max_blocks / query_tiles;
+  splits = splits < 1 ? 1 : (splits > train_tiles ? train_tiles : splits);
+  const int tiles_per_split = NumTiles(train_tiles, splits);
+  const dim3 grid(query_tiles, NumTiles(train_tiles, tiles_per_split));
+  const Kernel kernel = KernelFor(dot_product, job.is_gated, job.options.mutual);
+  kernel<<<grid, kThreads, SharedLayout::kSize, stream>>>(job, sets, work, tiles_per_split);
+  return cudaGetLastError();
+}
+
+}  // namespace haustra::kernels::cuda

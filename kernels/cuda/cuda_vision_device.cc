@@ -1,0 +1,634 @@
+#include "kernels/cuda/cuda_vision_device.h"
+
+#include <time.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "kernels/common/feature_set_slots.h"
+#include "kernels/common/match_acceptance.h"
+#include "kernels/common/request_checks.h"
+#include "kernels/cuda/cuda_memory.h"
+#include "kernels/cuda/extractor.h"
+#include "kernels/cuda/match_kernels.h"
+
+namespace haustra {
+namespace kernels::cuda {
+namespace {
+
+constexpr int kNumLanes = static_cast<int>(Lane::kNumLanes);
+constexpr int kQueueLength = CudaVisionDevice::kQueueLength;
+
+TimePoint Now() {
+  timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return TimePoint(std::chrono::seconds(now.tv_sec) + Duration(now.tv_nsec));
+}
+
+std::size_t AlignUp(std::size_t size, std::size_t alignment) { return (size + alignment - 1) / alignment * alignment; }
+
+// The answer of the device to one query, judged for good.
+bool IsMatch(const TopTwo& top, const MatchOptions& options) {
+  return top.state == kAccepted || (top.state == kBorderline && IsAccepted(top.best, top.second, options));
+}
+
+Match ToMatch(std::int32_t query, const TopTwo& top) {
+  return {query, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};
+}
+
+enum class WorkKind { kNone, kExtraction, kMatching, kGuidedMatching };
+
+// One queued request, from Enqueue* until its results have been handed over.
+struct Work {
+  WorkKind kind = WorkKind::kNone;
+  std::uint64_t number = 0;
+  cudaEvent_t done = nullptr;
+  // What the caller wants where.
+  FeatureSetHandle set;
+  Keypoint* keypoints = nullptr;
+  Match* matches = nullptr;
+  std::int32_t* count = nullptr;
+  std::int32_t num_queries = 0;
+  std::int32_t num_train = 0;
+  MatchOptions options;
+  // Input of matching is put together here, and copied to the device in one piece.
+  std::uint8_t* input = nullptr;
+  std::uint8_t* device_input = nullptr;
+  TopTwo* results = nullptr;
+  TopTwo* device_results = nullptr;
+};
+
+// Fills the input of a request piece by piece.
+class InputWriter {
+ public:
+  explicit InputWriter(const Work& work) : work_(work) {}
+
+  // Room for `count` values on the host; *device: where they will be on the device.
+  template <typename T>
+  T* Add(std::size_t count, const T** device) {
+    T* host = reinterpret_cast<T*>(work_.input + size_);
+    *device = reinterpret_cast<const T*>(work_.device_input + size_);
+    size_ += AlignUp(count * sizeof(T), 16);
+    return host;
+  }
+  cudaError_t Upload(cudaStream_t stream) const {
+    if (size_ == 0) return cudaSuccess;
+    return cudaMemcpyAsync(work_.device_input, work_.input, size_, cudaMemcpyHostToDevice, stream);
+  }
+
+ private:
+  const Work& work_;
+  std::size_t size_ = 0;
+};
+
+struct LaneState {
+  ~LaneState() {
+    for (Work& work : queue) {
+      if (work.done != nullptr) (void)cudaEventDestroy(work.done);
+    }
+    extractor.reset();
+    if (stream != nullptr) (void)cudaStreamDestroy(stream);
+  }
+
+  cudaStream_t stream = nullptr;
+  std::unique_ptr<Extractor> extractor;
+  std::uint64_t last_number = 0;
+  Work queue[kQueueLength];          // of matching; number n has its place at n % kQueueLength
+  Work extraction;                   // shares the events of nobody
+  std::vector<std::int32_t> owners;  // query that holds each feature, for guided matching
+  MatchWork match_work;
+
+  DeviceBuffer<TopTwo> partial;
+  DeviceBuffer<TopTwo> merged;
+  DeviceBuffer<std::int32_t> match_counters;
+  DeviceBuffer<unsigned long long> train_best;
+  DeviceBuffer<float> gates;
+  PinnedBuffer<std::uint8_t> input;
+  DeviceBuffer<std::uint8_t> device_input;
+  PinnedBuffer<TopTwo> results;
+};
+
+class Device final : public CudaVisionDevice, private FeatureCounts {
+ public:
+  Device(const VisionPlan& plan, const CudaDeviceOptions& device_options)
+      : plan_(plan),
+        max_list_(std::max(plan.max_features, plan.max_match_list)),
+        device_options_(device_options),
+        slots_(plan.max_feature_sets) {}
+
+  ~Device() override {
+    if (utility_stream_ != nullptr) (void)cudaStreamDestroy(utility_stream_);
+  }
+
+  Status Construct(const ExtractOptions& options) {
+    int num_devices = 0;
+    if (const cudaError_t error = cudaGetDeviceCount(&num_devices); error != cudaSuccess || num_devices == 0) {
+      return Unavailable(std::string("no CUDA device: ") +
+                         cudaGetErrorString(error != cudaSuccess ? error : cudaErrorNoDevice));
+    }
+    if (device_options_.device < 0 || device_options_.device >= num_devices) {
+      return InvalidArgument("CUDA device " + std::to_string(device_options_.device) + ": there are " +
+                             std::to_string(num_devices));
+    }
+    HAUSTRA_TRY(Select());
+    cudaDeviceProp properties{};
+    HAUSTRA_TRY(ToStatus(cudaGetDeviceProperties(&properties, device_options_.device), "properties of the device"));
+    name_ = "cuda-sm" + std::to_string(properties.major) + std::to_string(properties.minor);
+    HAUSTRA_TRY(ToStatus(PrepareBruteForce(device_options_.dot_product, &max_match_blocks_), "matcher"));
+
+    const std::size_t num_rows = static_cast<std::size_t>(plan_.max_feature_sets) * plan_.max_features;
+    if (num_rows > 0x7fffffffu) {
+      return CapacityExceeded(std::to_string(plan_.max_feature_sets) + " feature sets of " +
+                              std::to_string(plan_.max_features) + " features: more than 2^31");
+    }
+    HAUSTRA_TRY(descriptors_.Allocate(num_rows * kDescriptorBytes));
+    HAUSTRA_TRY(keypoints_.Allocate(num_rows));
+    HAUSTRA_TRY(inverse_norms_.Allocate(num_rows));
+    sets_ = {keypoints_.data(), descriptors_.data(), inverse_norms_.data(), plan_.max_features};
+
+    int lowest_priority = 0;
+    int highest_priority = 0;
+    HAUSTRA_TRY(ToStatus(cudaDeviceGetStreamPriorityRange(&lowest_priority, &highest_priority), "stream priorities"));
+    for (int i = 0; i < kNumLanes; ++i) {
+      const bool is_tracking = static_cast<Lane>(i) == Lane::kTracking;
+      HAUSTRA_TRY(ConstructLane(lanes_[i], options, is_tracking ? highest_priority : lowest_priority));
+    }
+    HAUSTRA_TRY(
+        ToStatus(cudaStreamCreateWithPriority(&utility_stream_, cudaStreamNonBlocking, lowest_priority), "stream"));
+    return ToStatus(cudaDeviceSynchronize(), "construction");
+  }
+
+  std::string_view name() const override { return name_; }
+  const VisionPlan& plan() const override { return plan_; }
+
+  Status SetStaticMask(ImageView mask) override {
+    HAUSTRA_TRY(Select());
+    if (!mask.is_empty()) {
+      if (mask.format != PixelFormat::kGrey8) return InvalidArgument("static mask must be an 8-bit grey image");
+      HAUSTRA_TRY(CheckImageSize(mask, plan_, "static mask"));
+    }
+    mask_width_ = mask.is_empty() ? 0 : mask.width;
+    mask_height_ = mask.is_empty() ? 0 : mask.height;
+    for (LaneState& lane : lanes_) HAUSTRA_TRY(Lose(lane.extractor->SetStaticMask(mask)));
+    return Status::Ok();
+  }
+
+  Result<FeatureSetHandle> CreateFeatureSet() override {
+    const FeatureSetHandle handle = slots_.Create();
+    if (!handle.is_valid()) {
+      return CapacityExceeded("all " + std::to_string(plan_.max_feature_sets) + " feature sets are in use");
+    }
+    return handle;
+  }
+  bool RetainFeatureSet(FeatureSetHandle set) override { return slots_.Retain(set); }
+  void ReleaseFeatureSet(FeatureSetHandle set) override { slots_.Release(set); }
+  std::int32_t num_free_feature_sets() const override { return slots_.num_free(); }
+
+  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    HAUSTRA_TRY(CheckLane(lane));
+    HAUSTRA_TRY(Select());
+    HAUSTRA_TRY(CheckExtractRequest(request, plan_, mask_width_, mask_height_));
+    LaneState& state = StateOf(lane);
+    HAUSTRA_TRY(Finish(state.extraction, state));
+    switch (slots_.BeginWrite(request.set)) {
+      case FeatureSetSlots::WriteClaim::kGranted: break;
+      case FeatureSetSlots::WriteClaim::kStale: return InvalidArgument("feature set to write: stale or invalid handle");
+      case FeatureSetSlots::WriteClaim::kWrittenBefore:
+        return FailedPrecondition("feature set to write was written before; a set is written once");
+    }
+    Status status = state.extractor->Enqueue(request.image, request.set.index);
+    if (status.ok()) status = ToStatus(cudaEventRecord(state.extraction.done, state.stream), "event");
+    if (!status.ok()) {
+      slots_.AbandonWrite(request.set);
+      return Lose(status);
+    }
+    Work& work = state.extraction;
+    work.kind = WorkKind::kExtraction;
+    work.number = ++state.last_number;
+    work.set = request.set;
+    work.keypoints = request.keypoints.data();
+    work.count = request.num_keypoints;
+    return TicketOf(lane, work.number);
+  }
+
+  Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) override {
+    HAUSTRA_TRY(CheckLane(lane));
+    HAUSTRA_TRY(Select());
+    LaneState& state = StateOf(lane);
+    HAUSTRA_TRY(Finish(state.extraction, state));
+    HAUSTRA_TRY(CheckMatchRequest(request, plan_, *this));
+    Work* work = nullptr;
+    HAUSTRA_TRY(Claim(state, WorkKind::kMatching, &work));
+    work->num_queries = ListSize(request.query, *this);
+    work->num_train = ListSize(request.train, *this);
+    work->matches = request.matches.data();
+    work->count = request.num_matches;
+    work->options = request.options;
+    if (work->num_queries > 0 && work->num_train > 0) {
+      if (const Status status = LaunchMatch(state, request, *work); !status.ok()) {
+        work->kind = WorkKind::kNone;
+        return Lose(status);
+      }
+    }
+    return TicketOf(lane, work->number);
+  }
+
+  Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
+    HAUSTRA_TRY(CheckLane(lane));
+    HAUSTRA_TRY(Select());
+    LaneState& state = StateOf(lane);
+    HAUSTRA_TRY(Finish(state.extraction, state));
+    HAUSTRA_TRY(CheckGuidedMatchRequest(request, plan_, *this));
+    Work* work = nullptr;
+    HAUSTRA_TRY(Claim(state, WorkKind::kGuidedMatching, &work));
+    work->num_queries = static_cast<std::int32_t>(request.queries.size());
+    work->num_train = NumFeatures(request.train);
+    work->matches = request.matches.data();
+    work->count = request.num_matches;
+    work->options = request.options;
+    if (work->num_queries > 0 && work->num_train > 0) {
+      if (const Status status = LaunchGuidedMatch(state, request, *work); !status.ok()) {
+        work->kind = WorkKind::kNone;
+        return Lose(status);
+      }
+    }
+    return TicketOf(lane, work->number);
+  }
+
+  Status Wait(Ticket ticket, TimePoint deadline) override {
+    const std::uint64_t number = ticket.value / kNumLanes;
+    LaneState& state = lanes_[ticket.value % kNumLanes];
+    if (number == 0 || number > state.last_number) {
+      return InvalidArgument("ticket " + std::to_string(ticket.value) + " was never given out");
+    }
+    HAUSTRA_TRY(Select());
+    for (Work* work : {&state.extraction, &state.queue[number % kQueueLength]}) {
+      if (work->kind == WorkKind::kNone || work->number != number) continue;
+      HAUSTRA_TRY(WaitFor(*work, deadline));
+      return Finish(*work, state);
+    }
+    return Status::Ok();  // handed over before
+  }
+
+  Status ReadDescriptors(FeatureSetHandle handle, std::span<std::uint8_t> out) override {
+    const std::int32_t num_features = NumFeatures(handle);
+    if (num_features < 0) return InvalidArgument("descriptors to read: stale or invalid feature set");
+    const std::size_t num_bytes = static_cast<std::size_t>(num_features) * kDescriptorBytes;
+    if (out.size() < num_bytes) {
+      return InvalidArgument("room for " + std::to_string(out.size()) + " bytes of descriptors, the set has " +
+                             std::to_string(num_bytes));
+    }
+    if (num_bytes == 0) return Status::Ok();
+    HAUSTRA_TRY(Select());
+    const std::lock_guard lock(utility_mutex_);
+    const std::uint8_t* from =
+        descriptors_.data() + static_cast<std::size_t>(handle.index) * plan_.max_features * kDescriptorBytes;
+    HAUSTRA_TRY(Lose(ToStatus(cudaMemcpyAsync(out.data(), from, num_bytes, cudaMemcpyDeviceToHost, utility_stream_),
+                              "reading descriptors")));
+    return Lose(ToStatus(cudaStreamSynchronize(utility_stream_), "reading descriptors"));
+  }
+
+  Status WriteFeatures(FeatureSetHandle handle, std::span<const Keypoint> keypoints,
+                       std::span<const std::uint8_t> descriptors) override {
+    HAUSTRA_TRY(CheckFeaturesToWrite(keypoints, descriptors, plan_));
+    HAUSTRA_TRY(Select());
+    switch (slots_.BeginWrite(handle)) {
+      case FeatureSetSlots::WriteClaim::kGranted: break;
+      case FeatureSetSlots::WriteClaim::kStale: return InvalidArgument("feature set to write: stale or invalid handle");
+      case FeatureSetSlots::WriteClaim::kWrittenBefore:
+        return FailedPrecondition("feature set to write was written before; a set is written once");
+    }
+    if (const Status status = CopyFeatures(handle.index, keypoints, descriptors); !status.ok()) {
+      slots_.AbandonWrite(handle);
+      return Lose(status);
+    }
+    slots_.Publish(handle, static_cast<std::int32_t>(keypoints.size()));
+    return Status::Ok();
+  }
+
+  Status MeasureExtractionSteps(Lane lane, int repeats,
+                                std::span<Extractor::StepTime, Extractor::kNumSteps> out) override {
+    HAUSTRA_TRY(Select());
+    return StateOf(lane).extractor->MeasureSteps(repeats, out);
+  }
+
+  Status MeasureMatching(std::int64_t num_query, std::int64_t num_train, bool mutual, int repeats, double* median_us,
+                         double* p99_us) override {
+    HAUSTRA_TRY(Select());
+    LaneState& state = StateOf(Lane::kBackground);
+    HAUSTRA_TRY(Finish(state.extraction, state));
+    const std::int64_t num_rows = static_cast<std::int64_t>(plan_.max_feature_sets) * plan_.max_features;
+    if (num_query > max_list_ || num_query + num_train > num_rows || (mutual && num_train > max_list_)) {
+      return CapacityExceeded("matching of " + std::to_string(num_query) + " and " + std::to_string(num_train) +
+                              " descriptors to measure");
+    }
+    MatchJob job;
+    job.query = {nullptr, 0, static_cast<std::int32_t>(num_query)};
+    job.train = {nullptr, static_cast<std::int32_t>(num_query), static_cast<std::int32_t>(num_train)};
+    job.options.mutual = mutual;
+    job.options.max_angle_ratio = 0.85f;
+    Work* work = nullptr;
+    HAUSTRA_TRY(Claim(state, WorkKind::kMatching, &work));
+    work->kind = WorkKind::kNone;
+    job.results = work->device_results;
+    cudaEvent_t begin = nullptr;
+    cudaEvent_t end = nullptr;
+    cudaError_t error = cudaEventCreate(&begin);
+    if (error == cudaSuccess) error = cudaEventCreate(&end);
+    std::vector<float> times;
+    constexpr int kLaunches = 10;  // between two events, which take microseconds themselves
+    for (int i = 0; i < repeats + 5 && error == cudaSuccess; ++i) {
+      error = cudaEventRecord(begin, state.stream);
+      for (int k = 0; k < kLaunches && error == cudaSuccess; ++k) {
+        error = LaunchBruteForce(job, sets_, state.match_work, device_options_.dot_product, max_match_blocks_,
+                                 state.stream);
+      }
+      if (error == cudaSuccess) error = cudaEventRecord(end, state.stream);
+      if (error == cudaSuccess) error = cudaEventSynchronize(end);
+      float ms = 0.0f;
+      if (error == cudaSuccess) error = cudaEventElapsedTime(&ms, begin, end);
+      if (i >= 5) times.push_back(1e3f * ms / kLaunches);
+    }
+    if (begin != nullptr) (void)cudaEventDestroy(begin);
+    if (end != nullptr) (void)cudaEventDestroy(end);
+    HAUSTRA_TRY(Lose(ToStatus(error, "measurement of matching")));
+    std::sort(times.begin(), times.end());
+    *median_us = times[times.size() / 2];
+    *p99_us = times[times.size() * 99 / 100];
+    return Status::Ok();
+  }
+
+ private:
+  std::int32_t NumFeatures(FeatureSetHandle set) const override { return slots_.NumFeatures(set); }
+
+  Status ConstructLane(LaneState& lane, const ExtractOptions& options, int priority) {
+    HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(&lane.stream, cudaStreamNonBlocking, priority), "stream"));
+    HAUSTRA_ASSIGN(lane.extractor, Extractor::Create(plan_, options, sets_, lane.stream, priority));
+    const std::size_t max_list = max_list_;
+    lane.match_work.max_partial = MaxPartialResults(max_list_, max_match_blocks_);
+    HAUSTRA_TRY(lane.partial.Allocate(lane.match_work.max_partial));
+    HAUSTRA_TRY(lane.merged.Allocate(AlignUp(max_list, 128)));
+    HAUSTRA_TRY(lane.match_counters.Allocate(NumMatchCounters(max_list_)));
+    HAUSTRA_TRY(lane.train_best.Allocate(max_list));
+    HAUSTRA_TRY(lane.gates.Allocate(2 * kGateValues * max_list));
+    lane.match_work.partial = lane.partial.data();
+    lane.match_work.merged = lane.merged.data();
+    lane.match_work.counters = lane.match_counters.data();
+    lane.match_work.train_best = lane.train_best.data();
+    lane.match_work.query_gates = {lane.gates.data(), max_list_};
+    lane.match_work.train_gates = {lane.gates.data() + kGateValues * max_list, max_list_};
+
+    const std::size_t max_features = plan_.max_features;
+    const std::size_t brute_force_bytes =
+        2 * (AlignUp(4 * max_list, 16) + AlignUp(12 * max_features, 16) + AlignUp(4 * max_features, 16));
+    const std::size_t guided_bytes = AlignUp(sizeof(GuidedRow) * plan_.max_match_list, 16) + AlignUp(max_features, 16);
+    const std::size_t num_bytes = AlignUp(std::max(brute_force_bytes, guided_bytes), 256);
+    HAUSTRA_TRY(lane.input.Allocate(kQueueLength * num_bytes));
+    HAUSTRA_TRY(lane.device_input.Allocate(kQueueLength * num_bytes));
+    HAUSTRA_TRY(lane.results.Allocate(kQueueLength * max_list));
+    for (int i = 0; i < kQueueLength; ++i) {
+      Work& work = lane.queue[i];
+      work.input = lane.input.data() + i * num_bytes;
+      work.device_input = lane.device_input.data() + i * num_bytes;
+      work.results = lane.results.data() + i * max_list;
+      work.device_results = lane.results.device_data() + i * max_list;
+      HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&work.done, cudaEventDisableTiming), "event"));
+    }
+    HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&lane.extraction.done, cudaEventDisableTiming), "event"));
+    lane.owners.resize(max_features);
+    return Status::Ok();
+  }
+
+  LaneState& StateOf(Lane lane) { return lanes_[static_cast<int>(lane)]; }
+  static Ticket TicketOf(Lane lane, std::uint64_t number) {
+    return Ticket{number * kNumLanes + static_cast<std::uint64_t>(lane)};
+  }
+
+  // Makes the device current for the calling thread; refuses when it was lost.
+  Status Select() {
+    if (is_lost_.load(std::memory_order_relaxed)) return Unavailable("CUDA device lost by an earlier error");
+    return Lose(ToStatus(cudaSetDevice(device_options_.device), "selection of the device"));
+  }
+
+  // Remembers when the device is gone.
+  Status Lose(Status status) {
+    if (status.code() == StatusCode::kUnavailable) is_lost_.store(true, std::memory_order_relaxed);
+    return status;
+  }
+
+  // The next place of the queue, after whoever had it has been served.
+  Status Claim(LaneState& lane, WorkKind kind, Work** out) {
+    Work& work = lane.queue[(lane.last_number + 1) % kQueueLength];
+    HAUSTRA_TRY(Finish(work, lane));
+    work.kind = kind;
+    work.number = ++lane.last_number;
+    *out = &work;
+    return Status::Ok();
+  }
+
+  Status WaitFor(Work& work, TimePoint deadline) {
+    // Results are due in tens of microseconds: look often at first, then leave the processor to others.
+    constexpr int kImpatientLooks = 200;
+    for (int looks = 0;; ++looks) {
+      const cudaError_t error = cudaEventQuery(work.done);
+      if (error == cudaSuccess) return Status::Ok();
+      if (error != cudaErrorNotReady) {
+        if (work.kind == WorkKind::kExtraction) slots_.AbandonWrite(work.set);
+        work.kind = WorkKind::kNone;
+        return Lose(ToStatus(error, "work on the device"));
+      }
+      if (looks < kImpatientLooks) continue;
+      if (deadline != kNoDeadline && Now() >= deadline) return Status(StatusCode::kDeadlineExceeded);
+      const timespec pause{0, 20'000};
+      nanosleep(&pause, nullptr);
+    }
+  }
+
+  // Waits for the work, if there is any, and hands over its results.
+  Status Finish(Work& work, LaneState& lane) {
+    if (work.kind == WorkKind::kNone) return Status::Ok();
+    HAUSTRA_TRY(WaitFor(work, kNoDeadline));
+    switch (work.kind) {
+      case WorkKind::kExtraction: {
+        const std::int32_t num_features = lane.extractor->num_features();
+        std::copy_n(lane.extractor->keypoints(), num_features, work.keypoints);
+        *work.count = num_features;
+        slots_.Publish(work.set, num_features);
+        break;
+      }
+      case WorkKind::kMatching: DeliverMatches(work); break;
+      case WorkKind::kGuidedMatching: DeliverGuidedMatches(work, lane.owners); break;
+      case WorkKind::kNone: break;
+    }
+    work.kind = WorkKind::kNone;
+    return Status::Ok();
+  }
+
+  static void DeliverMatches(const Work& work) {
+    std::int32_t num_matches = 0;
+    if (work.num_train > 0) {
+      for (std::int32_t i = 0; i < work.num_queries; ++i) {
+        if (IsMatch(work.results[i], work.options)) work.matches[num_matches++] = ToMatch(i, work.results[i]);
+      }
+    }
+    *work.count = num_matches;
+  }
+
+  // The most similar query keeps the keypoint; ties: the lowest.
+  static void DeliverGuidedMatches(const Work& work, std::vector<std::int32_t>& owners) {
+    std::int32_t num_matches = 0;
+    if (work.num_train > 0) {
+      std::fill_n(owners.begin(), work.num_train, -1);
+      for (std::int32_t i = 0; i < work.num_queries; ++i) {
+        TopTwo& top = work.results[i];
+        if (!IsMatch(top, work.options)) {
+          top.best_idx = -1;
+          continue;
+        }
+        std::int32_t& owner = owners[top.best_idx];
+        if (owner < 0 || top.best > work.results[owner].best) owner = i;
+      }
+      for (std::int32_t i = 0; i < work.num_queries; ++i) {
+        const TopTwo& top = work.results[i];
+        if (top.best_idx >= 0 && owners[top.best_idx] == i) work.matches[num_matches++] = ToMatch(i, top);
+      }
+    }
+    *work.count = num_matches;
+  }
+
+  std::int32_t FirstRow(FeatureSetHandle set) const {
+    return static_cast<std::int32_t>(set.index) * plan_.max_features;
+  }
+
+  std::int32_t RowOf(const DescriptorRef& ref) const {
+    if (ref.feature_idx < 0 || ref.feature_idx >= NumFeatures(ref.set)) return -1;
+    return FirstRow(ref.set) + ref.feature_idx;
+  }
+
+  RowList RowsOf(const DescriptorList& list, std::int32_t size, InputWriter& input) const {
+    if (list.refs.empty() && list.indices.empty()) return {nullptr, FirstRow(list.set), size};
+    const std::int32_t* device_rows = nullptr;
+    std::int32_t* rows = input.Add<std::int32_t>(size, &device_rows);
+    if (!list.refs.empty()) {
+      for (std::int32_t i = 0; i < size; ++i) rows[i] = RowOf(list.refs[i]);
+    } else {
+      const std::int32_t first = FirstRow(list.set);
+      for (std::int32_t i = 0; i < size; ++i) rows[i] = first + list.indices[i];
+    }
+    return {device_rows, 0, size};
+  }
+
+  Status LaunchMatch(LaneState& lane, const MatchRequest& request, const Work& work) {
+    InputWriter input(work);
+    MatchJob job;
+    job.query = RowsOf(request.query, work.num_queries, input);
+    job.train = RowsOf(request.train, work.num_train, input);
+    job.options = request.options;
+    job.results = work.device_results;
+    job.is_gated = request.disparity != nullptr || request.epipolar != nullptr;
+    if (request.disparity != nullptr) {
+      job.gate.has_window = 1;
+      job.gate.max_dx_px = request.disparity->max_dx_px;
+      job.gate.max_dy_px = request.disparity->max_dy_px;
+    }
+    if (request.epipolar != nullptr) {
+      const EpipolarGate& gate = *request.epipolar;
+      std::copy(gate.train_from_query_essential.begin(), gate.train_from_query_essential.end(), job.gate.essential);
+      job.gate.query_set_row = FirstRow(request.query.set);
+      job.gate.train_set_row = FirstRow(request.train.set);
+      const auto add = [&](FeatureSetHandle set, std::span<const std::array<float, 3>> bearings,
+                           std::span<const float> tolerance, const float** device_bearings,
+                           const float** device_tolerance) {
+        const std::size_t count = NumFeatures(set);
+        std::memcpy(input.Add<float>(3 * count, device_bearings), bearings.data(), 3 * count * sizeof(float));
+        std::memcpy(input.Add<float>(count, device_tolerance), tolerance.data(), count * sizeof(float));
+      };
+      add(request.query.set, gate.query_bearings, gate.query_tolerance, &job.gate.query_bearings,
+          &job.gate.query_tolerance);
+      add(request.train.set, gate.train_bearings, gate.train_tolerance, &job.gate.train_bearings,
+          &job.gate.train_tolerance);
+    }
+    HAUSTRA_TRY(ToStatus(input.Upload(lane.stream), "input of matching"));
+    HAUSTRA_TRY(ToStatus(
+        LaunchBruteForce(job, sets_, lane.match_work, device_options_.dot_product, max_match_blocks_, lane.stream),
+        "launch of matching"));
+    return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
+  }
+
+  Status LaunchGuidedMatch(LaneState& lane, const GuidedMatchRequest& request, const Work& work) {
+    InputWriter input(work);
+    GuidedJob job;
+    GuidedRow* rows = input.Add<GuidedRow>(work.num_queries, &job.queries);
+    for (std::int32_t i = 0; i < work.num_queries; ++i) {
+      const GuidedQuery& query = request.queries[i];
+      rows[i] = {RowOf(query.descriptor), query.x_px,         query.y_px,
+                 query.radius_px,         query.min_scale_px, query.max_scale_px};
+    }
+    if (!request.train_allowed.empty()) {
+      std::memcpy(input.Add<std::uint8_t>(work.num_train, &job.train_allowed), request.train_allowed.data(),
+                  work.num_train);
+    }
+    job.num_queries = work.num_queries;
+    job.train_row = FirstRow(request.train);
+    job.num_train = work.num_train;
+    job.options = request.options;
+    job.results = work.device_results;
+    HAUSTRA_TRY(ToStatus(input.Upload(lane.stream), "input of guided matching"));
+    HAUSTRA_TRY(ToStatus(LaunchGuided(job, sets_, lane.stream), "launch of guided matching"));
+    return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
+  }
+
+  Status CopyFeatures(std::uint32_t set_index, std::span<const Keypoint> keypoints,
+                      std::span<const std::uint8_t> descriptors) {
+    if (keypoints.empty()) return Status::Ok();
+    const std::lock_guard lock(utility_mutex_);
+    const std::size_t first_row = static_cast<std::size_t>(set_index) * plan_.max_features;
+    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(keypoints_.data() + first_row, keypoints.data(), keypoints.size_bytes(),
+                                         cudaMemcpyHostToDevice, utility_stream_),
+                         "writing keypoints"));
+    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(descriptors_.data() + first_row * kDescriptorBytes, descriptors.data(),
+                                         descriptors.size_bytes(), cudaMemcpyHostToDevice, utility_stream_),
+                         "writing descriptors"));
+    HAUSTRA_TRY(ToStatus(LaunchInverseNorms(sets_, static_cast<std::int32_t>(first_row),
+                                            static_cast<std::int32_t>(keypoints.size()), utility_stream_),
+                         "norms of descriptors"));
+    return ToStatus(cudaStreamSynchronize(utility_stream_), "writing features");
+  }
+
+  const VisionPlan plan_;
+  const int max_list_;
+  const CudaDeviceOptions device_options_;
+  std::string name_;
+  FeatureSetSlots slots_;
+  int mask_width_ = 0;
+  int mask_height_ = 0;
+  int max_match_blocks_ = 1;
+  std::atomic<bool> is_lost_{false};
+  DeviceBuffer<std::uint8_t> descriptors_;
+  DeviceBuffer<Keypoint> keypoints_;
+  DeviceBuffer<float> inverse_norms_;
+  SetBuffers sets_;
+  LaneState lanes_[kNumLanes];
+  std::mutex utility_mutex_;  // guards utility_stream_
+  cudaStream_t utility_stream_ = nullptr;
+};
+
+}  // namespace
+}  // namespace kernels::cuda
+
+Result<std::unique_ptr<CudaVisionDevice>> CreateCudaVisionDevice(const VisionPlan& plan, const ExtractOptions& options,
+                                                                 const CudaDeviceOptions& device_options) {
+  HAUSTRA_TRY(kernels::CheckPlan(plan));
+  HAUSTRA_TRY(kernels::CheckExtractOptions(options, plan));
+  auto device = std::make_unique<kernels::cuda::Device>(plan, device_options);
+  HAUSTRA_TRY(device->Construct(options));
+  return std::unique_ptr<CudaVisionDevice>(std::move(device));
+}
+
+}  // namespace haustra

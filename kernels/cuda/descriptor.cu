@@ -1,0 +1,265 @@
+// The limit, places of the features in the output, their descriptors (Lowe 2004, 6; kernels/cpu/sift_kernels_impl.h)
+// and keypoints.
+#include <cmath>
+#include <cstdint>
+
+#include "kernels/cuda/extract_kernels.h"
+#include "kernels/cuda/patch.cuh"
+#include "kernels/cuda/plane_value.cuh"
+
+namespace haustra::kernels::cuda {
+namespace {
+
+// A thread to a byte of the descriptor.
+constexpr int kThreads = kDescriptorBytes;
+constexpr int kWarps = kThreads / 32;
+constexpr int kSide = (kDescriptorCells + 1) * kDescriptorSamplesPerCell;
+constexpr int kNumSamples = kSide * kSide;
+static_assert(kDescriptorCells == 4 && kDescriptorOrientations == 8);
+constexpr int kRanksPerThread = kRanksPerChunk / kThreads;
+static_assert(kRanksPerThread == 16);
+
+struct Scratch {
+  std::int32_t histogram[kDescriptorBytes];  // in units of 1 / kUnits: sums of integers have no order
+  float sums[2][kWarps];
+  int counts[2][kWarps];
+};
+constexpr float kUnits = 128.0f;  // a cell's sum stays below 2^31: 36 samples of at most 65535 * sqrt(2) counts
+
+// Gradients at the points of a grid around a keypoint, taken at the pixel nearest to each point, shared out among four
+// cells and two orientations each.
+__device__ void CollectGradients(const PlaneValue* __restrict__ level, const OctaveLayout& octave, float x, float y,
+                                 float ux, float uy, std::int32_t* histogram) {
+  constexpr int kReach = kDescriptorGradientReachPx;
+  constexpr float kSigma = kDescriptorWindowSigma * kDescriptorSamplesPerCell;  // spacings
+  const float first = static_cast<float>(kReach);
+  const float last_x = static_cast<float>(octave.width - 1 - kReach);
+  const float last_y = static_cast<float>(octave.height - 1 - kReach);
+  const int down = kReach * octave.stride;
+#pragma unroll
+  for (int i = threadIdx.x; i < kNumSamples; i += kThreads) {
+    const float u = static_cast<float>(i % kSide) - 0.5f * (kSide - 1);
+    const float v = static_cast<float>(i / kSide) - 0.5f * (kSide - 1);
+    const float px = x + u * ux - v * uy + 0.5f;
+    const float py = y + u * uy + v * ux + 0.5f;
+    const bool is_inside = px >= first && py >= first && px < last_x + 1.0f && py < last_y + 1.0f;
+    const int ix = static_cast<int>(fminf(fmaxf(px, first), last_x));
+    const int iy = static_cast<int>(fminf(fmaxf(py, first), last_y));
+    const PlaneValue* at = level + static_cast<std::ptrdiff_t>(iy) * octave.stride + ix;
+    const float dx = ToCounts(__ldg(at + kReach)) - ToCounts(__ldg(at - kReach));
+    const float dy = ToCounts(__ldg(at + down)) - ToCounts(__ldg(at - down));
+    const float weight = __expf(-(u * u + v * v) / (2 * kSigma * kSigma));
+    // The axes have the length of the grid's spacing, which an angle does not notice.
+    const float position = Atan2(dy * ux - dx * uy, dx * ux + dy * uy) * (kDescriptorOrientations / kTwoPi);
+    const float magnitude = is_inside ? sqrtf(dx * dx + dy * dy) * (weight * kUnits) : 0.0f;
+    const int lower = static_cast<int>(position);
+    const float upper_part = position - static_cast<float>(lower);
+    const int bins[2] = {lower % kDescriptorOrientations, (lower + 1) % kDescriptorOrientations};
+    const float parts[2] = {1.0f - upper_part, upper_part};
+    // Samples lie between the centres of two cells each way; cells outside the descriptor are dropped.
+    const int column = i % kSide / kDescriptorSamplesPerCell;
+    const int row = i / kSide / kDescriptorSamplesPerCell;
+    const float column_after =
+        (static_cast<float>(i % kSide % kDescriptorSamplesPerCell) + 0.5f) / kDescriptorSamplesPerCell;
+    const float row_after =
+        (static_cast<float>(i / kSide % kDescriptorSamplesPerCell) + 0.5f) / kDescriptorSamplesPerCell;
+#pragma unroll
+    for (int r = 0; r < 2; ++r) {
+      const int cell_row = row - 1 + r;
+      if (cell_row < 0 || cell_row >= kDescriptorCells) continue;
+      const float row_magnitude = magnitude * (r == 0 ? 1.0f - row_after : row_after);
+#pragma unroll
+      for (int c = 0; c < 2; ++c) {
+        const int cell_column = column - 1 + c;
+        if (cell_column < 0 || cell_column >= kDescriptorCells) continue;
+        const float share = row_magnitude * (c == 0 ? 1.0f - column_after : column_after);
+        std::int32_t* cell = histogram + (cell_row * kDescriptorCells + cell_column) * kDescriptorOrientations;
+        atomicAdd(cell + bins[0], __float2int_rn(share * parts[0]));
+        atomicAdd(cell + bins[1], __float2int_rn(share * parts[1]));
+      }
+    }
+  }
+}
+
+__device__ float BlockSum(float value, float* warp_sums) {
+#pragma unroll
+  for (int step = 16; step > 0; step /= 2) value += __shfl_xor_sync(0xffffffffu, value, step);
+  if (threadIdx.x % 32 == 0) warp_sums[threadIdx.x / 32] = value;
+  __syncthreads();
+  return (warp_sums[0] + warp_sums[1]) + (warp_sums[2] + warp_sums[3]);
+}
+
+// Byte threadIdx.x of the descriptor.
+__device__ std::uint32_t Describe(const PlaneValue* __restrict__ level, const OctaveLayout& octave,
+                                  const ScaleSpacePoint& point, float angle, int root_sift, Scratch& scratch) {
+  const float spacing = kDescriptorCellSize / kDescriptorSamplesPerCell * point.scale;
+  float sine = 0.0f;
+  float cosine = 0.0f;
+  __sincosf(angle, &sine, &cosine);
+  scratch.histogram[threadIdx.x] = 0;
+  __syncthreads();
+  CollectGradients(level, octave, point.x, point.y, spacing * cosine, spacing * sine, scratch.histogram);
+  __syncthreads();
+  const float value = static_cast<float>(scratch.histogram[threadIdx.x]);
+  const float squares = BlockSum(value * value, scratch.sums[0]);
+  if (squares <= 0.0f) return 0;
+  const float clipped = fminf(value, kDescriptorClip * sqrtf(squares));
+  const float total = BlockSum(root_sift ? clipped : clipped * clipped, scratch.sums[1]);
+  const float scaled = (root_sift ? sqrtf(clipped) : clipped) * (kDescriptorNorm / sqrtf(total)) + 0.5f;
+  return static_cast<std::uint32_t>(fminf(scaled, 255.0f));
+}
+
+// The order of the output when the short keys are equal: y and octave are then, x may differ in the bits cut off. For
+// one angle each, of different points.
+__device__ bool GoesBefore(const ExtractBuffers& buffers, int point_a, float angle_a, int point_b, float angle_b) {
+  const ScaleSpacePoint a = buffers.points[point_a];
+  const ScaleSpacePoint b = buffers.points[point_b];
+  if (a.x != b.x) return a.x < b.x;
+  if (angle_a != angle_b) return angle_a < angle_b;
+  if (a.scale != b.scale) return a.scale < b.scale;
+  return buffers.keys[point_a].tie < buffers.keys[point_b].tie;
+}
+
+struct Place {
+  int place = 0;     // of the feature in the output; -1: beyond the limit, or a twin
+  int num_features;  // of the whole output
+};
+
+// Features are counted in order of rank until the limit; the place of one is the number of those that go before it.
+__device__ Place FindPlace(const ExtractBuffers& buffers, int rank, int angle_idx, int num_wanted, Scratch& scratch) {
+  const std::uint64_t my_place = buffers.places[rank];
+  const SelectedPoint mine = buffers.selected[rank];
+  const int lane = threadIdx.x % 32;
+  const int warp = threadIdx.x / 32;
+  int num_before = 0;
+  int num_kept = 0;
+  int num_taken = 0;  // of the limit, by the chunks before
+  bool is_within = false;
+  for (int first = 0; first < num_wanted; first += kRanksPerChunk) {
+    const int first_rank = first + threadIdx.x * kRanksPerThread;
+    const uint4 packed = __ldg(reinterpret_cast<const uint4*>(buffers.angle_counts + first_rank));
+    const std::uint32_t words[4] = {packed.x, packed.y, packed.z, packed.w};
+    int sum = 0;
+#pragma unroll
+    for (int w = 0; w < 4; ++w) sum = __dp4a(words[w] & 0x03030303u, 0x01010101u, static_cast<std::uint32_t>(sum));
+    int inclusive = sum;
+#pragma unroll
+    for (int step = 1; step < 32; step *= 2) {
+      const int before = __shfl_up_sync(0xffffffffu, inclusive, step);
+      if (lane >= step) inclusive += before;
+    }
+    if (lane == 31) scratch.counts[0][warp] = inclusive;
+    __syncthreads();
+    int taken = num_taken + inclusive - sum;
+#pragma unroll
+    for (int w = 0; w < kWarps; ++w) {
+      if (w < warp) taken += scratch.counts[0][w];
+      num_taken += scratch.counts[0][w];
+    }
+    __syncthreads();
+    // Most threads' ranks are all within the limit, without twins; those beyond it have nothing to tell.
+    if (taken >= num_wanted) continue;
+#pragma unroll
+    for (int i = 0; i < kRanksPerThread; i += 2) {
+      const ulonglong2 two = __ldg(reinterpret_cast<const ulonglong2*>(buffers.places + first_rank + i));
+#pragma unroll
+      for (int e = 0; e < 2; ++e) {
+        const int other = first_rank + i + e;
+        const std::uint32_t byte = words[(i + e) / 4] >> (8 * ((i + e) % 4)) & 255;
+        const int count = byte & kCountMask;
+        const bool is_twin = (byte & kTwinFlag) != 0;
+        const int kept = is_twin ? 0 : min(count, max(num_wanted - taken, 0));
+        taken += count;
+        num_kept += kept;
+        if (other == rank) is_within = angle_idx < kept;
+        if (kept == 0) continue;
+        const std::uint64_t place = e == 0 ? two.x : two.y;
+        if (place < my_place) {
+          num_before += kept;
+        } else if (place == my_place) {
+          const SelectedPoint selected = buffers.selected[other];
+          for (int k = 0; k < kept; ++k) {
+            if (other == rank) {
+              num_before += k != angle_idx && selected.angles[k] < mine.angles[angle_idx] ? 1 : 0;
+            } else {
+              num_before +=
+                  GoesBefore(buffers, selected.point, selected.angles[k], mine.point, mine.angles[angle_idx]) ? 1 : 0;
+            }
+          }
+        }
+      }
+    }
+  }
+  num_before = __reduce_add_sync(0xffffffffu, num_before);
+  num_kept = __reduce_add_sync(0xffffffffu, num_kept);
+  if (lane == 0) {
+    scratch.counts[0][warp] = num_before;
+    scratch.counts[1][warp] = num_kept;
+  }
+  const bool is_any_within = __syncthreads_or(is_within) != 0;
+  Place place;
+  place.num_features = 0;
+#pragma unroll
+  for (int w = 0; w < kWarps; ++w) {
+    place.place += scratch.counts[0][w];
+    place.num_features += scratch.counts[1][w];
+  }
+  if (!is_any_within) place.place = -1;
+  return place;
+}
+
+// A block to a rank and an angle.
+__global__ void __launch_bounds__(kThreads)
+    DescriptorKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                     const __grid_constant__ SetBuffers sets, const __grid_constant__ FrameOutput output,
+                     int num_wanted, int root_sift) {
+  __shared__ Scratch scratch;
+  __shared__ std::uint32_t bytes[kThreads / 4];
+  const int rank = blockIdx.x;
+  const int angle_idx = blockIdx.y;
+  const bool is_first = rank == 0 && angle_idx == 0;  // tells how many there are, even when there is none
+  if (!is_first && angle_idx >= (buffers.angle_counts[rank] & kCountMask)) return;
+  const Place place = FindPlace(buffers, rank, angle_idx, num_wanted, scratch);
+  if (is_first && threadIdx.x == 0) *output.num_features = place.num_features;
+  if (place.place < 0) return;
+
+  const SelectedPoint selected = buffers.selected[rank];
+  const float angle = selected.angles[angle_idx];
+  const ScaleSpacePoint point = buffers.points[selected.point];
+  const PointKey key = buffers.keys[selected.point];
+  const OctaveLayout& octave = layout.octaves[key.octave];
+  const std::size_t row = static_cast<std::size_t>(buffers.params->set_index) * sets.max_features + place.place;
+  if (threadIdx.x == 0) {
+    const float to_input = ToInput(octave.octave);
+    const Keypoint keypoint = {point.x * to_input, point.y * to_input, point.scale * to_input, angle,
+                               point.response,     octave.octave};
+    sets.keypoints[row] = keypoint;
+    output.keypoints[place.place] = keypoint;
+  }
+  const std::uint32_t byte =
+      Describe(buffers.planes + octave.first_value + (key.level + kDescriptorLevelOffset) * octave.plane_size, octave,
+               point, angle, root_sift, scratch);
+  reinterpret_cast<std::uint8_t*>(bytes)[threadIdx.x] = static_cast<std::uint8_t>(byte);
+  __syncthreads();
+  if (threadIdx.x < 32) {
+    const std::uint32_t word = bytes[threadIdx.x];
+    reinterpret_cast<std::uint32_t*>(sets.descriptors)[row * (kDescriptorBytes / 4) + threadIdx.x] = word;
+    const std::uint32_t squares = __reduce_add_sync(0xffffffffu, __dp4a(word, word, 0u));
+    if (threadIdx.x == 0) {
+      sets.inverse_norms[row] = squares > 0 ? __fdiv_rn(1.0f, __fsqrt_rn(static_cast<float>(squares))) : 0.0f;
+    }
+  }
+}
+
+}  // namespace
+
+cudaError_t LaunchDescriptors(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                              const ExtractBuffers& buffers, const SetBuffers& sets, const FrameOutput& output,
+                              cudaStream_t stream) {
+  const dim3 grid(settings.num_features, kMaxOrientations);
+  DescriptorKernel<<<grid, kThreads, 0, stream>>>(layout, buffers, sets, output, settings.num_features,
+                                                  settings.root_sift);
+  return cudaGetLastError();
+}
+
+}  // namespace haustra::kernels::cuda

@@ -1,0 +1,175 @@
+// Where the extractor's data lies on the device, as plain structures that are passed to kernels by value.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include <vector_types.h>
+
+#include "hal/vision_device.h"
+#include "kernels/common/gaussian_kernel.h"
+#include "kernels/common/sift_parameters.h"
+
+namespace haustra::kernels::cuda {
+
+inline constexpr int kNumOctaveSlots = kMaxOctaves - kFirstOctave;
+// Tiles of the extremum search, octave pixels; each finds at most kMaxExtremaPerTile.
+inline constexpr int kExtremaTileWidth = 64;
+inline constexpr int kExtremaTileHeight = 16;
+inline constexpr int kMaxExtremaPerTile = 128;
+// Selection (kernels/cpu/feature_selection.h): side of the squares, and how many points of one are kept at most.
+inline constexpr int kSelectionCellPx = 60;
+inline constexpr int kMaxPointsPerCell = 1536;
+// Priorities are positive floats below 1: bins of their exponent and first four bits of mantissa.
+inline constexpr int kPriorityBins = 4096;
+inline constexpr int kPriorityBinShift = 19;
+
+// Ranks that the descriptor kernel looks at in one go.
+inline constexpr int kRanksPerChunk = 2048;
+
+struct OctaveLayout {
+  int octave = 0;  // -1: twice the input
+  int width = 0;
+  int height = 0;
+  int stride = 0;               // values, a multiple of 64
+  std::size_t first_value = 0;  // of level 0, in the planes
+  std::size_t plane_size = 0;   // values of one level
+  int first_tile = 0;           // of the extremum search
+  int tile_columns = 0;
+  std::uint32_t first_pixel = 0;  // pixels of all octaves are numbered, to break ties
+};
+
+struct MaskLayout {
+  int width = 0;
+  int height = 0;
+  int words = 0;       // a row of 32 pixels each
+  int first_word = 0;  // in the mask's bits
+};
+
+struct ScaleSpaceLayout {
+  int width = 0;  // input
+  int height = 0;
+  int grey_pitch = 0;
+  int num_octaves = 0;
+  int num_tiles = 0;
+  int num_cell_columns = 0;
+  int num_cells = 0;
+  // How the frame comes; pitch and address are multiples of 16 bytes.
+  PixelFormat format = PixelFormat::kGrey8;
+  std::int64_t pitch_bytes = 0;
+  OctaveLayout octaves[kNumOctaveSlots];
+  MaskLayout masks[kMaxOctaves];  // of octaves 0 and up; octave -1 uses that of octave 0
+};
+
+// Symmetric weights, in constant memory as a kernel parameter.
+struct BlurWeights {
+  float w[20] = {};
+};
+
+// What changes from frame to frame; in mapped host memory.
+struct FrameParams {
+  std::uint32_t set_index = 0;
+};
+
+// Set to zero at the start of every frame, in one piece.
+struct FrameCounters {
+  std::int32_t num_extrema;
+  std::int32_t num_points;
+  std::int32_t num_cells_done;
+  std::int32_t num_survivors;
+  std::int32_t spare[4];
+  std::int32_t bins[kPriorityBins];
+  // Followed by the number of points of each cell.
+};
+
+// A refined point, octave pixels.
+struct ScaleSpacePoint {
+  float x, y, scale, response;
+};
+struct PointKey {
+  std::uint32_t tie;     // number of the extremum's pixel and level; unique
+  std::uint8_t octave;   // slot in the layout
+  std::uint8_t level;    // of the Gaussian image nearest in scale
+  std::uint8_t is_twin;  // another extremum of lower tie settled at the very same point
+  std::uint8_t spare;
+};
+
+struct CellPoint {
+  float response;
+  std::uint32_t tie;
+  std::int32_t point;
+  std::int32_t spare;
+};
+
+// The points that may be selected: those whose priority is in the bin of the last one that is, or in a higher one.
+struct Survivor {
+  std::uint64_t priority;  // bits of the float, then the complement of tie
+  std::int32_t point;
+  std::int32_t spare;
+};
+
+// By rank.
+struct SelectedPoint {
+  std::int32_t point;
+  float angles[kMaxOrientations];
+};
+// Of each rank: number of angles, and whether the point is a twin that takes its share of the limit and is dropped.
+inline constexpr std::uint8_t kCountMask = 3;
+inline constexpr std::uint8_t kTwinFlag = 0x80;
+static_assert(kMaxOrientations <= kCountMask);
+
+struct ExtractBuffers {
+  const FrameParams* host_params = nullptr;
+  FrameParams* params = nullptr;
+  FrameCounters* counters = nullptr;
+  std::int32_t* cell_counts = nullptr;  // right behind the counters
+  std::uint8_t* grey = nullptr;
+  // Dark surround: first and last pixel of each row and column that is not dark.
+  std::int32_t* row_first = nullptr;
+  std::int32_t* row_last = nullptr;
+  std::int32_t* column_first = nullptr;
+  std::int32_t* column_last = nullptr;
+  std::uint8_t* static_mask = nullptr;  // pitch as grey; read when has_static_mask
+  std::uint32_t* mask_bits = nullptr;
+  std::uint16_t* planes = nullptr;
+  uint2* extrema = nullptr;  // x | y << 16, level | octave slot << 8
+  ScaleSpacePoint* points = nullptr;
+  PointKey* keys = nullptr;
+  std::uint64_t* priorities = nullptr;  // of each point, as in Survivor
+  CellPoint* cell_points = nullptr;     // kMaxPointsPerCell a cell
+  const float* halvings = nullptr;      // 2^(-rank / points per halving), kMaxPointsPerCell long
+  Survivor* survivors = nullptr;
+  // By rank, num_features rounded up to kRanksPerChunk; counts beyond the selected points are 0.
+  SelectedPoint* selected = nullptr;
+  std::uint8_t* angle_counts = nullptr;
+  std::uint64_t* places = nullptr;    // octave, y, x (cut short): almost the order of the output
+  const std::uint8_t* raw = nullptr;  // the frame as it came, on the device
+};
+
+// Settings that stay.
+struct ExtractSettings {
+  float contrast_threshold = 0.0f;
+  float edge_threshold = 0.0f;
+  int reflection_threshold = 256;
+  int border_threshold = 0;
+  int mask_dilation_px = 0;
+  int has_static_mask = 0;
+  int num_features = 0;
+  int root_sift = 0;
+};
+
+// Feature sets on the device: all in one piece, max_features to a set.
+struct SetBuffers {
+  Keypoint* keypoints = nullptr;
+  std::uint8_t* descriptors = nullptr;
+  float* inverse_norms = nullptr;
+  int max_features = 0;
+};
+
+// Results in mapped host memory.
+struct FrameOutput {
+  Keypoint* keypoints = nullptr;
+  std::int32_t* num_features = nullptr;
+};
+
+}  // namespace haustra::kernels::cuda

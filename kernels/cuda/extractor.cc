@@ -1,0 +1,336 @@
+#include "kernels/cuda/extractor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include "kernels/cuda/extract_kernels.h"
+#include "kernels/cuda/scale_space_layout.h"
+
+namespace haustra::kernels::cuda {
+namespace {
+
+constexpr int kPixelsPerLoad = 16;
+constexpr int kCoarseSlot = 2;  // octaves from here on have a branch of the graph to themselves
+
+int AlignUp(int size, int alignment) { return (size + alignment - 1) / alignment * alignment; }
+
+// Points that every square would get if all got the same, times this, make one halving of priority
+// (kernels/cpu/feature_selection.cc).
+constexpr float kSharesPerHalving = 2.0f;
+
+}  // namespace
+
+Result<std::unique_ptr<Extractor>> Extractor::Create(const VisionPlan& plan, const ExtractOptions& options,
+                                                     const SetBuffers& sets, cudaStream_t stream, int priority) {
+  std::unique_ptr<Extractor> extractor(new Extractor(options, sets, stream));
+  HAUSTRA_TRY(extractor->Allocate(plan, priority));
+  HAUSTRA_TRY(extractor->SetSource(plan.max_width_px, plan.max_height_px, PixelFormat::kGrey8,
+                                   AlignUp(plan.max_width_px, kPixelsPerLoad)));
+  return extractor;
+}
+
+Extractor::Extractor(const ExtractOptions& options, const SetBuffers& sets, cudaStream_t stream)
+    : sets_(sets), stream_(stream) {
+  settings_.contrast_threshold =
+      options.contrast_threshold > 0.0f ? options.contrast_threshold : kDefaultContrastThreshold;
+  settings_.edge_threshold = options.edge_threshold;
+  settings_.reflection_threshold = options.reflection_threshold;
+  settings_.border_threshold = options.border_threshold;
+  settings_.mask_dilation_px = options.mask_dilation_px;
+  settings_.num_features = options.num_features;
+  settings_.root_sift = options.root_sift ? 1 : 0;
+}
+
+Extractor::~Extractor() {
+  (void)cudaStreamSynchronize(stream_);
+  if (graph_ != nullptr) (void)cudaGraphExecDestroy(graph_);
+  if (graph_source_ != nullptr) (void)cudaGraphDestroy(graph_source_);
+  for (cudaEvent_t event : {ingested_, first_levels_made_, masks_made_, coarse_made_}) {
+    if (event != nullptr) (void)cudaEventDestroy(event);
+  }
+  for (cudaStream_t stream : {mask_stream_, coarse_stream_}) {
+    if (stream != nullptr) (void)cudaStreamDestroy(stream);
+  }
+}
+
+Status Extractor::Allocate(const VisionPlan& plan, int priority) {
+  for (cudaStream_t* stream : {&mask_stream_, &coarse_stream_}) {
+    HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(stream, cudaStreamNonBlocking, priority), "stream"));
+  }
+  for (cudaEvent_t* event : {&ingested_, &first_levels_made_, &masks_made_, &coarse_made_}) {
+    HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(event, cudaEventDisableTiming), "event"));
+  }
+  const ScaleSpaceLayout largest = MakeLayout(plan.max_width_px, plan.max_height_px);
+  const LayoutSizes sizes = SizesOf(largest);
+  const std::size_t num_pixels = static_cast<std::size_t>(largest.grey_pitch) * plan.max_height_px;
+  HAUSTRA_TRY(params_.Allocate(1));
+  HAUSTRA_TRY(picture_.Allocate(3 * num_pixels));
+  HAUSTRA_TRY(keypoints_.Allocate(settings_.num_features));
+  HAUSTRA_TRY(num_features_.Allocate(1));
+  *num_features_.data() = 0;
+  HAUSTRA_TRY(device_params_.Allocate(1));
+  HAUSTRA_TRY(counters_.Allocate(sizeof(FrameCounters) / sizeof(std::int32_t) + largest.num_cells));
+  HAUSTRA_TRY(grey_.Allocate(num_pixels));
+  HAUSTRA_TRY(static_mask_.Allocate(num_pixels));
+  HAUSTRA_TRY(line_ends_.Allocate(2 * (static_cast<std::size_t>(plan.max_width_px) + plan.max_height_px)));
+  HAUSTRA_TRY(mask_bits_.Allocate(sizes.mask_words));
+  HAUSTRA_TRY(planes_.Allocate(sizes.plane_values));
+  HAUSTRA_TRY(extrema_.Allocate(sizes.max_extrema));
+  HAUSTRA_TRY(points_.Allocate(sizes.max_extrema));
+  HAUSTRA_TRY(keys_.Allocate(sizes.max_extrema));
+  HAUSTRA_TRY(priorities_.Allocate(sizes.max_extrema));
+  HAUSTRA_TRY(cell_points_.Allocate(static_cast<std::size_t>(largest.num_cells) * kMaxPointsPerCell));
+  HAUSTRA_TRY(halvings_.Allocate(kMaxPointsPerCell));
+  HAUSTRA_TRY(survivors_.Allocate(sizes.max_extrema));
+  const std::size_t num_ranks = AlignUp(settings_.num_features, kRanksPerChunk);
+  HAUSTRA_TRY(selected_.Allocate(num_ranks));
+  HAUSTRA_TRY(angle_counts_.Allocate(num_ranks));
+  HAUSTRA_TRY(places_.Allocate(num_ranks));
+  raw_size_ = 3 * num_pixels;
+  HAUSTRA_TRY(raw_.Allocate(raw_size_));
+
+  buffers_.host_params = params_.device_data();
+  buffers_.params = device_params_.data();
+  buffers_.counters = reinterpret_cast<FrameCounters*>(counters_.data());
+  buffers_.cell_counts = counters_.data() + sizeof(FrameCounters) / sizeof(std::int32_t);
+  buffers_.grey = grey_.data();
+  buffers_.row_first = line_ends_.data();
+  buffers_.row_last = buffers_.row_first + plan.max_height_px;
+  buffers_.column_first = buffers_.row_last + plan.max_height_px;
+  buffers_.column_last = buffers_.column_first + plan.max_width_px;
+  buffers_.static_mask = static_mask_.data();
+  buffers_.mask_bits = mask_bits_.data();
+  buffers_.planes = planes_.data();
+  buffers_.extrema = extrema_.data();
+  buffers_.points = points_.data();
+  buffers_.keys = keys_.data();
+  buffers_.priorities = priorities_.data();
+  buffers_.cell_points = cell_points_.data();
+  buffers_.halvings = halvings_.data();
+  buffers_.selected = selected_.data();
+  buffers_.survivors = survivors_.data();
+  buffers_.angle_counts = angle_counts_.data();
+  buffers_.places = places_.data();
+  buffers_.raw = raw_.data();
+  output_ = {keypoints_.device_data(), num_features_.device_data()};
+  return Status::Ok();
+}
+
+Status Extractor::SetSource(int width_px, int height_px, PixelFormat format, std::int64_t pitch_bytes) {
+  const bool is_same_size = graph_ != nullptr && width_px == layout_.width && height_px == layout_.height;
+  if (is_same_size && format == layout_.format && pitch_bytes == layout_.pitch_bytes) return Status::Ok();
+  if (!is_same_size) layout_ = MakeLayout(width_px, height_px);
+  layout_.format = format;
+  layout_.pitch_bytes = pitch_bytes;
+  if (is_same_size) return Capture();
+  std::vector<float> halvings(kMaxPointsPerCell);
+  const float points_per_halving =
+      kSharesPerHalving * static_cast<float>(settings_.num_features) / static_cast<float>(layout_.num_cells);
+  for (int rank = 0; rank < kMaxPointsPerCell; ++rank) {
+    halvings[rank] = std::exp2(-static_cast<float>(rank) / points_per_halving);
+  }
+  HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(halvings_.data(), halvings.data(), halvings.size() * sizeof(float),
+                                       cudaMemcpyHostToDevice, stream_),
+                       "table of halvings"));
+  HAUSTRA_TRY(ToStatus(cudaStreamSynchronize(stream_), "table of halvings"));
+  return Capture();
+}
+
+cudaError_t Extractor::CopyFrame() {
+  return cudaMemcpyAsync(raw_.data(), frame_, frame_bytes_, cudaMemcpyHostToDevice, stream_);
+}
+
+cudaError_t Extractor::LaunchAll() {
+#define HAUSTRA_CUDA_TRY(expression) \
+  if (const cudaError_t error = (expression); error != cudaSuccess) return error
+  // Three branches: the fine octaves, the coarse ones, the masks.
+  const int num_fine = std::min(kCoarseSlot, layout_.num_octaves);
+  const bool has_coarse = layout_.num_octaves > kCoarseSlot;
+  HAUSTRA_CUDA_TRY(CopyFrame());
+  HAUSTRA_CUDA_TRY(LaunchIngest(layout_, settings_, buffers_, stream_));
+  HAUSTRA_CUDA_TRY(cudaEventRecord(ingested_, stream_));
+  HAUSTRA_CUDA_TRY(LaunchFirstLevels(layout_, buffers_, stream_));
+  HAUSTRA_CUDA_TRY(cudaEventRecord(first_levels_made_, stream_));
+
+  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(mask_stream_, ingested_, 0));
+  HAUSTRA_CUDA_TRY(LaunchMasks(layout_, settings_, buffers_, mask_stream_));
+  HAUSTRA_CUDA_TRY(cudaEventRecord(masks_made_, mask_stream_));
+
+  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(coarse_stream_, first_levels_made_, 0));
+  for (int slot = kCoarseSlot; slot < layout_.num_octaves; ++slot) {
+    HAUSTRA_CUDA_TRY(LaunchNextOctave(layout_, buffers_, slot, coarse_stream_));
+  }
+  for (int level = 1; level < kNumLevels && has_coarse; ++level) {
+    HAUSTRA_CUDA_TRY(LaunchLevel(layout_, buffers_, level, kCoarseSlot, layout_.num_octaves, coarse_stream_));
+  }
+  HAUSTRA_CUDA_TRY(cudaEventRecord(coarse_made_, coarse_stream_));
+
+  for (int level = 1; level < kNumLevels; ++level) {
+    HAUSTRA_CUDA_TRY(LaunchLevel(layout_, buffers_, level, 0, num_fine, stream_));
+  }
+  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream_, coarse_made_, 0));
+  HAUSTRA_CUDA_TRY(LaunchExtrema(layout_, settings_, buffers_, stream_));
+  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream_, masks_made_, 0));
+  HAUSTRA_CUDA_TRY(LaunchRefinement(layout_, settings_, buffers_, stream_));
+  HAUSTRA_CUDA_TRY(LaunchPriorities(layout_, settings_, buffers_, stream_));
+  HAUSTRA_CUDA_TRY(LaunchOrientations(layout_, settings_, buffers_, stream_));
+  HAUSTRA_CUDA_TRY(LaunchDescriptors(layout_, settings_, buffers_, sets_, output_, stream_));
+  return cudaSuccess;
+}
+
+Status Extractor::Capture() {
+  if (graph_ != nullptr) (void)cudaGraphExecDestroy(graph_);
+  graph_ = nullptr;
+  HAUSTRA_TRY(ToStatus(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal), "capture of the graph"));
+  frame_ = picture_.data();
+  frame_bytes_ = static_cast<std::size_t>(layout_.pitch_bytes) * layout_.height;
+  const cudaError_t launched = LaunchAll();
+  cudaGraph_t graph = nullptr;
+  const cudaError_t ended = cudaStreamEndCapture(stream_, &graph);
+  HAUSTRA_TRY(ToStatus(launched, "launch of the extraction"));
+  HAUSTRA_TRY(ToStatus(ended, "capture of the graph"));
+  copy_node_ = nullptr;
+  const cudaError_t searched = ended == cudaSuccess ? FindCopyNode(graph) : cudaSuccess;
+  const cudaError_t instantiated =
+      cudaGraphInstantiateWithFlags(&graph_, graph, cudaGraphInstantiateFlagUseNodePriority);
+  if (graph_source_ != nullptr) (void)cudaGraphDestroy(graph_source_);
+  graph_source_ = graph;  // the node of the copy is named by it
+  HAUSTRA_TRY(ToStatus(searched, "graph of the extraction"));
+  HAUSTRA_TRY(ToStatus(instantiated, "graph of the extraction"));
+  return ToStatus(cudaGraphUpload(graph_, stream_), "graph of the extraction");
+}
+
+cudaError_t Extractor::FindCopyNode(cudaGraph_t graph) {
+  std::size_t num_nodes = 0;
+  cudaError_t error = cudaGraphGetNodes(graph, nullptr, &num_nodes);
+  std::vector<cudaGraphNode_t> nodes(num_nodes);
+  if (error == cudaSuccess) error = cudaGraphGetNodes(graph, nodes.data(), &num_nodes);
+  for (std::size_t i = 0; i < num_nodes && error == cudaSuccess; ++i) {
+    cudaGraphNodeType type = cudaGraphNodeTypeEmpty;
+    error = cudaGraphNodeGetType(nodes[i], &type);
+    if (type == cudaGraphNodeTypeMemcpy) copy_node_ = nodes[i];
+  }
+  return error == cudaSuccess && copy_node_ == nullptr ? cudaErrorUnknown : error;
+}
+
+Status Extractor::SetStaticMask(const ImageView& mask) {
+  const int had_mask = settings_.has_static_mask;
+  settings_.has_static_mask = mask.is_empty() ? 0 : 1;
+  if (!mask.is_empty()) {
+    const ScaleSpaceLayout layout = MakeLayout(mask.width, mask.height);
+    HAUSTRA_TRY(ToStatus(cudaMemcpy2DAsync(static_mask_.data(), layout.grey_pitch, mask.data, mask.pitch_bytes,
+                                           mask.width, mask.height, cudaMemcpyHostToDevice, stream_),
+                         "static mask"));
+    HAUSTRA_TRY(ToStatus(cudaStreamSynchronize(stream_), "static mask"));
+  }
+  return had_mask == settings_.has_static_mask ? Status::Ok() : Capture();
+}
+
+const std::uint8_t* Extractor::Place(const ImageView& image, std::int64_t* pitch_bytes) {
+  const std::size_t row_bytes = static_cast<std::size_t>(image.width) * BytesPerPixel(image.format);
+  const int pitch = AlignUp(image.width, kPixelsPerLoad) * BytesPerPixel(image.format);
+  if (image.width % kPixelsPerLoad == 0 && image.pitch_bytes % 16 == 0 &&
+      static_cast<std::size_t>(image.pitch_bytes) * image.height <= raw_size_) {
+    cudaPointerAttributes attributes{};
+    const bool is_known = cudaPointerGetAttributes(&attributes, image.data) == cudaSuccess;
+    if (!is_known) (void)cudaGetLastError();
+    if (is_known && attributes.type == cudaMemoryTypeHost) {
+      *pitch_bytes = image.pitch_bytes;
+      return image.data;
+    }
+  }
+  *pitch_bytes = pitch;
+  if (image.pitch_bytes == pitch) {
+    std::memcpy(picture_.data(), image.data, static_cast<std::size_t>(pitch) * (image.height - 1) + row_bytes);
+  } else {
+    for (int y = 0; y < image.height; ++y) {
+      std::memcpy(picture_.data() + static_cast<std::size_t>(y) * pitch, image.row(y), row_bytes);
+    }
+  }
+  return picture_.data();
+}
+
+Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index) {
+  std::int64_t pitch_bytes = 0;
+  const std::uint8_t* frame = Place(image, &pitch_bytes);
+  HAUSTRA_TRY(SetSource(image.width, image.height, image.format, pitch_bytes));
+  // Of the last row no more than the picture has.
+  const std::size_t num_bytes = static_cast<std::size_t>(pitch_bytes) * (image.height - 1) +
+                                static_cast<std::size_t>(image.width) * BytesPerPixel(image.format);
+  params_.data()->set_index = set_index;
+  if (frame != frame_ || num_bytes != frame_bytes_) {
+    HAUSTRA_TRY(ToStatus(
+        cudaGraphExecMemcpyNodeSetParams1D(graph_, copy_node_, raw_.data(), frame, num_bytes, cudaMemcpyHostToDevice),
+        "source of the frame"));
+    frame_ = frame;
+    frame_bytes_ = num_bytes;
+  }
+  return ToStatus(cudaGraphLaunch(graph_, stream_), "launch of the extraction");
+}
+
+Status Extractor::MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out) {
+  const int num_fine = std::min(kCoarseSlot, layout_.num_octaves);
+  const auto run = [&](int step) -> cudaError_t {
+    switch (step) {
+      case 0: HAUSTRA_CUDA_TRY(CopyFrame()); return LaunchIngest(layout_, settings_, buffers_, stream_);
+      case 1: return LaunchMasks(layout_, settings_, buffers_, stream_);
+      case 2: return LaunchFirstLevels(layout_, buffers_, stream_);
+      case 3:
+        for (int slot = kCoarseSlot; slot < layout_.num_octaves; ++slot) {
+          HAUSTRA_CUDA_TRY(LaunchNextOctave(layout_, buffers_, slot, stream_));
+        }
+        for (int level = 1; level < kNumLevels && layout_.num_octaves > kCoarseSlot; ++level) {
+          HAUSTRA_CUDA_TRY(LaunchLevel(layout_, buffers_, level, kCoarseSlot, layout_.num_octaves, stream_));
+        }
+        return cudaSuccess;
+      case 4:
+        for (int level = 1; level < kNumLevels; ++level) {
+          HAUSTRA_CUDA_TRY(LaunchLevel(layout_, buffers_, level, 0, num_fine, stream_));
+        }
+        return cudaSuccess;
+      case 5: return LaunchExtrema(layout_, settings_, buffers_, stream_);
+      case 6: return LaunchRefinement(layout_, settings_, buffers_, stream_);
+      case 7: return LaunchPriorities(layout_, settings_, buffers_, stream_);
+      case 8: return LaunchOrientations(layout_, settings_, buffers_, stream_);
+      default: return LaunchDescriptors(layout_, settings_, buffers_, sets_, output_, stream_);
+    }
+  };
+#undef HAUSTRA_CUDA_TRY
+  static constexpr const char* kNames[kNumSteps] = {"ingest",       "masks",      "first levels", "coarse octaves",
+                                                    "fine levels",  "extrema",    "refinement",   "priorities",
+                                                    "orientations", "descriptors"};
+  cudaEvent_t events[kNumSteps + 1] = {};
+  Status status;
+  for (cudaEvent_t& event : events) {
+    if (status.ok()) status = ToStatus(cudaEventCreate(&event), "event");
+  }
+  std::vector<std::vector<float>> times(kNumSteps);
+  for (int i = 0; i < repeats && status.ok(); ++i) {
+    // All steps of a frame in order, so that each finds what it needs.
+    cudaError_t error = cudaEventRecord(events[0], stream_);
+    for (int step = 0; step < kNumSteps && error == cudaSuccess; ++step) {
+      error = run(step);
+      if (error == cudaSuccess) error = cudaEventRecord(events[step + 1], stream_);
+    }
+    if (error == cudaSuccess) error = cudaStreamSynchronize(stream_);
+    for (int step = 0; step < kNumSteps && error == cudaSuccess; ++step) {
+      float ms = 0.0f;
+      error = cudaEventElapsedTime(&ms, events[step], events[step + 1]);
+      times[step].push_back(1e3f * ms);
+    }
+    status = ToStatus(error, "measurement of the steps");
+  }
+  for (cudaEvent_t event : events) {
+    if (event != nullptr) (void)cudaEventDestroy(event);
+  }
+  HAUSTRA_TRY(status);
+  for (int step = 0; step < kNumSteps; ++step) {
+    std::nth_element(times[step].begin(), times[step].begin() + times[step].size() / 2, times[step].end());
+    out[step] = {kNames[step], times[step][times[step].size() / 2]};
+  }
+  return Status::Ok();
+}
+
+}  // namespace haustra::kernels::cuda

@@ -1,0 +1,103 @@
+// SIFT extraction on the device: all memory, and one CUDA graph that holds the steps of a frame from the picture in
+// host memory to keypoints in host memory, descriptors on the device.
+//
+// Results repeat to the bit: nothing depends on the order in which blocks run.
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "hal/vision_device.h"
+#include "kernels/cuda/cuda_memory.h"
+#include "kernels/cuda/extract_buffers.h"
+
+namespace haustra::kernels::cuda {
+
+// thread-bound(one lane). One frame at a time. Enqueue does not allocate, unless size, format or pitch of the image
+// differ from the last one's: the graph is captured again then.
+class Extractor {
+ public:
+  // `stream` and the sets' memory must outlive the extractor. `priority`: of the streams that the graph is captured on.
+  static Result<std::unique_ptr<Extractor>> Create(const VisionPlan& plan, const ExtractOptions& options,
+                                                   const SetBuffers& sets, cudaStream_t stream, int priority);
+  ~Extractor();
+  Extractor(const Extractor&) = delete;
+  Extractor& operator=(const Extractor&) = delete;
+
+  // Empty: none. Checked by the caller.
+  Status SetStaticMask(const ImageView& mask);
+
+  // Queues the extraction into the set; the last one must be done. A picture in pinned memory is taken from
+  // where it lies (its pitch must be a multiple of 16 bytes, its width of 16 pixels); any other is copied first.
+  Status Enqueue(const ImageView& image, std::uint32_t set_index);
+
+  // Valid when the work is done.
+  std::int32_t num_features() const { return *num_features_.data(); }
+  const Keypoint* keypoints() const { return keypoints_.data(); }
+
+  // Time of each step, for measurements: runs the steps of the last size one by one, `repeats` times each, and returns
+  // the median in microseconds of each. The last frame's data are used.
+  struct StepTime {
+    const char* name;
+    double median_us;
+  };
+  static constexpr int kNumSteps = 10;
+  Status MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out);
+
+ private:
+  Extractor(const ExtractOptions& options, const SetBuffers& sets, cudaStream_t stream);
+  Status Allocate(const VisionPlan& plan, int priority);
+  Status SetSource(int width_px, int height_px, PixelFormat format, std::int64_t pitch_bytes);
+  Status Capture();
+  cudaError_t LaunchAll();
+  cudaError_t CopyFrame();
+  cudaError_t FindCopyNode(cudaGraph_t graph);
+  const std::uint8_t* Place(const ImageView& image, std::int64_t* pitch_bytes);
+
+  ExtractSettings settings_;
+  SetBuffers sets_;
+  cudaStream_t stream_;
+  cudaStream_t mask_stream_ = nullptr;
+  cudaStream_t coarse_stream_ = nullptr;
+  cudaEvent_t ingested_ = nullptr;
+  cudaEvent_t first_levels_made_ = nullptr;
+  cudaEvent_t masks_made_ = nullptr;
+  cudaEvent_t coarse_made_ = nullptr;
+  cudaGraph_t graph_source_ = nullptr;
+  cudaGraphExec_t graph_ = nullptr;
+  cudaGraphNode_t copy_node_ = nullptr;
+  const std::uint8_t* frame_ = nullptr;  // what the graph copies from
+  std::size_t frame_bytes_ = 0;
+  std::size_t raw_size_ = 0;
+  ScaleSpaceLayout layout_;
+  ExtractBuffers buffers_;
+  FrameOutput output_;
+
+  PinnedBuffer<FrameParams> params_;
+  PinnedBuffer<std::uint8_t> picture_;
+  PinnedBuffer<Keypoint> keypoints_;
+  PinnedBuffer<std::int32_t> num_features_;
+  DeviceBuffer<FrameParams> device_params_;
+  DeviceBuffer<std::int32_t> counters_;
+  DeviceBuffer<std::uint8_t> grey_;
+  DeviceBuffer<std::uint8_t> static_mask_;
+  DeviceBuffer<std::int32_t> line_ends_;
+  DeviceBuffer<std::uint32_t> mask_bits_;
+  DeviceBuffer<std::uint16_t> planes_;
+  DeviceBuffer<uint2> extrema_;
+  DeviceBuffer<ScaleSpacePoint> points_;
+  DeviceBuffer<PointKey> keys_;
+  DeviceBuffer<std::uint64_t> priorities_;
+  DeviceBuffer<CellPoint> cell_points_;
+  DeviceBuffer<float> halvings_;
+  DeviceBuffer<Survivor> survivors_;
+  DeviceBuffer<SelectedPoint> selected_;
+  DeviceBuffer<std::uint8_t> angle_counts_;
+  DeviceBuffer<std::uint64_t> places_;
+  DeviceBuffer<std::uint8_t> raw_;
+};
+
+}  // namespace haustra::kernels::cuda

@@ -1,0 +1,210 @@
+// Frame into device memory as grey, and the masks.
+#include <cstdint>
+
+#include "kernels/cuda/extract_kernels.h"
+
+namespace haustra::kernels::cuda {
+namespace {
+
+constexpr int kIngestWarps = 8;
+constexpr int kPixelsPerLoad = 16;
+
+// Integer luma (Rec. 601), rounded; the same as the CPU device's.
+__device__ std::uint32_t Luma(std::uint32_t blue, std::uint32_t green, std::uint32_t red) {
+  return (29 * blue + 150 * green + 77 * red + 128) >> 8;
+}
+
+__device__ uint4 LumaOfBgr(const uint4* in) {
+  uint4 packed[3] = {in[0], in[1], in[2]};
+  const std::uint8_t* bytes = reinterpret_cast<const std::uint8_t*>(packed);
+  std::uint32_t words[4];
+#pragma unroll
+  for (int w = 0; w < 4; ++w) {
+    words[w] = 0;
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+      const int at = 3 * (4 * w + k);
+      words[w] |= Luma(bytes[at], bytes[at + 1], bytes[at + 2]) << (8 * k);
+    }
+  }
+  return {words[0], words[1], words[2], words[3]};
+}
+
+// A warp to a row, 16 pixels to a lane at a time.
+__global__ void __launch_bounds__(32 * kIngestWarps)
+    IngestKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
+                 const __grid_constant__ ExtractBuffers buffers) {
+  const int thread = blockIdx.x * blockDim.x + threadIdx.x;
+  const int num_threads = gridDim.x * blockDim.x;
+  const int num_counters = sizeof(FrameCounters) / sizeof(std::int32_t) + layout.num_cells;
+  std::int32_t* counters = reinterpret_cast<std::int32_t*>(buffers.counters);
+  for (int i = thread; i < num_counters; i += num_threads) counters[i] = 0;
+  for (int i = thread; i < settings.num_features; i += num_threads) buffers.angle_counts[i] = 0;
+  if (thread == 0) *buffers.params = *buffers.host_params;
+
+  const int lane = threadIdx.x % 32;
+  const int y = thread / 32;
+  if (y >= layout.height) return;
+  const std::uint8_t* row = buffers.raw + y * layout.pitch_bytes;
+  uint4* out = reinterpret_cast<uint4*>(buffers.grey + static_cast<std::size_t>(y) * layout.grey_pitch);
+  int first = layout.width;
+  int last = -1;
+  for (int chunk = lane; chunk * kPixelsPerLoad < layout.width; chunk += 32) {
+    const uint4 grey = layout.format == PixelFormat::kGrey8
+                           ? reinterpret_cast<const uint4*>(row)[chunk]
+                           : LumaOfBgr(reinterpret_cast<const uint4*>(row) + 3 * chunk);
+    out[chunk] = grey;
+    const std::uint32_t words[4] = {grey.x, grey.y, grey.z, grey.w};
+#pragma unroll
+    for (int i = 0; i < kPixelsPerLoad; ++i) {
+      const int value = (words[i / 4] >> (8 * (i % 4))) & 255;
+      const int x = chunk * kPixelsPerLoad + i;
+      if (value >= settings.border_threshold && x < layout.width) {
+        first = min(first, x);
+        last = max(last, x);
+      }
+    }
+  }
+  first = __reduce_min_sync(0xffffffffu, first);
+  last = __reduce_max_sync(0xffffffffu, last);
+  if (lane == 0) {
+    buffers.row_first[y] = first;
+    buffers.row_last[y] = last;
+  }
+}
+
+constexpr int kColumnGroups = 8;
+constexpr int kRowGroups = 32;
+
+// Dark ends of the columns: four columns to a thread, the rows shared out among kRowGroups threads.
+__global__ void __launch_bounds__(kColumnGroups* kRowGroups)
+    ColumnEndsKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
+                     const __grid_constant__ ExtractBuffers buffers) {
+  __shared__ int first[4 * kColumnGroups];
+  __shared__ int last[4 * kColumnGroups];
+  const int group = threadIdx.x % kColumnGroups;
+  const int row_group = threadIdx.x / kColumnGroups;
+  if (threadIdx.x < 4 * kColumnGroups) {
+    first[threadIdx.x] = layout.height;
+    last[threadIdx.x] = -1;
+  }
+  __syncthreads();
+  const int x = 4 * (blockIdx.x * kColumnGroups + group);
+  int my_first[4];
+  int my_last[4];
+#pragma unroll
+  for (int k = 0; k < 4; ++k) {
+    my_first[k] = layout.height;
+    my_last[k] = -1;
+  }
+  if (x < layout.width) {
+#pragma unroll 4
+    for (int y = row_group; y < layout.height; y += kRowGroups) {
+      const std::uint32_t word =
+          *reinterpret_cast<const std::uint32_t*>(buffers.grey + static_cast<std::size_t>(y) * layout.grey_pitch + x);
+#pragma unroll
+      for (int k = 0; k < 4; ++k) {
+        if (static_cast<int>((word >> (8 * k)) & 255) < settings.border_threshold) continue;
+        my_first[k] = min(my_first[k], y);
+        my_last[k] = max(my_last[k], y);
+      }
+    }
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+      atomicMin(&first[4 * group + k], my_first[k]);
+      atomicMax(&last[4 * group + k], my_last[k]);
+    }
+  }
+  __syncthreads();
+  const int column = 4 * blockIdx.x * kColumnGroups + threadIdx.x;
+  if (threadIdx.x < 4 * kColumnGroups && column < layout.width) {
+    buffers.column_first[column] = first[threadIdx.x];
+    buffers.column_last[column] = last[threadIdx.x];
+  }
+}
+
+// A thread to a pixel, a warp to a word.
+__global__ void __launch_bounds__(256)
+    FinestMaskKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
+                     const __grid_constant__ ExtractBuffers buffers) {
+  const int word_index = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
+  const int words = layout.masks[0].words;
+  const int y = word_index / words;
+  if (y >= layout.height) return;
+  const int x = word_index % words * 32 + threadIdx.x % 32;
+  bool is_excluded = false;
+  if (x < layout.width) {
+    const std::size_t at = static_cast<std::size_t>(y) * layout.grey_pitch + x;
+    is_excluded = buffers.grey[at] >= settings.reflection_threshold;
+    // All pixels between it and one of the four edges are dark.
+    is_excluded |= x < buffers.row_first[y] || x > buffers.row_last[y] || y < buffers.column_first[x] ||
+                   y > buffers.column_last[x];
+    if (settings.has_static_mask) is_excluded |= buffers.static_mask[at] == 0;
+  }
+  const std::uint32_t bits = __ballot_sync(0xffffffffu, is_excluded);
+  if (threadIdx.x % 32 == 0) buffers.mask_bits[word_index] = bits;
+}
+
+// A warp to a word of the masks of octaves 1 and up: lane i makes pixel i from its square of the finest mask.
+__global__ void __launch_bounds__(256)
+    CoarseMasksKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                      int num_octaves) {
+  int word_index = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
+  int octave = 1;
+  for (; octave < num_octaves; ++octave) {
+    const int num_words = layout.masks[octave].words * layout.masks[octave].height;
+    if (word_index < num_words) break;
+    word_index -= num_words;
+  }
+  if (octave >= num_octaves) return;
+  const MaskLayout& mask = layout.masks[octave];
+  const MaskLayout& finest = layout.masks[0];
+  const int x = (word_index % mask.words * 32 + threadIdx.x % 32) << octave;
+  const int y = word_index / mask.words << octave;
+  std::uint32_t any = 0;
+  if (x < finest.width) {
+    const int side = 1 << octave;
+    const int first_word = x / 32;
+    const int last_word = min((x + side - 1) / 32, finest.words - 1);
+    const std::uint32_t bits = side < 32 ? ((1u << side) - 1) << (x % 32) : 0xffffffffu;
+    for (int word = first_word; word <= last_word; ++word) {
+      const std::uint32_t* at = buffers.mask_bits + word;
+      // Without a way out early, so that the loads do not wait for one another.
+#pragma unroll 16
+      for (int row = y; row < min(y + side, finest.height); ++row) {
+        any |= __ldg(at + static_cast<std::ptrdiff_t>(row) * finest.words) & bits;
+      }
+    }
+  }
+  const std::uint32_t bits = __ballot_sync(0xffffffffu, any != 0);
+  if (threadIdx.x % 32 == 0) buffers.mask_bits[mask.first_word + word_index] = bits;
+}
+
+int Blocks(int count, int per_block) { return (count + per_block - 1) / per_block; }
+
+}  // namespace
+
+cudaError_t LaunchIngest(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
+                         cudaStream_t stream) {
+  IngestKernel<<<Blocks(layout.height, kIngestWarps), 32 * kIngestWarps, 0, stream>>>(layout, settings, buffers);
+  return cudaGetLastError();
+}
+
+cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
+                        cudaStream_t stream) {
+  ColumnEndsKernel<<<Blocks(layout.width, 4 * kColumnGroups), kColumnGroups * kRowGroups, 0, stream>>>(layout, settings,
+                                                                                                       buffers);
+  FinestMaskKernel<<<Blocks(layout.masks[0].words * layout.height, 8), 256, 0, stream>>>(layout, settings, buffers);
+  // Masks for the octaves that there are.
+  const int num_octaves = layout.num_octaves + kFirstOctave;
+  int num_coarse_words = 0;
+  for (int octave = 1; octave < num_octaves; ++octave) {
+    num_coarse_words += layout.masks[octave].words * layout.masks[octave].height;
+  }
+  if (num_coarse_words > 0) {
+    CoarseMasksKernel<<<Blocks(num_coarse_words, 8), 256, 0, stream>>>(layout, buffers, num_octaves);
+  }
+  return cudaGetLastError();
+}
+
+}  // namespace haustra::kernels::cuda

@@ -1,0 +1,112 @@
+// Matching as launches on a stream. Similarities have the same bits as the CPU device's: products are exact integers,
+// and the few float operations on them are the same, in the same order, without contraction.
+#pragma once
+
+#include <cuda_runtime_api.h>
+
+#include <cstdint>
+
+#include "hal/vision_device.h"
+#include "kernels/cuda/extract_buffers.h"
+
+namespace haustra::kernels::cuda {
+
+// Which rows of the sets' descriptors a list holds.
+struct RowList {
+  const std::int32_t* rows = nullptr;  // -1: stale; nullptr: first, first + 1, ...
+  std::int32_t first = 0;
+  std::int32_t size = 0;
+};
+
+enum class DotProduct { kTensorCores, kDp4a };
+
+// The tests of kernels/common/match_acceptance.h on the device. Where rounding could decide the ratio test, the host
+// decides.
+enum MatchState : std::int32_t { kRejected = 0, kAccepted = 1, kBorderline = 2 };
+
+// Best and second best of a query; -1: none.
+struct alignas(16) TopTwo {
+  float best = -1.0f;
+  float second = -1.0f;
+  std::int32_t best_idx = -1;
+  std::int32_t state = kRejected;
+};
+
+// Keypoints of a list for the gates, each value in an array of its own with `capacity` entries: x, y, bearing (3),
+// normal of the epipolar plane in the other image (3), tolerance.
+inline constexpr int kGateValues = 9;
+struct GateArrays {
+  float* values = nullptr;
+  int capacity = 0;
+};
+
+struct GateInput {
+  float essential[9] = {};                // train from query
+  const float* query_bearings = nullptr;  // of all features of the set, 3 each; nullptr: no epipolar gate
+  const float* train_bearings = nullptr;
+  const float* query_tolerance = nullptr;
+  const float* train_tolerance = nullptr;
+  std::int32_t query_set_row = 0;  // row of the set's first feature
+  std::int32_t train_set_row = 0;
+  int has_window = 0;
+  float max_dx_px = 0.0f;
+  float max_dy_px = 0.0f;
+};
+
+// What a lane's brute-force matching works with. Counters and train_best are zero between launches.
+struct MatchWork {
+  TopTwo* partial = nullptr;  // splits x queries, rounded up to tiles
+  std::size_t max_partial = 0;
+  std::int32_t* counters = nullptr;  // one a query tile, and one for all
+  unsigned long long* train_best = nullptr;
+  TopTwo* merged = nullptr;
+  GateArrays query_gates;
+  GateArrays train_gates;
+};
+
+// A request as the kernels see it. results: mapped host memory, one a query.
+struct MatchJob {
+  RowList query;
+  RowList train;
+  MatchOptions options;
+  bool is_gated = false;
+  GateInput gate;
+  TopTwo* results = nullptr;
+};
+
+// max_blocks: how many blocks of the matcher the device holds at once.
+cudaError_t LaunchBruteForce(const MatchJob& job, const SetBuffers& sets, const MatchWork& work, DotProduct dot_product,
+                             int max_blocks, cudaStream_t stream);
+// Must be called once before the first launch; *max_blocks for the device at hand.
+cudaError_t PrepareBruteForce(DotProduct dot_product, int* max_blocks);
+// Most partial results that LaunchBruteForce needs for lists of at most max_list.
+std::size_t MaxPartialResults(int max_list, int max_blocks);
+// Entries of MatchWork::counters for lists of at most max_list.
+int NumMatchCounters(int max_list);
+
+struct GuidedRow {
+  std::int32_t row = -1;  // -1: stale, finds nothing
+  float x_px = 0.0f;
+  float y_px = 0.0f;
+  float radius_px = 0.0f;
+  float min_scale_px = 0.0f;
+  float max_scale_px = 0.0f;
+};
+
+struct GuidedJob {
+  const GuidedRow* queries = nullptr;
+  std::int32_t num_queries = 0;
+  std::int32_t train_row = 0;  // of the set's first feature
+  std::int32_t num_train = 0;
+  const std::uint8_t* train_allowed = nullptr;  // optional
+  MatchOptions options;
+  TopTwo* results = nullptr;  // mapped host memory, one a query
+};
+
+cudaError_t LaunchGuided(const GuidedJob& job, const SetBuffers& sets, cudaStream_t stream);
+
+// 1 / |descriptor| of rows that were written by the host.
+cudaError_t LaunchInverseNorms(const SetBuffers& sets, std::int32_t first_row, std::int32_t num_rows,
+                               cudaStream_t stream);
+
+}  // namespace haustra::kernels::cuda

@@ -1,0 +1,138 @@
+// Which points become features: the rule of kernels/cpu/feature_selection.h without its sorts. Every rank is the number
+// of points that go before, so the results do not depend on the order in which the points were found.
+#include <cstdint>
+
+#include "kernels/cuda/extract_kernels.h"
+
+namespace haustra::kernels::cuda {
+namespace {
+
+constexpr int kCellThreads = 256;
+constexpr int kBinsPerThread = kPriorityBins / kCellThreads;
+constexpr int kWarps = kCellThreads / 32;
+
+// The highest bin from which on there are num_wanted points, or the lowest of all. For all threads of a block.
+__device__ int FindThresholdBin(const std::int32_t* bins, int num_wanted, std::int32_t* warp_sums, int* result) {
+  // Thread 0 has the highest bins.
+  const int first_bin = kPriorityBins - (threadIdx.x + 1) * kBinsPerThread;
+  std::int32_t counts[kBinsPerThread];
+  std::int32_t sum = 0;
+#pragma unroll
+  for (int i = 0; i < kBinsPerThread; i += 4) {
+    const int4 four = __ldcg(reinterpret_cast<const int4*>(bins + first_bin + i));
+    counts[i] = four.x;
+    counts[i + 1] = four.y;
+    counts[i + 2] = four.z;
+    counts[i + 3] = four.w;
+    sum += four.x + four.y + four.z + four.w;
+  }
+  std::int32_t inclusive = sum;
+  const int lane = threadIdx.x % 32;
+#pragma unroll
+  for (int step = 1; step < 32; step *= 2) {
+    const std::int32_t before = __shfl_up_sync(0xffffffffu, inclusive, step);
+    if (lane >= step) inclusive += before;
+  }
+  if (lane == 31) warp_sums[threadIdx.x / 32] = inclusive;
+  if (threadIdx.x == 0) *result = 0;
+  __syncthreads();
+  std::int32_t above = inclusive - sum;
+  for (int warp = 0; warp < static_cast<int>(threadIdx.x) / 32; ++warp) above += warp_sums[warp];
+  if (above < num_wanted && above + sum >= num_wanted) {
+    int bin = kBinsPerThread - 1;
+#pragma unroll
+    for (int i = kBinsPerThread - 1; i >= 0; --i) {
+      above += counts[i];
+      if (above >= num_wanted && above - counts[i] < num_wanted) bin = i;
+    }
+    *result = first_bin + bin;
+  }
+  __syncthreads();
+  return *result;
+}
+
+// A block to a cell.
+__global__ void __launch_bounds__(kCellThreads)
+    PriorityKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                   int num_wanted) {
+  __shared__ CellPoint cell[kMaxPointsPerCell];
+  __shared__ bool is_last;
+  __shared__ std::int32_t warp_sums[kWarps];
+  __shared__ int threshold_bin;
+  const int num_points = min(buffers.cell_counts[blockIdx.x], kMaxPointsPerCell);
+  const CellPoint* points = buffers.cell_points + static_cast<std::size_t>(blockIdx.x) * kMaxPointsPerCell;
+  for (int i = threadIdx.x; i < num_points; i += kCellThreads) cell[i] = points[i];
+  __syncthreads();
+  for (int i = threadIdx.x; i < num_points; i += kCellThreads) {
+    const CellPoint mine = cell[i];
+    const int index = mine.point;
+    int rank = 0;
+    bool has_equal = false;
+#pragma unroll 4
+    for (int j = 0; j < num_points; ++j) {
+      const CellPoint other = cell[j];
+      const bool is_equal_before = other.response == mine.response && other.tie < mine.tie;
+      rank += other.response > mine.response || is_equal_before ? 1 : 0;
+      has_equal |= is_equal_before;
+    }
+    if (has_equal) {
+      // Another extremum that settled at the very same point?
+      const ScaleSpacePoint a = buffers.points[index];
+      for (int j = 0; j < num_points; ++j) {
+        if (cell[j].response != mine.response || cell[j].tie >= mine.tie) continue;
+        const ScaleSpacePoint b = buffers.points[cell[j].point];
+        if (a.x == b.x && a.y == b.y && a.scale == b.scale &&
+            buffers.keys[index].octave == buffers.keys[cell[j].point].octave) {
+          buffers.keys[index].is_twin = 1;
+        }
+      }
+    }
+    const std::uint32_t bits = __float_as_uint(mine.response * buffers.halvings[rank]);
+    buffers.priorities[index] = static_cast<std::uint64_t>(bits) << 32 | (0xffffffffu - mine.tie);
+    atomicAdd(&buffers.counters->bins[bits >> kPriorityBinShift], 1);
+  }
+
+  // The last block leaves out those that are surely not selected.
+  __threadfence();
+  __syncthreads();
+  if (threadIdx.x == 0) is_last = atomicAdd(&buffers.counters->num_cells_done, 1) == static_cast<int>(gridDim.x) - 1;
+  __syncthreads();
+  if (!is_last) return;
+  __threadfence();
+  const int threshold = FindThresholdBin(buffers.counters->bins, num_wanted, warp_sums, &threshold_bin);
+  const int num_all = __ldcg(&buffers.counters->num_points);
+  constexpr int kAtOnce = 16;  // loads under way together
+  for (int first = threadIdx.x; first < num_all; first += kAtOnce * kCellThreads) {
+    std::uint64_t priorities[kAtOnce];
+    int count = 0;
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      const int i = first + k * kCellThreads;
+      priorities[k] = i < num_all ? __ldcg(buffers.priorities + i) : 0;
+    }
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      const bool survives = first + k * kCellThreads < num_all &&
+                            static_cast<int>(priorities[k] >> (32 + kPriorityBinShift)) >= threshold;
+      if (!survives) priorities[k] = 0;
+      count += survives ? 1 : 0;
+    }
+    if (count == 0) continue;
+    int place = atomicAdd(&buffers.counters->num_survivors, count);
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      // (A priority is never 0: its lower half is the complement of a small number.)
+      if (priorities[k] != 0) buffers.survivors[place++] = {priorities[k], first + k * kCellThreads, 0};
+    }
+  }
+}
+
+}  // namespace
+
+cudaError_t LaunchPriorities(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                             const ExtractBuffers& buffers, cudaStream_t stream) {
+  PriorityKernel<<<layout.num_cells, kCellThreads, 0, stream>>>(layout, buffers, settings.num_features);
+  return cudaGetLastError();
+}
+
+}  // namespace haustra::kernels::cuda

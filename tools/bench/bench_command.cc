@@ -1,0 +1,36 @@
+#include "tools/bench/bench_command.h"
+
+#include <cstdio>
+#include <memory>
+
+#include "tools/bench/vision_bench.h"
+#include "tools/exit_codes.h"
+
+namespace haustra {
+
+void AddBenchCommand(CLI::App& app, std::function<int()>& action) {
+  CLI::App* bench = app.add_subcommand("bench", "Measure parts of the system on this machine");
+  bench->require_subcommand(1);
+  CLI::App* vision = bench->add_subcommand("vision", "Extraction and matching of the vision device on one picture");
+  const auto options = std::make_shared<VisionBenchOptions>();
+  vision->add_option("IMAGE", options->image_path, "PNG or JPEG file")->required();
+  vision->add_option("--device", options->device, "cpu or cuda")->capture_default_str();
+  vision->add_option("--threads", options->num_threads, "Threads of the CPU device")->check(CLI::Range(1, 64));
+  vision->add_option("--features", options->num_features, "Features to extract")->check(CLI::Range(1, 100'000));
+  vision->add_option("--repeats", options->repeats, "Repeats of each measurement")->check(CLI::Range(1, 1'000'000));
+  vision
+      ->add_option("--database", options->num_database,
+                   "Match 512 queries against so many descriptors as well (CUDA device)")
+      ->check(CLI::Range(0, 10'000'000));
+  vision->add_flag("--dp4a", options->use_dp4a, "Products by dp4a instead of tensor cores (CUDA device)");
+  vision->callback([options, &action] {
+    action = [options] {
+      const Status status = RunVisionBench(*options);
+      if (status.ok()) return static_cast<int>(kExitOk);
+      std::fprintf(stderr, "haustra bench vision: %s\n", status.ToString().c_str());
+      return ExitCodeFor(status.code());
+    };
+  });
+}
+
+}  // namespace haustra

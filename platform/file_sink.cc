@@ -93,8 +93,23 @@ Status FileSink::Commit() {
   if (!is_closed || std::rename(temporary_path_.c_str(), path_.c_str()) != 0) {
     status_ = Unavailable(path_ + ": cannot be put into place: " + ErrorText(errno));
     ::unlink(temporary_path_.c_str());
+    return status_;
   }
+  status_ = SyncFolder();
   return status_;
+}
+
+// The new name is an entry of the folder, which is written back on its own.
+Status FileSink::SyncFolder() const {
+  const std::size_t slash = path_.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : slash == 0 ? "/" : path_.substr(0, slash);
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  // A folder that may be written to but not read, or a file system that knows no such call, leaves it to the system.
+  if (descriptor < 0) return Status::Ok();
+  const int error = ::fsync(descriptor) == 0 ? 0 : errno;
+  ::close(descriptor);
+  if (error == 0 || error == EINVAL || error == EROFS) return Status::Ok();
+  return Unavailable(path_ + ": is in place, but may not outlast a power cut: " + ErrorText(error));
 }
 
 }  // namespace haustra

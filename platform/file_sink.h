@@ -23,13 +23,15 @@ class FileSink final : public ByteSink {
 
   // kUnavailable: disk full, I/O error. After the first error nothing more is written and Commit fails.
   Status Write(std::string_view bytes) override;
-  // To the disk and into place. kUnavailable as for Write; kFailedPrecondition when called twice.
+  // To the disk and into place, with the folder's entry. kUnavailable as for Write; kFailedPrecondition when called
+  // twice.
   Status Commit();
 
  private:
   FileSink(std::string path, std::string temporary_path, int descriptor);
 
   Status WriteOut(std::string_view bytes);
+  Status SyncFolder() const;
   void Discard();
 
   std::string path_;

@@ -12,12 +12,23 @@ Atlas::Atlas(const Capacity& capacity)
       max_features_(capacity.max_features),
       shared_counts_(static_cast<std::size_t>(capacity.max_keyframes), 0) {}
 
-MapHandle Atlas::CreateMap() {
+Atlas::Capacity Atlas::capacity() const {
+  return {static_cast<int>(keyframes_.capacity()), static_cast<int>(points_.capacity()),
+          static_cast<int>(maps_.capacity()), static_cast<int>(traces_.size()), max_features_};
+}
+
+MapHandle Atlas::InsertMap(MapId id) {
   const MapHandle handle = maps_.Insert();
   if (!handle) return handle;
   Map& map = maps_.At(handle);
   map = Map{};
-  map.id = next_map_id_++;
+  map.id = id;
+  return handle;
+}
+
+MapHandle Atlas::CreateMap() {
+  const MapHandle handle = InsertMap(next_map_id_);
+  if (handle) ++next_map_id_;
   return handle;
 }
 
@@ -38,8 +49,17 @@ void Atlas::DropMap(MapHandle handle, std::vector<FeatureSetHandle>* released) {
 
 KeyframeHandle Atlas::AddKeyframe(MapHandle map, std::uint32_t frame_index, TimePoint timestamp,
                                   const SE3& cam_from_map, const FrameFeatures& features) {
-  HAUSTRA_CHECK(features.num <= max_features_);
   if (next_keyframe_id_ >= traces_.size()) return {};
+  const KeyframeHandle handle =
+      InsertKeyframe(map, next_keyframe_id_, session_, frame_index, timestamp, cam_from_map, 1.0, features);
+  if (handle) ++next_keyframe_id_;
+  return handle;
+}
+
+KeyframeHandle Atlas::InsertKeyframe(MapHandle map, KeyframeId id, std::uint32_t session, std::uint32_t frame_index,
+                                     TimePoint timestamp, const SE3& cam_from_map, double scale,
+                                     const FrameFeatures& features) {
+  HAUSTRA_CHECK(features.num <= max_features_);
   const KeyframeHandle handle = keyframes_.Insert();
   if (!handle) return handle;
   Keyframe& keyframe = keyframes_.At(handle);
@@ -47,7 +67,8 @@ KeyframeHandle Atlas::AddKeyframe(MapHandle map, std::uint32_t frame_index, Time
     keyframe.features = FrameFeatures(max_features_);
     keyframe.points.resize(static_cast<std::size_t>(max_features_));
   }
-  keyframe.id = next_keyframe_id_++;
+  keyframe.id = id;
+  keyframe.session = session;
   keyframe.frame_index = frame_index;
   keyframe.timestamp = timestamp;
   keyframe.map = map;
@@ -58,7 +79,12 @@ KeyframeHandle Atlas::AddKeyframe(MapHandle map, std::uint32_t frame_index, Time
   std::copy_n(features.bearings.begin(), features.num, keyframe.features.bearings.begin());
   std::fill(keyframe.points.begin(), keyframe.points.end(), MapPointHandle{});
   keyframe.num_points = 0;
-  traces_[keyframe.id] = KeyframeTrace{.frame_index = frame_index, .keyframe = handle};
+  KeyframeTrace& trace = traces_[id];
+  trace = KeyframeTrace{};
+  trace.session = session;
+  trace.frame_index = frame_index;
+  trace.keyframe = handle;
+  trace.scale = scale;
   maps_.At(map).keyframes.push_back(handle);
   return handle;
 }
@@ -85,10 +111,17 @@ FeatureSetHandle Atlas::RemoveKeyframe(KeyframeHandle handle, KeyframeHandle sta
 }
 
 MapPointHandle Atlas::AddPoint(MapHandle map, const Eigen::Vector3d& position, KeyframeId made_by) {
+  const MapPointHandle handle = InsertPoint(map, next_point_id_, position, made_by);
+  if (handle) ++next_point_id_;
+  return handle;
+}
+
+MapPointHandle Atlas::InsertPoint(MapHandle map, std::uint32_t id, const Eigen::Vector3d& position,
+                                  KeyframeId made_by) {
   const MapPointHandle handle = points_.Insert();
   if (!handle) return handle;
   MapPoint& point = points_.At(handle);
-  point.id = next_point_id_++;
+  point.id = id;
   point.map = map;
   point.position = position;
   point.normal.setZero();
@@ -274,6 +307,46 @@ void Atlas::CorrectKeyframe(KeyframeHandle handle, const SE3& cam_from_map, doub
   Keyframe& keyframe = keyframes_.At(handle);
   keyframe.cam_from_map = cam_from_map;
   traces_[keyframe.id].scale *= scale;
+}
+
+void Atlas::RestoreCounters(const Counters& counters) {
+  HAUSTRA_CHECK(next_keyframe_id_ == 0 && next_point_id_ == 0 && next_map_id_ == 0);
+  HAUSTRA_CHECK(counters.next_keyframe_id <= traces_.size());
+  next_keyframe_id_ = counters.next_keyframe_id;
+  next_point_id_ = counters.next_point_id;
+  next_map_id_ = counters.next_map_id;
+  session_ = counters.session;
+}
+
+MapHandle Atlas::RestoreMap(MapId id) {
+  HAUSTRA_CHECK(id < next_map_id_);
+  const MapHandle handle = InsertMap(id);
+  Map& map = maps_.At(handle);
+  map.status = MapStatus::kStored;
+  map.is_loaded = true;
+  return handle;
+}
+
+KeyframeHandle Atlas::RestoreKeyframe(MapHandle map, KeyframeId id, std::uint32_t session, std::uint32_t frame_index,
+                                      TimePoint timestamp, const SE3& cam_from_map, double scale,
+                                      const FrameFeatures& features) {
+  HAUSTRA_CHECK(id < next_keyframe_id_ && session < session_);
+  const KeyframeHandle handle = InsertKeyframe(map, id, session, frame_index, timestamp, cam_from_map, scale, features);
+  HAUSTRA_CHECK(handle.is_valid());
+  return handle;
+}
+
+void Atlas::RestoreTrace(KeyframeId id, const KeyframeTrace& trace) {
+  HAUSTRA_CHECK(id < next_keyframe_id_ && !keyframes_.Contains(traces_[id].keyframe));
+  traces_[id] = trace;
+}
+
+MapPointHandle Atlas::RestorePoint(MapHandle map, std::uint32_t id, const Eigen::Vector3d& position,
+                                   KeyframeId made_by) {
+  HAUSTRA_CHECK(id < next_point_id_);
+  const MapPointHandle handle = InsertPoint(map, id, position, made_by);
+  HAUSTRA_CHECK(handle.is_valid());
+  return handle;
 }
 
 }  // namespace haustra

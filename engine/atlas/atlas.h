@@ -42,6 +42,8 @@ struct MapPoint {
 
 struct Keyframe {
   KeyframeId id = 0;
+  // Number of the run that made it. Frame index and time stamp are unique within one session only.
+  std::uint32_t session = 0;
   std::uint32_t frame_index = 0;
   TimePoint timestamp;
   MapHandle map;
@@ -58,12 +60,14 @@ struct Map {
   MapId id = 0;
   MapStatus status = MapStatus::kActive;
   MapId merged_into = kNoId;
+  bool is_loaded = false;                 // came out of a file
   std::vector<KeyframeHandle> keyframes;  // in order of insertion
   int num_points = 0;
 };
 
 // Where a keyframe that was culled went: its pose relative to the neighbour that stands in for it.
 struct KeyframeTrace {
+  std::uint32_t session = 0;
   std::uint32_t frame_index = 0;
   KeyframeHandle keyframe;      // alive, or stale and then:
   KeyframeId stand_in = kNoId;  // follow this one (kNoId: its map was dropped)
@@ -92,7 +96,20 @@ class Atlas {
     int max_features = 0;
   };
 
+  // Where the numbering goes on after the atlas was read from a file.
+  struct Counters {
+    KeyframeId next_keyframe_id = 0;
+    std::uint32_t next_point_id = 0;
+    MapId next_map_id = 0;
+    std::uint32_t session = 0;
+  };
+
   explicit Atlas(const Capacity& capacity);
+
+  Capacity capacity() const;
+  Counters counters() const { return {next_keyframe_id_, next_point_id_, next_map_id_, session_}; }
+  // Number of this run; keyframes that were loaded are of earlier ones.
+  std::uint32_t session() const { return session_; }
 
   // A new active map; an invalid handle when the pool is full.
   MapHandle CreateMap();
@@ -143,6 +160,8 @@ class Atlas {
   KeyframeId num_keyframe_ids() const { return next_keyframe_id_; }
   std::uint32_t FrameOfKeyframe(KeyframeId id) const { return traces_[id].frame_index; }
   double ScaleOfKeyframe(KeyframeId id) const { return traces_[id].scale; }
+  bool IsOfThisSession(KeyframeId id) const { return traces_[id].session == session_; }
+  const KeyframeTrace& TraceOfKeyframe(KeyframeId id) const { return traces_[id]; }
   // Handle of the keyframe with this id, or of the one that stands in for it; invalid when its map was dropped.
   KeyframeHandle FindById(KeyframeId id) const;
 
@@ -156,11 +175,28 @@ class Atlas {
   // frames that refer to the keyframe follow. Points are the caller's.
   void CorrectKeyframe(KeyframeHandle handle, const SE3& cam_from_map, double scale);
 
+  // For engine/io/atlas_reader.h: puts back what was saved, ids and all, into an atlas that has never held anything.
+  // Counters first, then maps (stored, marked as loaded), keyframes in order of their ids, traces of those that were
+  // culled, points; observations by AddObservation. The caller has checked ids and capacities: Restore* cannot fail.
+  void RestoreCounters(const Counters& counters);
+  MapHandle RestoreMap(MapId id);
+  KeyframeHandle RestoreKeyframe(MapHandle map, KeyframeId id, std::uint32_t session, std::uint32_t frame_index,
+                                 TimePoint timestamp, const SE3& cam_from_map, double scale,
+                                 const FrameFeatures& features);
+  void RestoreTrace(KeyframeId id, const KeyframeTrace& trace);
+  MapPointHandle RestorePoint(MapHandle map, std::uint32_t id, const Eigen::Vector3d& position, KeyframeId made_by);
+
   const SlotPool<Keyframe, KeyframeTag>& keyframes() const { return keyframes_; }
   const SlotPool<MapPoint, MapPointTag>& points() const { return points_; }
   std::uint64_t num_refused_observations() const { return num_refused_observations_; }
 
  private:
+  MapHandle InsertMap(MapId id);
+  KeyframeHandle InsertKeyframe(MapHandle map, KeyframeId id, std::uint32_t session, std::uint32_t frame_index,
+                                TimePoint timestamp, const SE3& cam_from_map, double scale,
+                                const FrameFeatures& features);
+  MapPointHandle InsertPoint(MapHandle map, std::uint32_t id, const Eigen::Vector3d& position, KeyframeId made_by);
+
   SlotPool<Keyframe, KeyframeTag> keyframes_;
   SlotPool<MapPoint, MapPointTag> points_;
   SlotPool<Map, MapTag> maps_;
@@ -169,6 +205,7 @@ class Atlas {
   KeyframeId next_keyframe_id_ = 0;
   std::uint32_t next_point_id_ = 0;
   MapId next_map_id_ = 0;
+  std::uint32_t session_ = 0;
   std::uint64_t num_refused_observations_ = 0;
   mutable std::vector<int> shared_counts_;  // workspace of FindCovisible, by keyframe slot
 };

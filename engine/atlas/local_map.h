@@ -63,7 +63,7 @@ struct LocalMap {
   // Answers to proposals of new maps: the one that founded this map, and the last one that was refused.
   std::uint64_t founding_proposal = 0;
   std::uint64_t refused_proposal = 0;
-  FoundFrame found_frame;  // the last one
+  FoundFrame found_frame;                                    // the last one
   FixedVector<LocalKeyframe, kMaxLocalKeyframes> keyframes;  // the newest first
   int num_points = 0;
   std::vector<LocalPoint> points;                     // [0, num_points), in order of handle.index

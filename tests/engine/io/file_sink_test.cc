@@ -84,8 +84,9 @@ TEST_F(FileSinkTest, MissingFolderIsNotFoundAndNamed) {
   EXPECT_THAT(sink.status().message(), HasSubstr(path));
 }
 
-TEST_F(FileSinkTest, FullDiskIsReportedAndNothingIsLeft) {
+TEST_F(FileSinkTest, FullDiskIsReportedAndTheOldFileStays) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  std::ofstream(path()) << "old";
   // The temporary file is a link to a device that is always full.
   const std::string temporary = path() + ".partial-" + std::to_string(::getpid());
   fs::create_symlink("/dev/full", temporary);
@@ -96,7 +97,8 @@ TEST_F(FileSinkTest, FullDiskIsReportedAndNothingIsLeft) {
   EXPECT_EQ(status.code(), StatusCode::kUnavailable);
   EXPECT_THAT(status.message(), HasSubstr(path()));
   EXPECT_EQ(sink->Commit().code(), StatusCode::kUnavailable);
-  EXPECT_EQ(num_files(), 0);
+  EXPECT_EQ(num_files(), 1);
+  EXPECT_EQ(Read(path()), "old");
 }
 
 TEST_F(FileSinkTest, SecondCommitIsRefused) {

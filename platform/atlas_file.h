@@ -1,0 +1,25 @@
+// Atlas files on the disk. A file is replaced as a whole or not at all (file_sink.h), so that a crash, a power cut or a
+// full disk leaves the one before it. Messages name the file.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "engine/engine.h"
+
+namespace haustra {
+
+// When the mapping thread has stopped, or on it. kNotFound: no such folder; kUnavailable: cannot be written.
+Status SaveAtlasFile(const Engine& engine, const std::string& path);
+
+// Whether SaveAtlasFile could begin there; leaves nothing behind.
+Status CheckAtlasFileCanBeSaved(const std::string& path);
+
+// Before the first frame; see Engine::LoadAtlas. kNotFound: no such file; kUnavailable: cannot be read.
+Status LoadAtlasFile(const std::string& path, Engine* engine);
+
+// The bytes of a file of any kind.
+Result<std::vector<std::uint8_t>> ReadAtlasFileBytes(const std::string& path);
+
+}  // namespace haustra

@@ -2,6 +2,8 @@
 // data; the gates that all stages share (noise, similarity, scale tolerance) are those of engine/config.h.
 #pragma once
 
+#include <string>
+
 namespace haustra {
 
 // Which keyframes look alike at all.
@@ -10,6 +12,10 @@ struct RetrievalConfig {
   int max_keyframes_per_query = 400;  // bounds the time of one query; the next one goes on where it ended [1, 100000]
   double max_angle_ratio = 0.85;      // of a vote [0.1, 1]
   int min_votes = 6;                  // fewer are chance [1, 1000]
+  // exhaustive: by matching descriptors, needs no training; vocabulary: by visual words (vocabulary_retrieval.h), for
+  // which the two limits of matching above mean nothing.
+  std::string kind = "exhaustive";
+  std::string vocabulary;  // file of the second kind; the engine is handed what is in it
 };
 
 // When two groups of keyframes show one piece of wall. Precision comes first: a false merge is worse than ten missed.

@@ -22,6 +22,8 @@ std::string Shortest(T value) {
   return std::string(buffer, end);
 }
 
+bool IsControl(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }
+
 // Bounds of integers are written without exponent.
 std::string Bound(ConfigType type, double bound) {
   return type == ConfigType::kInteger ? Shortest(static_cast<std::int64_t>(bound)) : Shortest(bound);
@@ -41,6 +43,7 @@ std::string ConfigField::Allowed() const {
     case ConfigType::kBool: return "true or false";
     case ConfigType::kInteger: return "an integer from " + Bound(type, range.min) + " to " + Bound(type, range.max);
     case ConfigType::kNumber: return "a number from " + Bound(type, range.min) + " to " + Bound(type, range.max);
+    case ConfigType::kText: return "any text on one line";
     case ConfigType::kChoice: break;
   }
   std::string names;
@@ -58,6 +61,10 @@ Result<ConfigValue> ConfigField::Parse(std::string_view text, bool is_quoted) co
   };
   if (type == ConfigType::kChoice) {
     if (std::find(choices.begin(), choices.end(), text) == choices.end()) return refuse("is not known");
+    return ConfigValue(std::in_place_type<std::string>, text);
+  }
+  if (type == ConfigType::kText) {
+    if (std::any_of(text.begin(), text.end(), IsControl)) return refuse("holds a control character");
     return ConfigValue(std::in_place_type<std::string>, text);
   }
   if (is_quoted) return refuse("is a string");

@@ -18,7 +18,7 @@ namespace haustra {
 
 using ConfigValue = std::variant<bool, std::int64_t, double, std::string>;
 
-enum class ConfigType { kBool, kInteger, kNumber, kChoice };
+enum class ConfigType { kBool, kInteger, kNumber, kChoice, kText };
 
 // Whether a change takes effect while running, or at the next start (whatever sizes memory).
 enum class ConfigReload { kLive, kRestart };
@@ -74,7 +74,7 @@ struct Bound {
 
 // BindField<&EngineConfig::noise, &NoiseConfig::k>("noise.k", {0, 10}, "px per px", "...", ConfigReload::kLive): the
 // path of members that leads to the value from the struct of the table. `range` is ignored for bool; strings are bound
-// with BindChoice.
+// with BindChoice or BindText.
 template <auto... kPath>
 ConfigField BindField(std::string key, ConfigRange range, std::string unit, std::string description,
                       ConfigReload reload) {
@@ -110,16 +110,15 @@ ConfigField BindField(std::string key, ConfigRange range, std::string unit, std:
   return field;
 }
 
-// A std::string member that takes one of a few names.
+// A std::string member that takes any printable text on one line, such as the name of a file.
 template <auto... kPath>
-ConfigField BindChoice(std::string key, std::vector<std::string> choices, std::string description,
-                       ConfigReload reload) {
+ConfigField BindText(std::string key, std::string description, ConfigReload reload) {
   using Target = config::Bound<kPath...>;
   using Config = typename Target::Config;
   ConfigField field{.key = std::move(key),
-                    .type = ConfigType::kChoice,
+                    .type = ConfigType::kText,
                     .range = {},
-                    .choices = std::move(choices),
+                    .choices = {},
                     .unit = {},
                     .description = std::move(description),
                     .reload = reload};
@@ -127,6 +126,16 @@ ConfigField BindChoice(std::string key, std::vector<std::string> choices, std::s
     return ConfigValue(std::in_place_type<std::string>, Target::Get(*static_cast<const Config*>(c)));
   };
   field.write = [](void* c, const ConfigValue& v) { Target::Get(*static_cast<Config*>(c)) = std::get<std::string>(v); };
+  return field;
+}
+
+// A std::string member that takes one of a few names.
+template <auto... kPath>
+ConfigField BindChoice(std::string key, std::vector<std::string> choices, std::string description,
+                       ConfigReload reload) {
+  ConfigField field = BindText<kPath...>(std::move(key), std::move(description), reload);
+  field.type = ConfigType::kChoice;
+  field.choices = std::move(choices);
   return field;
 }
 

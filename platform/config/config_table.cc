@@ -45,6 +45,15 @@ std::string At(const std::string& name, int line, int column) {
   return name + ":" + std::to_string(line) + ":" + std::to_string(column) + ": ";
 }
 
+// As it is written in a file: text in quotes, so that it is never taken for something else.
+std::string ValueInFile(const ConfigField& field, const void* config) {
+  std::string text = ToText(field.read(config));
+  if (field.type != ConfigType::kText) return text;
+  std::string quoted = "'";
+  for (const char c : text) quoted += c == '\'' ? std::string("''") : std::string(1, c);
+  return quoted + "'";
+}
+
 // Gathers problems, so that a file can be mended in one go.
 class Problems {
  public:
@@ -219,7 +228,7 @@ std::string ConfigTable::Print(const void* config, const std::vector<ConfigOrigi
       }
     }
     const auto depth = static_cast<std::size_t>(std::count(field.key.begin(), field.key.end(), '.'));
-    out << std::string(2 * depth, ' ') << Leaf(field.key) << ": " << ToText(field.read(config)) << "  # "
+    out << std::string(2 * depth, ' ') << Leaf(field.key) << ": " << ValueInFile(field, config) << "  # "
         << origins[i].ToString() << '\n';
   }
   return out.str();
@@ -229,7 +238,7 @@ std::string ConfigTable::Reference(const void* defaults) const {
   std::ostringstream out;
   out << "| key | default | allowed | unit | reload | meaning |\n| --- | --- | --- | --- | --- | --- |\n";
   for (const ConfigField& field : fields_) {
-    out << "| `" << field.key << "` | " << ToText(field.read(defaults)) << " | " << field.Allowed() << " | "
+    out << "| `" << field.key << "` | " << ValueInFile(field, defaults) << " | " << field.Allowed() << " | "
         << field.unit << " | " << (field.reload == ConfigReload::kLive ? "live" : "restart") << " | "
         << field.description << " |\n";
   }

@@ -187,6 +187,12 @@ void AddRetrieval(Fields* out) {
       "max_keyframes_per_query", {1, 100000}, "", "bounds the time of one query; the next one goes on where it ended"));
   out->push_back(Retrieval<&C::max_angle_ratio>("max_angle_ratio", {0.1, 1}, "", "of a vote"));
   out->push_back(Retrieval<&C::min_votes>("min_votes", {1, 1000}, "votes", "fewer are chance"));
+  out->push_back(BindChoice<&EngineConfig::place, &PlaceConfig::retrieval, &C::kind>(
+      "retrieval.kind", {"exhaustive", "vocabulary"},
+      "how keyframes that look alike are found: by matching descriptors, or by visual words", kRestart));
+  out->push_back(BindText<&EngineConfig::place, &PlaceConfig::retrieval, &C::vocabulary>(
+      "retrieval.vocabulary",
+      "file with the visual words (haustra vocabulary), relative to the folder that the program runs in", kRestart));
 }
 
 template <auto kMember>
@@ -359,6 +365,11 @@ Status CheckEngineConfig(const EngineConfig& config) {
   }
   if (config.noise.k == 0.0 && config.noise.sigma_0_px == 0.0) {
     return FailedPrecondition("noise.k and noise.sigma_0_px are both 0: an observation must have some noise");
+  }
+  const RetrievalConfig& retrieval = config.place.retrieval;
+  if (retrieval.kind == "vocabulary" && retrieval.vocabulary.empty()) {
+    return FailedPrecondition(
+        "retrieval.kind is vocabulary, but retrieval.vocabulary names no file; 'haustra vocabulary' makes one");
   }
   if (config.memory.max_keyframe_ids < config.memory.max_keyframes) {
     return FailedPrecondition("memory.max_keyframe_ids (" + std::to_string(config.memory.max_keyframe_ids) +

@@ -24,6 +24,7 @@ struct Pump {
 struct Lamp {
   std::int64_t level = 40;
   std::string colour = "white";
+  std::string label;
 };
 struct Tower {
   std::uint64_t seed = 7;
@@ -40,6 +41,7 @@ std::vector<ConfigField> TowerFields() {
       BindField<&Tower::pump, &Pump::is_on>("pump.is_on", {}, "", "at the start", kLive),
       BindField<&Tower::lamp, &Lamp::level>("lamp.level", {-5, 100}, "%", "of full power", kLive),
       BindChoice<&Tower::lamp, &Lamp::colour>("lamp.colour", {"white", "nbi", "red"}, "of the light", kLive),
+      BindText<&Tower::lamp, &Lamp::label>("lamp.label", "on the housing", kLive),
   };
 }
 
@@ -199,6 +201,21 @@ TEST(ConfigTable, PrintedConfigurationIsAFileThatGivesTheSame) {
   for (const ConfigField& field : again.table().fields()) {
     EXPECT_EQ(again.origin(field.key).kind, ConfigOrigin::Kind::kFile) << field.key;
   }
+}
+
+TEST(ConfigTable, TextIsTakenAsItStandsAndPrintedInQuotes) {
+  for (const std::string text : {"", "a file's name.bin", "12", "true", "# : 'x' \\\"", "\xc3\xa4"}) {
+    ConfigStore<Tower> store = MakeStore();
+    ASSERT_TRUE(store.ApplyAssignment("lamp.label=" + text).ok());
+    EXPECT_EQ(store.config().lamp.label, text);
+    ConfigStore<Tower> again = MakeStore();
+    const Status status = again.ApplyText(store.Print(), "printed.yaml");
+    ASSERT_TRUE(status.ok()) << status.ToString();
+    EXPECT_EQ(again.config().lamp.label, text);
+  }
+  ConfigStore<Tower> store = MakeStore();
+  EXPECT_THAT(store.ApplyAssignment("lamp.label=a\nb").message(), HasSubstr("control character"));
+  EXPECT_THAT(store.Reference(), HasSubstr("| `lamp.label` | '' | any text on one line |"));
 }
 
 TEST(ConfigTable, PresetAppliesFirstAndKeepsItsOrigin) {

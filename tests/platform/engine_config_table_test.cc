@@ -52,6 +52,7 @@ TEST(EngineConfigTable, RowsReadAndWriteMembersOfTheirOwn) {
       case ConfigType::kInteger: changed = static_cast<std::int64_t>(fields[i].range.max); break;
       case ConfigType::kNumber: changed = fields[i].range.max; break;
       case ConfigType::kChoice: changed = fields[i].choices.back(); break;
+      case ConfigType::kText: changed = "a text that is no default"; break;
     }
     if (changed == fields[i].read(&defaults)) {
       changed = fields[i].type == ConfigType::kInteger ? ConfigValue(static_cast<std::int64_t>(fields[i].range.min))
@@ -109,6 +110,7 @@ TEST(LoadEngineConfig, ContradictionsAreRefused) {
       {{"keyframes.min_spacing_frames=30"}, "above keyframes.max_spacing_frames (25)"},
       {{"initialisation.min_points=500", "features.max=400"}, "no map could ever start"},
       {{"noise.k=0", "noise.sigma_0_px=0"}, "must have some noise"},
+      {{"retrieval.kind=vocabulary"}, "retrieval.vocabulary names no file"},
       {{"memory.max_keyframe_ids=1000"}, "below memory.max_keyframes (1500)"},
   };
   for (const auto& c : cases) {

@@ -1,0 +1,117 @@
+#include "engine/place/vocabulary_retrieval.h"
+
+#include <algorithm>
+#include <string>
+
+#include "engine/place/strongest_features.h"
+
+namespace haustra {
+
+VocabularyRetrieval::VocabularyRetrieval(const EngineConfig& config, const RetrievalConfig& retrieval,
+                                         VisionDevice& device, const Vocabulary& vocabulary)
+    : retrieval_(retrieval),
+      device_(device),
+      vocabulary_(vocabulary),
+      max_words_(static_cast<std::size_t>(std::min(retrieval.max_descriptors, device.plan().max_features))),
+      slots_(static_cast<std::size_t>(config.memory.max_keyframes)),
+      entries_(slots_.size() * max_words_),
+      first_of_word_(static_cast<std::size_t>(vocabulary.num_words()), kNone),
+      descriptors_(static_cast<std::size_t>(device.plan().max_features) * kDescriptorBytes),
+      common_(slots_.size()),
+      num_common_(slots_.size()) {
+  strongest_.reserve(static_cast<std::size_t>(device.plan().max_features));
+  words_.reserve(max_words_);
+  bag_.reserve(max_words_);
+}
+
+Status VocabularyRetrieval::FindWords(FeatureSetHandle set, std::span<const std::int32_t> features) {
+  bag_.clear();
+  words_.clear();
+  HAUSTRA_TRY(device_.ReadDescriptors(set, descriptors_));
+  for (const std::int32_t feature : features.first(std::min(features.size(), max_words_))) {
+    if (feature < 0 || feature >= device_.plan().max_features) {
+      return InvalidArgument("retrieval: there is no feature " + std::to_string(feature));
+    }
+    words_.push_back(vocabulary_.WordOf(&descriptors_[static_cast<std::size_t>(feature) * kDescriptorBytes]));
+  }
+  std::sort(words_.begin(), words_.end());
+  std::uint64_t total = 0;
+  for (const std::int32_t word : words_) total += vocabulary_.weight(word);
+  for (std::size_t begin = 0, end = 0; begin < words_.size(); begin = end) {
+    while (end < words_.size() && words_[end] == words_[begin]) ++end;
+    const std::uint64_t weight = (end - begin) * std::uint64_t{vocabulary_.weight(words_[begin])};
+    if (weight == 0) continue;
+    bag_.push_back({words_[begin], static_cast<std::uint32_t>((weight << kShareBits) / total)});
+  }
+  return Status::Ok();
+}
+
+Status VocabularyRetrieval::Add(const Atlas& atlas, KeyframeHandle handle) {
+  const Keyframe* keyframe = atlas.GetKeyframe(handle);
+  if (keyframe == nullptr) return InvalidArgument("retrieval: the keyframe is not in the atlas");
+  const auto free = std::find_if(slots_.begin(), slots_.end(), [](const Slot& s) { return !s.keyframe.is_valid(); });
+  if (free == slots_.end()) {
+    return CapacityExceeded("retrieval: " + std::to_string(slots_.size()) + " keyframes are all there is room for");
+  }
+  SelectStrongest(keyframe->features, static_cast<int>(max_words_), &strongest_);
+  HAUSTRA_TRY(FindWords(keyframe->features.set, strongest_));
+  free->keyframe = handle;
+  free->num_words = static_cast<std::uint32_t>(bag_.size());
+  auto entry_idx = static_cast<std::uint32_t>(static_cast<std::size_t>(free - slots_.begin()) * max_words_);
+  for (const WordShare& word : bag_) {
+    std::uint32_t& first = first_of_word_[static_cast<std::size_t>(word.word)];
+    entries_[entry_idx] = {word.word, word.share, first, kNone};
+    if (first != kNone) entries_[first].previous = entry_idx;
+    first = entry_idx++;
+  }
+  return Status::Ok();
+}
+
+void VocabularyRetrieval::Remove(KeyframeHandle handle) {
+  const auto slot = std::find_if(slots_.begin(), slots_.end(),
+                                 [&](const Slot& s) { return s.keyframe == handle && handle.is_valid(); });
+  if (slot == slots_.end()) return;
+  const std::size_t begin = static_cast<std::size_t>(slot - slots_.begin()) * max_words_;
+  for (std::size_t i = begin; i < begin + slot->num_words; ++i) {
+    const Entry& entry = entries_[i];
+    if (entry.next != kNone) entries_[entry.next].previous = entry.previous;
+    if (entry.previous != kNone) {
+      entries_[entry.previous].next = entry.next;
+    } else {
+      first_of_word_[static_cast<std::size_t>(entry.word)] = entry.next;
+    }
+  }
+  *slot = {};
+}
+
+Status VocabularyRetrieval::Query(const Atlas& atlas, const RetrievalQuery& query,
+                                  std::vector<RetrievalCandidate>* out) {
+  out->clear();
+  HAUSTRA_TRY(FindWords(query.set, query.strongest));
+  std::fill(common_.begin(), common_.end(), 0u);
+  std::fill(num_common_.begin(), num_common_.end(), 0);
+  for (const WordShare& word : bag_) {
+    std::uint32_t i = first_of_word_[static_cast<std::size_t>(word.word)];
+    for (; i != kNone; i = entries_[i].next) {
+      const std::size_t slot = i / max_words_;
+      common_[slot] += std::min(word.share, entries_[i].share);
+      ++num_common_[slot];
+    }
+  }
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    if (num_common_[i] == 0 || num_common_[i] < retrieval_.min_votes) continue;
+    const Keyframe* keyframe = atlas.GetKeyframe(slots_[i].keyframe);
+    if (keyframe == nullptr || (query.is_excluded && query.is_excluded(slots_[i].keyframe, *keyframe))) continue;
+    out->push_back({slots_[i].keyframe, static_cast<double>(common_[i]) / (1 << kShareBits), num_common_[i]});
+  }
+  std::sort(out->begin(), out->end(), [&](const RetrievalCandidate& a, const RetrievalCandidate& b) {
+    if (a.score != b.score) return a.score > b.score;
+    return atlas.keyframe(a.keyframe).id < atlas.keyframe(b.keyframe).id;
+  });
+  if (out->size() > static_cast<std::size_t>(query.max_results)) {
+    out->resize(static_cast<std::size_t>(query.max_results));
+  }
+  return Status::Ok();
+}
+
+}  // namespace haustra

@@ -1,0 +1,132 @@
+#include "tools/vocabulary/vocabulary_command.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "engine/place/vocabulary_file.h"
+#include "platform/config/engine_config_table.h"
+#include "platform/file_sink.h"
+#include "tools/exit_codes.h"
+#include "tools/vocabulary/rendered_pictures.h"
+#include "tools/vocabulary/training_sample.h"
+
+namespace haustra {
+namespace {
+
+struct Arguments {
+  std::string out;
+  std::vector<std::string> sequences;
+  int every_nth = 10;
+  RenderedPicturesOptions rendered{.num_colons = 0, .pictures_per_colon = 25, .num_threads = 1};
+  int features = 800;
+  VocabularyOptions options;
+  std::string config;
+  std::vector<std::string> assignments;
+  int threads = 0;
+  bool quiet = false;
+};
+
+int Fail(const Status& status) {
+  std::fprintf(stderr, "haustra vocabulary: %s\n", status.ToString().c_str());
+  return status.code() == StatusCode::kUnavailable ? kExitIo : ExitCodeFor(status.code());
+}
+
+Status Gather(const Arguments& arguments, TrainingSample* sample) {
+  for (const std::string& sequence : arguments.sequences) {
+    const std::size_t before = sample->num_pictures();
+    HAUSTRA_TRY(sample->AddSequence(sequence, arguments.every_nth));
+    if (!arguments.quiet) std::printf("%s: %zu pictures\n", sequence.c_str(), sample->num_pictures() - before);
+  }
+  if (arguments.rendered.num_colons == 0) return Status::Ok();
+  RenderedPicturesReceiver receiver;
+  receiver.begin_colon = [&](const CameraCalibration& calibration, ImageView mask) {
+    return sample->BeginSource(calibration, mask);
+  };
+  receiver.add_picture = [&](ImageView picture) { return sample->AddPicture(picture); };
+  const std::size_t before = sample->num_pictures();
+  HAUSTRA_TRY(RenderPictures(arguments.rendered, receiver));
+  if (!arguments.quiet) {
+    std::printf("%d rendered colons: %zu pictures\n", arguments.rendered.num_colons, sample->num_pictures() - before);
+  }
+  return Status::Ok();
+}
+
+int Run(Arguments arguments) {
+  if (arguments.sequences.empty() && arguments.rendered.num_colons == 0) {
+    std::fprintf(stderr, "haustra vocabulary: nothing to learn from: name sequences, or --rendered N\n");
+    return kExitUsage;
+  }
+  const Result<ConfigStore<EngineConfig>> config = LoadEngineConfig(arguments.config, arguments.assignments);
+  if (!config.ok()) {
+    std::fprintf(stderr, "haustra vocabulary: %s\n", config.status().message().c_str());
+    return kExitConfig;
+  }
+  arguments.options.root_sift = config->config().features.root_sift;
+  arguments.rendered.num_threads =
+      arguments.threads > 0 ? arguments.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  // Made first: where nothing can be written, nobody waits for the training.
+  Result<FileSink> sink = FileSink::Create(arguments.out);
+  if (!sink.ok()) return Fail(sink.status());
+
+  const auto start = std::chrono::steady_clock::now();
+  const auto elapsed_s = [&] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  TrainingSample sample(config->config(), arguments.features, arguments.threads);
+  if (const Status status = Gather(arguments, &sample); !status.ok()) return Fail(status);
+  const double gathered_s = elapsed_s();
+  const Result<Vocabulary> vocabulary = Vocabulary::Train(sample.sample(), arguments.options);
+  if (!vocabulary.ok()) return Fail(vocabulary.status());
+  if (const Status status = WriteVocabulary(*vocabulary, *sink); !status.ok()) return Fail(status);
+  if (const Status status = sink->Commit(); !status.ok()) return Fail(status);
+  if (!arguments.quiet) {
+    std::printf("%s: %d words from %zu descriptors of %zu pictures, %.1f s (%.1f s of them training)\n",
+                arguments.out.c_str(), vocabulary->num_words(), sample.sample().num_descriptors(),
+                sample.num_pictures(), elapsed_s(), elapsed_s() - gathered_s);
+  }
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
+  const auto arguments = std::make_shared<Arguments>();
+  CLI::App* command = app.add_subcommand("vocabulary", "Learn the visual words for retrieval.kind=vocabulary");
+  command->add_option("sequences", arguments->sequences, "Sequences to learn from, as for `haustra run`");
+  command->add_option("--out", arguments->out, "File to write, for retrieval.vocabulary")->required();
+  command->add_option("--every-nth", arguments->every_nth, "Of each sequence, use every n-th frame")
+      ->check(CLI::Range(1, 100000))
+      ->capture_default_str();
+  command->add_option("--rendered", arguments->rendered.num_colons, "Colons to render and learn from")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  command->add_option("--pictures", arguments->rendered.pictures_per_colon, "Pictures of each rendered colon")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+  command->add_option("--features", arguments->features, "Strongest features of each picture that are learnt from")
+      ->check(CLI::Range(16, 8000))
+      ->capture_default_str();
+  command->add_option("--branching", arguments->options.branching, "Children of a node of the tree")
+      ->check(CLI::Range(Vocabulary::kMinBranching, Vocabulary::kMaxBranching))
+      ->capture_default_str();
+  command->add_option("--depth", arguments->options.depth, "Levels of the tree")
+      ->check(CLI::Range(1, Vocabulary::kMaxDepth))
+      ->capture_default_str();
+  command->add_option("--seed", arguments->options.seed, "Seed of the clustering")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command->add_option("--config", arguments->config, "Configuration file (YAML): its features are those of the words");
+  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value");
+  command->add_option("--threads", arguments->threads, "Threads, 0: one a core. The words do not depend on it")
+      ->check(CLI::Range(0, 256))
+      ->capture_default_str();
+  command->add_flag("--quiet", arguments->quiet, "Say nothing unless it fails");
+  command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
+}
+
+}  // namespace haustra

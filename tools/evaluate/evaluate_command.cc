@@ -8,6 +8,7 @@
 
 #include "platform/file_sink.h"
 #include "tools/evaluate/evaluate_run.h"
+#include "tools/evaluate/paper_tables.h"
 #include "tools/evaluate/report_json.h"
 #include "tools/evaluate/report_text.h"
 #include "tools/evaluate/run_table.h"
@@ -42,6 +43,18 @@ int FailWriting(const Status& status) {
   return kExitIo;
 }
 
+std::string AllTables(const std::vector<evaluate::Evaluation>& evaluations) {
+  std::string text;
+  for (const evaluate::TextTable& table :
+       {evaluate::MakePaperTable(evaluations), evaluate::MakePrecisionTable(evaluations),
+        evaluate::MakeStageTable(evaluations), evaluate::MakeJoinTable(evaluations),
+        evaluate::MakeRunTable(evaluations)}) {
+    if (table.rows.empty()) continue;
+    text += (text.empty() ? "" : "\n") + FormatTable(table, evaluate::TableFormat::kMarkdown);
+  }
+  return text;
+}
+
 int Run(const EvaluateArguments& arguments) {
   const bool is_csv = arguments.table.ends_with(".csv"), is_markdown = arguments.table.ends_with(".md");
   if (!arguments.table.empty() && !is_csv && !is_markdown) {
@@ -61,15 +74,17 @@ int Run(const EvaluateArguments& arguments) {
   for (std::size_t i = 0; i < evaluations.size(); ++i) {
     std::printf("%s%s", i > 0 ? "\n" : "", evaluate::ToText(evaluations[i]).c_str());
   }
-  if (!is_single) std::printf("\n%s", FormatRunTable(evaluations, evaluate::TableFormat::kText).c_str());
+  using evaluate::TableFormat;
+  std::printf("\n%s", FormatTable(evaluate::MakePaperTable(evaluations), TableFormat::kText).c_str());
+  if (!is_single) std::printf("\n%s", FormatTable(evaluate::MakeRunTable(evaluations), TableFormat::kText).c_str());
   if (!arguments.json.empty()) {
     const std::string text = is_single ? evaluate::ToJson(evaluations[0]) : evaluate::ToJson(evaluations);
     if (const Status status = WriteFile(arguments.json, text); !status.ok()) return FailWriting(status);
   }
   if (!arguments.table.empty()) {
-    const auto format = is_csv ? evaluate::TableFormat::kCsv : evaluate::TableFormat::kMarkdown;
-    const Status status = WriteFile(arguments.table, FormatRunTable(evaluations, format));
-    if (!status.ok()) return FailWriting(status);
+    const std::string text =
+        is_csv ? FormatTable(evaluate::MakeRunTable(evaluations), TableFormat::kCsv) : AllTables(evaluations);
+    if (const Status status = WriteFile(arguments.table, text); !status.ok()) return FailWriting(status);
   }
   return kExitOk;
 }
@@ -89,7 +104,9 @@ void AddEvaluateCommand(CLI::App& app, std::function<int()>& action) {
                       "When the scene cannot be seen: first_frame,last_frame,kind,visible "
                       "(default: events.csv beside the ground truth)");
   command->add_option("--json", arguments->json, "Write the figures to this file");
-  command->add_option("--table", arguments->table, "Write metrics, mean and spread to this file (.csv or .md)");
+  command->add_option("--table", arguments->table,
+                      "Write the figures with mean and spread to this file: .csv: all as one "
+                      "table; .md: the paper's tables, every join, all figures");
   command
       ->add_option("--scene-depth", arguments->options.scene_depth,
                    "Typical distance of the scene in ground-truth units (default: from the maps' points)")

@@ -64,7 +64,8 @@ MapEvaluation EvaluateMap(int map_id, const RunOutput& run, const std::vector<Ev
     map.ate_frames = pairs.size();
     map.rms_ate = (*alignment)->rms();
     map.max_error = (*alignment)->max_error;
-    map.scale = (*alignment)->truth_from_map.scale;
+    map.truth_from_map = (*alignment)->truth_from_map;
+    map.scale = map.truth_from_map->scale;
     map.scale_drift = FindScaleDrift(pairs);
   }
   const auto row = std::find_if(run.maps.begin(), run.maps.end(), [&](const RunMap& m) { return m.map_id == map_id; });
@@ -176,6 +177,46 @@ void FindTimes(const RunOutput& run, double given_deadline_ms, Evaluation* evalu
   evaluation->mean_stage_ms = figures.mean_stage_ms;
 }
 
+void FindStageTimes(const std::vector<StageTime>& times, Evaluation* evaluation) {
+  std::vector<std::string> order;
+  std::map<std::string, std::vector<double>> durations_ms;
+  for (const StageTime& time : times) {
+    std::vector<double>& durations = durations_ms[time.stage];
+    if (durations.empty()) order.push_back(time.stage);
+    durations.push_back(time.ms);
+  }
+  for (const std::string& stage : order) {
+    const std::vector<double>& durations = durations_ms[stage];
+    const Percentiles percentiles = *FindPercentiles(durations);
+    const Spread spread = FindSpread(durations);
+    evaluation->stages.push_back(
+        {stage, spread.count, percentiles.p50, percentiles.p99, percentiles.max, spread.mean, spread.deviation});
+  }
+}
+
+// A merge or a loop is the next one that the mapper timed; a relocalisation took as long as tracking did in its frame.
+void FindJoinTimes(const std::vector<StageTime>& times, std::vector<JoinEvaluation>* joins) {
+  std::vector<double> joining_ms;
+  std::map<std::int64_t, double> tracking_ms;
+  for (const StageTime& time : times) {
+    if (time.stage == "merging/total") joining_ms.push_back(time.ms);
+    if (time.stage == "tracking/total") tracking_ms[time.frame_idx] = time.ms;
+  }
+  const auto num_joined = std::count_if(
+      joins->begin(), joins->end(), [](const JoinEvaluation& join) { return join.kind != JoinKind::kRelocalisation; });
+  const bool is_complete = joining_ms.size() == static_cast<std::size_t>(num_joined);
+  std::size_t next = 0;
+  for (JoinEvaluation& join : *joins) {
+    if (join.kind == JoinKind::kRelocalisation) {
+      if (const auto found = tracking_ms.find(join.frame_idx); found != tracking_ms.end()) {
+        join.duration_ms = found->second;
+      }
+    } else if (is_complete) {
+      join.duration_ms = joining_ms[next++];
+    }
+  }
+}
+
 MapTable TableOf(const MapEvaluation& map) {
   return {static_cast<double>(map.keyframes), static_cast<double>(map.map_points), map.keyframes_per_s, map.life_time_s,
           map.observations_per_frame,         map.observations_per_point};
@@ -242,7 +283,8 @@ Evaluation EvaluateRun(const RunOutput& run, const Reference& reference, const E
 
   std::vector<EvaluatedFrame> frames = JoinWithReference(run, reference);
   CountFrames(run, reference, frames, &evaluation);
-  if (evaluation.frames_without_groundtruth == frames.size()) {
+  // No ground truth at all was the caller's choice.
+  if (!reference.poses.empty() && evaluation.frames_without_groundtruth == frames.size()) {
     evaluation.warnings.push_back("no frame of the run has a true pose: do the time stamps belong together?");
   }
   EvaluateMaps(run, frames, &evaluation);
@@ -251,8 +293,10 @@ Evaluation EvaluateRun(const RunOutput& run, const Reference& reference, const E
   CountEvents(run.events, &evaluation);
   evaluation.joins = JudgeJoins(frames, run.events, options.joins);
   CountJoins(&evaluation);
-  FindRecall(run, frames, options.joins.positions_only, &evaluation);
+  if (!reference.poses.empty()) FindRecall(run, frames, options.joins.positions_only, &evaluation);
   FindTimes(run, options.deadline_ms, &evaluation);
+  FindStageTimes(run.times, &evaluation);
+  FindJoinTimes(run.times, &evaluation.joins);
   return evaluation;
 }
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/geometry/sim3.h"
 #include "tools/evaluate/statistics.h"
 
 namespace haustra::evaluate {
@@ -19,8 +20,9 @@ struct MapEvaluation {
   std::size_t ate_frames = 0;     // of these with a true pose
   std::optional<double> rms_ate;  // after its own Sim(3); nothing when left out (too few frames, all on a line)
   std::optional<double> max_error;
-  std::optional<double> scale;        // ground-truth units per map unit
-  std::optional<double> scale_drift;  // scale of the last quarter over that of the first; 1: none
+  std::optional<double> scale;         // ground-truth units per map unit
+  std::optional<double> scale_drift;   // scale of the last quarter over that of the first; 1: none
+  std::optional<Sim3> truth_from_map;  // that gave the error
   // The paper's table.
   int keyframes = 0;
   int map_points = 0;
@@ -48,6 +50,8 @@ struct JoinEvaluation {
   std::optional<double> ate_joined;                // both aligned by one Sim(3)
   std::optional<double> rotation_error_deg;        // of the relative pose of the two parts
   std::optional<double> translation_error_depths;  // the same, as a share of the scene depth
+  std::optional<double> ate_joined_depths;         // ate_joined as a share of the scene depth; not judged
+  std::optional<double> duration_ms;               // merge, loop: of joining; relocalisation: of tracking the frame
 };
 
 // Merges, loops or relocalisations in numbers.
@@ -80,6 +84,14 @@ struct MapTable {
   double life_time_s = 0.0;
   double observations_per_frame = 0.0;
   double observations_per_point = 0.0;
+};
+
+// How long one stage took, each time that it ran.
+struct StageEvaluation {
+  std::string stage;  // "mapping/bundle"
+  std::size_t count = 0;
+  double p50 = 0.0, p99 = 0.0, max = 0.0;  // ms
+  double mean = 0.0, deviation = 0.0;      // ms; deviation of the sample
 };
 
 struct Evaluation {
@@ -124,7 +136,8 @@ struct Evaluation {
   std::size_t damaged = 0;
   std::optional<double> peak_rss_mb;
   std::optional<double> realtime_ratio;
-  std::map<std::string, double> mean_stage_ms;
+  std::map<std::string, double> mean_stage_ms;  // of the mapper, a keyframe
+  std::vector<StageEvaluation> stages;          // in the order of times.csv; none when the run has no such file
 
   std::optional<MapTable> mean_map;
   std::optional<MapTable> largest_map;

@@ -158,6 +158,16 @@ void CompareRelativePoses(const Parts& parts, double scale, double depth, const 
   join->translation_error_depths = Median(std::move(translations));
 }
 
+// What alignment by floating point leaves of errors that are none: the ratio of two such numbers says nothing.
+double RoundingOf(const std::vector<PosePair>& pairs) {
+  constexpr double kRelative = 1e-9;
+  double extent = 0.0;
+  for (const PosePair& pair : pairs) {
+    extent = std::max(extent, (pair.truth.translation - pairs[0].truth.translation).norm());
+  }
+  return kRelative * extent;
+}
+
 void Refuse(const std::string& reason, JoinEvaluation* join) {
   join->verdict = Verdict::kFalse;
   join->reason += join->reason.empty() ? reason : "; " + reason;
@@ -185,6 +195,7 @@ void Judge(Parts parts, const JoinOptions& options, JoinEvaluation* join) {
     }
     join->ate_parts = std::sqrt(squared_error / static_cast<double>(count));
     join->ate_joined = joined->rms();
+    if (depth > 0.0) join->ate_joined_depths = *join->ate_joined / depth;
   }
   const bool first_is_scale = first_alone && (!second_alone || first.size() >= second.size());
   const std::optional<Alignment>& measure = first_is_scale ? first_alone : second_alone;
@@ -195,8 +206,7 @@ void Judge(Parts parts, const JoinOptions& options, JoinEvaluation* join) {
     return;
   }
   join->verdict = Verdict::kTrue;
-  if (join->ate_joined && *join->ate_joined > options.max_ate_ratio * *join->ate_parts &&
-      *join->ate_joined > options.negligible_ate_depths * depth) {
+  if (join->ate_joined && *join->ate_joined > options.max_ate_ratio * *join->ate_parts + RoundingOf(both)) {
     Refuse("the parts do not fit one Sim(3)", join);
   }
   if (join->rotation_error_deg && *join->rotation_error_deg > options.max_rotation_deg) {

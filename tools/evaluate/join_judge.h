@@ -10,8 +10,7 @@
 // It is judged by the final poses of these frames, and it is false when
 //   - one Sim(3) aligns both parts to the ground truth only with more than 3 times the RMS ATE that they have when
 //     each is aligned on its own. A part with fewer than 10 frames, or on a line, has no ATE of its own: the other's
-//     counts alone. Errors below 1 % of the scene depth are not compared: the ratio of two numbers near nothing says
-//     nothing.
+//     counts alone. The rule holds however small the errors are; ate_joined_depths says how small.
 //   - the relative pose of the parts is off by more than 10 degrees or 20 % of the scene depth: median over the pairs
 //     of frames, one of each part, that were nearest to each other in place and direction; scale of the larger part.
 // It cannot be judged when a part has no final pose with a true one (its map was dropped), or when neither has an ATE.
@@ -26,7 +25,6 @@ namespace haustra::evaluate {
 
 struct JoinOptions {
   double max_ate_ratio = 3.0;
-  double negligible_ate_depths = 0.01;
   double max_rotation_deg = 10.0;
   double max_translation_depths = 0.20;
   bool positions_only = false;  // the true orientations are not to be trusted: rotations are not compared

@@ -55,6 +55,12 @@ Json MapOf(const MapEvaluation& map) {
           {"observations_per_point", map.observations_per_point}};
 }
 
+Json StageOf(const StageEvaluation& stage) {
+  return {
+      {"stage", stage.stage}, {"count", stage.count},        {"p50", stage.p50}, {"p99", stage.p99}, {"max", stage.max},
+      {"mean", stage.mean},   {"deviation", stage.deviation}};
+}
+
 Json JoinOf(const JoinEvaluation& join) {
   return {{"kind", ToString(join.kind)},
           {"frame_idx", join.frame_idx},
@@ -65,7 +71,9 @@ Json JoinOf(const JoinEvaluation& join) {
           {"ate_parts", OrNull(join.ate_parts)},
           {"ate_joined", OrNull(join.ate_joined)},
           {"rotation_error_deg", OrNull(join.rotation_error_deg)},
-          {"translation_error_depths", OrNull(join.translation_error_depths)}};
+          {"translation_error_depths", OrNull(join.translation_error_depths)},
+          {"ate_joined_depths", OrNull(join.ate_joined_depths)},
+          {"duration_ms", OrNull(join.duration_ms)}};
 }
 
 Json RunOf(const Evaluation& e) {
@@ -99,7 +107,10 @@ Json RunOf(const Evaluation& e) {
   json["map_points"] = e.map_points;
   json["scene_depth"] = OrNull(e.scene_depth);
   json["merge_precision"] = OrNull(e.merges.precision());
+  json["loop_precision"] = OrNull(e.loops.precision());
+  json["relocalisation_precision"] = OrNull(e.relocalisations.precision());
   json["merge_recall"] = e.merge_recall ? OrNull(e.merge_recall->value()) : Json(nullptr);
+  json["relocalisation_recall"] = e.relocalisation_recall ? OrNull(e.relocalisation_recall->value()) : Json(nullptr);
   json["join_counts"] = {
       {"merges", CountOf(e.merges)}, {"loops", CountOf(e.loops)}, {"relocalisations", CountOf(e.relocalisations)}};
   json["recall"] = {{"merges", RecallOf(e.merge_recall)}, {"relocalisations", RecallOf(e.relocalisation_recall)}};
@@ -111,6 +122,8 @@ Json RunOf(const Evaluation& e) {
   json["peak_rss_mb"] = OrNull(e.peak_rss_mb);
   json["realtime_ratio"] = OrNull(e.realtime_ratio);
   json["mean_stage_ms"] = e.mean_stage_ms;
+  json["stages"] = Json::array();
+  for (const StageEvaluation& stage : e.stages) json["stages"].push_back(StageOf(stage));
   json["mean_map"] = TableOf(e.mean_map);
   json["largest_map"] = TableOf(e.largest_map);
   json["per_map"] = Json::array();
@@ -134,7 +147,7 @@ std::string ToJson(std::span<const Evaluation> evaluations) {
   for (const Evaluation& evaluation : evaluations) json["runs"].push_back(RunOf(evaluation));
   json["mean"] = Json::object();
   json["spread"] = Json::object();
-  for (const TableRow& row : MakeRunTable(evaluations)) {
+  for (const TableRow& row : MakeRunRows(evaluations)) {
     json["mean"][row.metric] = row.spread ? Json(row.spread->mean) : Json(nullptr);
     if (!row.spread) {
       json["spread"][row.metric] = nullptr;

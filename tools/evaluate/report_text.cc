@@ -1,6 +1,9 @@
 #include "tools/evaluate/report_text.h"
 
+#include <span>
+
 #include "tools/evaluate/number_text.h"
+#include "tools/evaluate/paper_tables.h"
 
 namespace haustra::evaluate {
 namespace {
@@ -96,7 +99,7 @@ std::string TimeLines(const Evaluation& e) {
   text += Line("dropped, damaged", std::to_string(e.dropped) + ", " + Count(e.damaged, "frame", "frames"));
   if (e.realtime_ratio) text += Line("real-time ratio", Fixed(e.realtime_ratio, 2));
   if (e.peak_rss_mb) text += Line("peak memory", Fixed(e.peak_rss_mb, 0) + " MB");
-  if (!e.mean_stage_ms.empty()) {
+  if (e.stages.empty() && !e.mean_stage_ms.empty()) {
     std::string stages;
     for (const auto& [name, mean_ms] : e.mean_stage_ms) {
       stages += (stages.empty() ? "" : ", ") + name + " " + Fixed(mean_ms, 1);
@@ -106,39 +109,25 @@ std::string TimeLines(const Evaluation& e) {
   return text;
 }
 
-std::string TableLine(std::string_view label, const std::vector<std::string>& cells) {
-  std::string text = std::string("  ").append(PadRight(label, 10));
-  for (const std::string& cell : cells) text += PadLeft(cell, 10);
-  return text + "\n";
-}
-
-std::vector<std::string> PaperCells(const MapTable& t) {
-  return {Fixed(t.keyframes, 1),
-          Fixed(t.map_points, 1),
-          Fixed(t.keyframes_per_s, 2),
-          Fixed(t.life_time_s, 2),
-          Fixed(t.observations_per_frame, 1),
-          Fixed(t.observations_per_point, 1)};
-}
-
-std::string MapLines(const Evaluation& e) {
-  if (!e.mean_map || !e.largest_map) return {};
+// Indented like the lines above it; nothing for a table without rows.
+std::string TableLines(const TextTable& table) {
+  if (table.rows.empty()) return {};
   std::string text = "\n";
-  text += TableLine(
-      "map", {"#KF", "#MP", "KF/s", "life s", "#Obs/F", "#Obs/MP", "frames", "RMS ATE", "max", "scale", "drift"});
-  text += TableLine("mean", PaperCells(*e.mean_map));
-  text += TableLine("largest", PaperCells(*e.largest_map));
-  for (const MapEvaluation& map : e.per_map) {
-    std::vector<std::string> cells =
-        PaperCells({static_cast<double>(map.keyframes), static_cast<double>(map.map_points), map.keyframes_per_s,
-                    map.life_time_s, map.observations_per_frame, map.observations_per_point});
-    cells.push_back(std::to_string(map.frames));
-    for (const auto& value : {map.rms_ate, map.max_error, map.scale, map.scale_drift}) {
-      cells.push_back(Fixed(value, 4));
-    }
-    text += TableLine(std::to_string(map.map_id), cells);
+  const std::string lines = FormatTable(table, TableFormat::kText);
+  for (std::size_t start = 0; start < lines.size();) {
+    const std::size_t end = lines.find('\n', start) + 1;
+    text += "  " + lines.substr(start, end - start);
+    start = end;
   }
   return text;
+}
+
+// The run's name is above all its tables already.
+TextTable WithoutRun(TextTable table) {
+  table.header.erase(table.header.begin());
+  for (auto& row : table.rows) row.erase(row.begin());
+  --table.num_left;
+  return table;
 }
 
 }  // namespace
@@ -156,7 +145,10 @@ std::string ToText(const Evaluation& evaluation) {
   text += ErrorLines(evaluation);
   text += JoinLines(evaluation);
   text += TimeLines(evaluation);
-  text += MapLines(evaluation);
+  const std::span<const Evaluation> one(&evaluation, 1);
+  text += TableLines(MakeMapTable(evaluation));
+  text += TableLines(WithoutRun(MakeJoinTable(one)));
+  text += TableLines(MakeStageTable(one));
   for (const std::string& warning : evaluation.warnings) text += "  warning: " + warning + "\n";
   return text;
 }

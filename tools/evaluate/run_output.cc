@@ -67,8 +67,10 @@ Status ReadFrames(const std::string& path, std::vector<RunFrame>* frames) {
     reader.Integer(0, &frame.frame_idx).Integer(1, &frame.timestamp_ns).Integer(4, &frame.live_map_id);
     reader.Integer(5, &frame.map_id).Integer(6, &frame.keyframe_id).Integer(7, &frame.num_inliers);
     HAUSTRA_TRY(reader.Number(8, &frame.frame_ms).status());
-    frame.is_dropped = table.Text(row, 2) == "dropped";
-    frame.is_damaged = table.Text(row, 3) == "damaged_frame";
+    frame.state = table.Text(row, 2);
+    frame.reason = table.Text(row, 3);
+    frame.is_dropped = frame.state == "dropped";
+    frame.is_damaged = frame.reason == "damaged_frame";
     if (!frames->empty() && frame.frame_idx <= frames->back().frame_idx) {
       return InvalidArgument(table.Where(row) + "frame_idx " + std::to_string(frame.frame_idx) +
                              " does not come after " + std::to_string(frames->back().frame_idx));
@@ -96,14 +98,6 @@ Status ReadMaps(const std::string& path, std::vector<RunMap>* maps) {
   return Status::Ok();
 }
 
-std::optional<std::int64_t> OtherKeyframe(std::string_view details) {
-  constexpr std::string_view kKey = "other_keyframe=";
-  const std::size_t start = details.find(kKey);
-  if (start == std::string_view::npos) return std::nullopt;
-  const std::string_view value = details.substr(start + kKey.size());
-  return ParseInteger(value.substr(0, value.find_first_not_of("0123456789")));
-}
-
 Status ReadEvents(const std::string& path, std::vector<RunEventRow>* events) {
   HAUSTRA_ASSIGN(const CsvTable table,
                  CsvTable::Read(path, {"frame_idx", "event", "map_id", "other_map_id", "details"}));
@@ -113,11 +107,29 @@ Status ReadEvents(const std::string& path, std::vector<RunEventRow>* events) {
     reader.Integer(0, &event.frame_idx).Integer(2, &event.map_id).Integer(3, &event.other_map_id);
     HAUSTRA_TRY(reader.status());
     event.event = table.Text(row, 1);
-    event.other_keyframe_id = OtherKeyframe(table.Text(row, 4));
+    event.details = table.Text(row, 4);
+    event.other_keyframe_id = DetailOf(event, "other_keyframe");
     events->push_back(std::move(event));
   }
   std::stable_sort(events->begin(), events->end(),
                    [](const RunEventRow& a, const RunEventRow& b) { return a.frame_idx < b.frame_idx; });
+  return Status::Ok();
+}
+
+// Not there: a run that was not timed.
+Status ReadTimes(const std::string& path, std::vector<StageTime>* times) {
+  std::error_code error;
+  if (!fs::exists(path, error)) return Status::Ok();
+  HAUSTRA_ASSIGN(const CsvTable table, CsvTable::Read(path, {"frame_idx", "stage", "ms"}));
+  times->reserve(table.num_rows());
+  for (std::size_t row = 0; row < table.num_rows(); ++row) {
+    StageTime time;
+    RowReader reader(table, row);
+    HAUSTRA_TRY(reader.Integer(0, &time.frame_idx).Number(2, &time.ms).status());
+    time.stage = table.Text(row, 1);
+    if (time.ms < 0.0) return InvalidArgument(table.Where(row) + "ms is " + table.Text(row, 2) + ", below zero");
+    times->push_back(std::move(time));
+  }
   return Status::Ok();
 }
 
@@ -220,6 +232,15 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
 
 }  // namespace
 
+std::optional<std::int64_t> DetailOf(const RunEventRow& event, std::string_view name) {
+  for (const std::string_view word : SplitBlanks(event.details)) {
+    if (word.starts_with(name) && word.substr(name.size()).starts_with('=')) {
+      return ParseInteger(word.substr(name.size() + 1));
+    }
+  }
+  return std::nullopt;
+}
+
 Result<RunOutput> ReadRunOutput(const std::string& folder) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) return NotFound(folder + ": no such folder");
@@ -229,6 +250,7 @@ Result<RunOutput> ReadRunOutput(const std::string& folder) {
   HAUSTRA_TRY(ReadFrames(path("frames.csv"), &run.frames));
   HAUSTRA_TRY(ReadMaps(path("maps.csv"), &run.maps));
   HAUSTRA_TRY(ReadEvents(path("events.csv"), &run.events));
+  HAUSTRA_TRY(ReadTimes(path("times.csv"), &run.times));
   HAUSTRA_TRY(ReadFigures(path("summary.json"), &run.figures));
   HAUSTRA_TRY(ReadTrajectories(&run));
   HAUSTRA_TRY(ReadGeometry(&run));

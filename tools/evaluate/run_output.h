@@ -1,11 +1,12 @@
-// The output folder of a run, read back: frames.csv, maps.csv, events.csv, the final trajectory and the exported
-// geometry of each map, and the times in summary.json.
+// The output folder of a run, read back: frames.csv, maps.csv, events.csv, times.csv, the final trajectory and the
+// exported geometry of each map, and the times in summary.json.
 #pragma once
 
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/geometry/se3.h"
@@ -17,6 +18,8 @@ namespace haustra::evaluate {
 struct RunFrame {
   std::int64_t frame_idx = 0;
   std::int64_t timestamp_ns = 0;
+  std::string state;   // as it was answered: initialising, tracking, lost, dropped
+  std::string reason;  // of the state
   bool is_dropped = false;
   bool is_damaged = false;
   int live_map_id = -1;  // map of the pose that was answered, -1: none
@@ -40,6 +43,17 @@ struct RunEventRow {
   int map_id = -1;
   int other_map_id = -1;
   std::optional<std::int64_t> other_keyframe_id;  // that was met again: "other_keyframe=N" among the details
+  std::string details;                            // words and name=number, between blanks
+};
+
+// The number after "name=" among the details of an event.
+std::optional<std::int64_t> DetailOf(const RunEventRow& event, std::string_view name);
+
+// One duration that was measured.
+struct StageTime {
+  std::int64_t frame_idx = 0;
+  std::string stage;  // part of the system, '/', what it did: "mapping/bundle"; "total" is all of the part
+  double ms = 0.0;
 };
 
 // What a map's export says about the camera and the distance of the scene.
@@ -73,6 +87,7 @@ struct RunOutput {
   std::vector<RunMap> maps;
   std::vector<RunEventRow> events;      // by frame_idx
   std::map<int, MapGeometry> geometry;  // by map id; maps without an export are missing
+  std::vector<StageTime> times;         // in the file's order; none when there is no times.csv
   RunFigures figures;
   std::vector<std::string> warnings;  // what did not fit together, but can be evaluated
 };

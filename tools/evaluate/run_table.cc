@@ -1,9 +1,10 @@
 #include "tools/evaluate/run_table.h"
 
 #include <algorithm>
-#include <filesystem>
+#include <utility>
 
 #include "tools/evaluate/number_text.h"
+#include "tools/evaluate/paper_tables.h"
 
 namespace haustra::evaluate {
 namespace {
@@ -28,9 +29,11 @@ std::optional<double> TimeOf(const Evaluation& e, double Percentiles::*field) {
   return e.frame_ms ? std::optional<double>((*e.frame_ms).*field) : std::nullopt;
 }
 
-std::optional<double> MeanOf(const Evaluation& e, double MapTable::*field) {
-  return e.mean_map ? std::optional<double>((*e.mean_map).*field) : std::nullopt;
+std::optional<double> Of(const std::optional<MapTable>& table, double MapTable::*field) {
+  return table ? std::optional<double>((*table).*field) : std::nullopt;
 }
+
+std::optional<double> ValueOf(const std::optional<Recall>& recall) { return recall ? recall->value() : std::nullopt; }
 
 using E = const Evaluation&;
 using Value = std::optional<double>;
@@ -43,18 +46,36 @@ const Metric kMetrics[] = {
     {"rms_ate", 4, [](E e) -> Value { return e.rms_ate; }},
     {"max_error", 4, [](E e) -> Value { return e.max_error; }},
     {"maps", 1, [](E e) -> Value { return Number(e.maps); }},
+    {"maps_created", 1, [](E e) -> Value { return Number(e.maps_created); }},
     {"merges", 1, [](E e) -> Value { return Number(e.merges.made); }},
     {"loops", 1, [](E e) -> Value { return Number(e.loops.made); }},
     {"relocalisations", 1, [](E e) -> Value { return Number(e.relocalisations.made); }},
     {"false_merges", 1, [](E e) -> Value { return Number(e.false_merges); }},
-    {"merge_recall", 3, [](E e) -> Value { return e.merge_recall ? e.merge_recall->value() : Value(); }},
+    {"losses", 1, [](E e) -> Value { return Number(e.losses); }},
+    {"merge_precision", 3, [](E e) -> Value { return e.merges.precision(); }},
+    {"loop_precision", 3, [](E e) -> Value { return e.loops.precision(); }},
+    {"relocalisation_precision", 3, [](E e) -> Value { return e.relocalisations.precision(); }},
+    {"merge_recall", 3, [](E e) -> Value { return ValueOf(e.merge_recall); }},
+    {"relocalisation_recall", 3, [](E e) -> Value { return ValueOf(e.relocalisation_recall); }},
     {"largest_map_frames", 1, [](E e) -> Value { return Number(e.largest_map_frames); }},
     {"keyframes", 1, [](E e) -> Value { return Number(e.keyframes); }},
     {"map_points", 1, [](E e) -> Value { return Number(e.map_points); }},
-    {"keyframes_per_s", 2, [](E e) -> Value { return MeanOf(e, &MapTable::keyframes_per_s); }},
-    {"life_time_s", 2, [](E e) -> Value { return MeanOf(e, &MapTable::life_time_s); }},
-    {"observations_per_frame", 1, [](E e) -> Value { return MeanOf(e, &MapTable::observations_per_frame); }},
-    {"observations_per_point", 1, [](E e) -> Value { return MeanOf(e, &MapTable::observations_per_point); }},
+    {"mean_map.keyframes", 1, [](E e) -> Value { return Of(e.mean_map, &MapTable::keyframes); }},
+    {"mean_map.map_points", 1, [](E e) -> Value { return Of(e.mean_map, &MapTable::map_points); }},
+    {"mean_map.keyframes_per_s", 2, [](E e) -> Value { return Of(e.mean_map, &MapTable::keyframes_per_s); }},
+    {"mean_map.life_time_s", 2, [](E e) -> Value { return Of(e.mean_map, &MapTable::life_time_s); }},
+    {"mean_map.observations_per_frame", 2,
+     [](E e) -> Value { return Of(e.mean_map, &MapTable::observations_per_frame); }},
+    {"mean_map.observations_per_point", 2,
+     [](E e) -> Value { return Of(e.mean_map, &MapTable::observations_per_point); }},
+    {"largest_map.keyframes", 1, [](E e) -> Value { return Of(e.largest_map, &MapTable::keyframes); }},
+    {"largest_map.map_points", 1, [](E e) -> Value { return Of(e.largest_map, &MapTable::map_points); }},
+    {"largest_map.keyframes_per_s", 2, [](E e) -> Value { return Of(e.largest_map, &MapTable::keyframes_per_s); }},
+    {"largest_map.life_time_s", 2, [](E e) -> Value { return Of(e.largest_map, &MapTable::life_time_s); }},
+    {"largest_map.observations_per_frame", 2,
+     [](E e) -> Value { return Of(e.largest_map, &MapTable::observations_per_frame); }},
+    {"largest_map.observations_per_point", 2,
+     [](E e) -> Value { return Of(e.largest_map, &MapTable::observations_per_point); }},
     {"frame_ms.p50", 2, [](E e) -> Value { return TimeOf(e, &Percentiles::p50); }},
     {"frame_ms.p99", 2, [](E e) -> Value { return TimeOf(e, &Percentiles::p99); }},
     {"frame_ms.p999", 2, [](E e) -> Value { return TimeOf(e, &Percentiles::p999); }},
@@ -65,89 +86,75 @@ const Metric kMetrics[] = {
     {"realtime_ratio", 3, [](E e) -> Value { return e.realtime_ratio; }},
 };
 
-// The last part of the path; a separator at its end does not count.
-std::string ShortName(const std::string& folder) {
-  const std::filesystem::path path(folder);
-  return path.has_filename() ? path.filename().string() : path.parent_path().filename().string();
+const StageEvaluation* StageNamed(const Evaluation& evaluation, const std::string& name) {
+  const auto found = std::find_if(evaluation.stages.begin(), evaluation.stages.end(),
+                                  [&](const StageEvaluation& stage) { return stage.stage == name; });
+  return found == evaluation.stages.end() ? nullptr : &*found;
 }
 
-using Cells = std::vector<std::vector<std::string>>;
+// One row; `of` gives the value of a run.
+template <typename ValueOfRun>
+TableRow MakeRow(std::string metric, int decimals, std::span<const Evaluation> evaluations, ValueOfRun&& of) {
+  TableRow row{std::move(metric), decimals, {}, std::nullopt};
+  std::vector<double> known;
+  for (const Evaluation& evaluation : evaluations) {
+    row.values.push_back(of(evaluation));
+    if (row.values.back()) known.push_back(*row.values.back());
+  }
+  if (!known.empty()) row.spread = FindSpread(known);
+  return row;
+}
 
-Cells MakeCells(std::span<const Evaluation> evaluations, TableFormat format) {
-  Cells cells{{"metric", "mean", "std", "min", "max"}};
-  for (const Evaluation& evaluation : evaluations) cells[0].push_back(ShortName(evaluation.name));
-  // Blank in a CSV file: a dash would not be a number.
-  const auto text = [&](const std::optional<double>& value, int decimals) {
-    return value || format != TableFormat::kCsv ? Fixed(value, decimals) : std::string();
-  };
-  for (const TableRow& row : MakeRunTable(evaluations)) {
-    const auto of = [&](double Spread::*field) { return row.spread ? Value((*row.spread).*field) : Value(); };
-    std::vector<std::string> line{row.metric};
-    for (const auto field : {&Spread::mean, &Spread::deviation, &Spread::min, &Spread::max}) {
-      line.push_back(text(of(field), row.decimals));
+void AddStageRows(std::span<const Evaluation> evaluations, std::vector<TableRow>* rows) {
+  std::vector<std::string> names;
+  for (const Evaluation& evaluation : evaluations) {
+    for (const StageEvaluation& stage : evaluation.stages) {
+      if (std::find(names.begin(), names.end(), stage.stage) == names.end()) names.push_back(stage.stage);
     }
-    for (const std::optional<double>& value : row.values) line.push_back(text(value, row.decimals));
-    cells.push_back(std::move(line));
   }
-  return cells;
-}
-
-std::vector<std::size_t> ColumnWidths(const Cells& cells) {
-  std::vector<std::size_t> widths(cells[0].size(), 0);
-  for (const auto& line : cells) {
-    for (std::size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], line[i].size());
+  constexpr std::pair<const char*, double StageEvaluation::*> kFields[] = {{"p50", &StageEvaluation::p50},
+                                                                           {"p99", &StageEvaluation::p99},
+                                                                           {"max", &StageEvaluation::max},
+                                                                           {"mean", &StageEvaluation::mean},
+                                                                           {"deviation", &StageEvaluation::deviation}};
+  for (const std::string& name : names) {
+    const std::string prefix = "stages." + name + ".";
+    rows->push_back(MakeRow(prefix + "count", 1, evaluations, [&](E e) -> Value {
+      const StageEvaluation* stage = StageNamed(e, name);
+      return stage != nullptr ? Value(static_cast<double>(stage->count)) : std::nullopt;
+    }));
+    for (const auto& [field_name, field] : kFields) {
+      rows->push_back(MakeRow(prefix + field_name, 2, evaluations, [&, member = field](E e) -> Value {
+        const StageEvaluation* stage = StageNamed(e, name);
+        return stage != nullptr ? Value(stage->*member) : std::nullopt;
+      }));
+    }
   }
-  return widths;
-}
-
-// A field with a comma or a quote goes into quotes (RFC 4180).
-std::string CsvField(const std::string& text) {
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + "\"";
 }
 
 }  // namespace
 
-std::vector<TableRow> MakeRunTable(std::span<const Evaluation> evaluations) {
+std::vector<TableRow> MakeRunRows(std::span<const Evaluation> evaluations) {
   std::vector<TableRow> rows;
-  for (const Metric& metric : kMetrics) {
-    TableRow row{metric.name, metric.decimals, {}, std::nullopt};
-    std::vector<double> known;
-    for (const Evaluation& evaluation : evaluations) {
-      row.values.push_back(metric.of(evaluation));
-      if (row.values.back()) known.push_back(*row.values.back());
-    }
-    if (!known.empty()) row.spread = FindSpread(known);
-    rows.push_back(std::move(row));
-  }
+  for (const Metric& metric : kMetrics) rows.push_back(MakeRow(metric.name, metric.decimals, evaluations, metric.of));
+  AddStageRows(evaluations, &rows);
   return rows;
 }
 
-std::string FormatRunTable(std::span<const Evaluation> evaluations, TableFormat format) {
-  const Cells cells = MakeCells(evaluations, format);
-  const std::vector<std::size_t> widths = ColumnWidths(cells);
-  std::string text;
-  for (std::size_t row = 0; row < cells.size(); ++row) {
-    if (format == TableFormat::kMarkdown) text += "| ";
-    for (std::size_t i = 0; i < cells[row].size(); ++i) {
-      if (format == TableFormat::kCsv) {
-        if (i > 0) text += ',';
-        text += CsvField(cells[row][i]);
-        continue;
-      }
-      if (i > 0) text += format == TableFormat::kMarkdown ? " | " : "  ";
-      text += i == 0 ? PadRight(cells[row][i], widths[i]) : PadLeft(cells[row][i], widths[i]);
+TextTable MakeRunTable(std::span<const Evaluation> evaluations) {
+  TextTable table;
+  table.title = "All figures";
+  table.header = {"metric", "mean", "std", "min", "max"};
+  for (const Evaluation& evaluation : evaluations) table.header.push_back(ShortName(evaluation.name));
+  for (const TableRow& row : MakeRunRows(evaluations)) {
+    std::vector<std::string> line{row.metric};
+    for (const auto field : {&Spread::mean, &Spread::deviation, &Spread::min, &Spread::max}) {
+      line.push_back(Fixed(row.spread ? Value((*row.spread).*field) : Value(), row.decimals));
     }
-    text += format == TableFormat::kMarkdown ? " |\n" : "\n";
-    if (row == 0 && format == TableFormat::kMarkdown) {
-      text += "|";
-      for (std::size_t i = 0; i < widths.size(); ++i) text += std::string(widths[i] + 1, '-') + (i == 0 ? "-|" : ":|");
-      text += "\n";
-    }
+    for (const Value& value : row.values) line.push_back(Fixed(value, row.decimals));
+    table.rows.push_back(std::move(line));
   }
-  return text;
+  return table;
 }
 
 }  // namespace haustra::evaluate

@@ -160,6 +160,32 @@ TEST(EvaluateRun, TimesOfASequentialRunComeFromItsSummary) {
   EXPECT_EQ(e.realtime_ratio, 1.5);
 }
 
+TEST(EvaluateRun, StageTimesAreThoseOfTheSamples) {
+  RunOutput run = ThreeMaps();
+  for (const double ms : {40.0, 10.0, 100.0, 20.0, 30.0}) run.times.push_back({0, "mapping/bundle", ms});
+  run.times.push_back({0, "tracking/total", 7.0});
+  const Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  ASSERT_EQ(e.stages.size(), 2u);
+  const StageEvaluation& bundle = e.stages[0];
+  EXPECT_EQ(bundle.stage, "mapping/bundle");
+  EXPECT_EQ(bundle.count, 5u);
+  EXPECT_EQ(bundle.p50, 30.0);
+  EXPECT_EQ(bundle.p99, 100.0);
+  EXPECT_EQ(bundle.max, 100.0);
+  EXPECT_EQ(bundle.mean, 40.0);
+  EXPECT_NEAR(bundle.deviation, std::sqrt(1250.0), 1e-12);  // (0 + 900 + 3600 + 400 + 100) / 4
+  EXPECT_EQ(e.stages[1].deviation, 0.0);
+}
+
+TEST(EvaluateRun, WithoutGroundTruthTheRestIsStillKnown) {
+  const Evaluation e = EvaluateRun(ThreeMaps(), Reference(), {});
+  EXPECT_DOUBLE_EQ(e.coverage, 51.25);
+  EXPECT_EQ(e.keyframes, 34u);
+  EXPECT_FALSE(e.rms_ate.has_value());
+  EXPECT_FALSE(e.merge_recall.has_value());
+  EXPECT_TRUE(e.warnings.empty());
+}
+
 // Maps 1 and 2 of ThreeMaps see different places; 5 is made where 1 was, and merged with it.
 RunOutput MergedRun(const Sim3& displace) {
   RunOutput run = ThreeMaps();
@@ -184,6 +210,20 @@ TEST(EvaluateRun, TrueMergeIsCountedAndNotFlagged) {
   EXPECT_NEAR(*e.scene_depth, kDepth, 0.5);
   ASSERT_TRUE(e.merge_recall.has_value());
   EXPECT_GE(e.merge_recall->taken, 1u);
+}
+
+TEST(EvaluateRun, JoinsHaveTheDurationsThatWereMeasuredForThem) {
+  RunOutput run = MergedRun(Sim3());
+  run.events.push_back(Event(300, "relocalised", 1));
+  run.times = {{299, "tracking/total", 20.0}, {301, "merging/total", 150.0}, {300, "tracking/total", 33.0}};
+  Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  ASSERT_EQ(e.joins.size(), 2u);
+  EXPECT_EQ(e.joins[0].duration_ms, 150.0);
+  EXPECT_EQ(e.joins[1].duration_ms, 33.0);
+  // One more duration than merges: which one belongs to which is not known.
+  run.times.push_back({310, "merging/total", 99.0});
+  e = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_FALSE(e.joins[0].duration_ms.has_value());
 }
 
 TEST(EvaluateRun, FalseMergeIsFlagged) {

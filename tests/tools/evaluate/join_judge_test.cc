@@ -68,11 +68,39 @@ TEST(JudgeMerge, DisplacementBelowTheLimitsIsFalseByTheErrorAlone) {
   EXPECT_NEAR(*join.translation_error_depths, 0.05, 0.01);
 }
 
-TEST(JudgeMerge, ErrorsNearNothingAreNotCompared) {
-  // The parts are exact and the seam is off by 0.1 mm: an endless ratio, and a perfect merge.
+TEST(JudgeMerge, SmallErrorsAreJudgedLikeLargeOnes) {
+  // The parts are nearly exact and the seam is off by 0.1 mm: false by the ratio, and the share of the depth says how
+  // little it is.
   const JoinEvaluation join = JudgeOne(TwoRounds(Shift(0.0, 0.0, 0.1), 1e-6), Event(319, "merged", 1, 2));
-  EXPECT_GT(*join.ate_joined, 3.0 * *join.ate_parts);
+  EXPECT_EQ(join.verdict, Verdict::kFalse);
+  EXPECT_EQ(join.reason, "the parts do not fit one Sim(3)");
+  EXPECT_DOUBLE_EQ(*join.ate_joined_depths, *join.ate_joined / kDepth);
+  EXPECT_LT(*join.ate_joined_depths, 0.002);
+}
+
+TEST(JudgeMerge, RoundingIsNoError) {
+  const JoinEvaluation join = JudgeOne(TwoRounds(Sim3(), 0.0), Event(319, "merged", 1, 2));
+  EXPECT_LT(*join.ate_joined, 1e-9);
   EXPECT_EQ(join.verdict, Verdict::kTrue) << join.reason;
+}
+
+TEST(JudgeMerge, ThreeTimesTheErrorOfThePartsIsTheLimit) {
+  // Both parts 0.1 mm off, alternately; the shift between them does the rest: joined = sqrt(parts^2 + (shift/2)^2) at
+  // most, so 2 x sqrt(8) x parts is what reaches the limit.
+  const auto merge = [](double shift) {
+    std::vector<EvaluatedFrame> frames;
+    for (int i = 20; i < 320; ++i) {
+      if (i >= 120 && i < 220) continue;
+      SE3 believed = TruePose(i);
+      believed.translation.z() += (i % 2 == 0 ? 0.1 : -0.1) + (i < 120 ? 0.0 : shift);
+      frames.push_back(MakeFrame(i, i < 120 ? 1 : 2, 1, believed));
+    }
+    return JudgeOne(frames, Event(319, "merged", 1, 2));
+  };
+  const JoinEvaluation below = merge(0.55), above = merge(0.60);
+  EXPECT_EQ(below.verdict, Verdict::kTrue) << *below.ate_joined / *below.ate_parts;
+  EXPECT_NEAR(*below.ate_joined / *below.ate_parts, 2.93, 0.05);
+  EXPECT_EQ(above.verdict, Verdict::kFalse) << *above.ate_joined / *above.ate_parts;
 }
 
 TEST(JudgeMerge, TurnedPartIsFalse) {

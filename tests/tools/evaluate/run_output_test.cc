@@ -54,8 +54,31 @@ TEST_F(RunOutputTest, EverythingComesBack) {
   EXPECT_EQ(run->figures.frame_ms->p99, 33.0);
   EXPECT_EQ(run->figures.peak_rss_mb, 512.5);
   EXPECT_EQ(run->figures.mean_stage_ms.at("bundle"), 80.5);
+  EXPECT_EQ(DetailOf(run->events[1], "votes"), 12);
+  EXPECT_EQ(DetailOf(run->events[1], "keyframe"), 9);
+  EXPECT_FALSE(DetailOf(run->events[1], "frame").has_value());
+  EXPECT_EQ(run->frames[4].state, "lost");
+  EXPECT_TRUE(run->times.empty());
   EXPECT_TRUE(run->geometry.empty());
   EXPECT_TRUE(run->warnings.empty());
+}
+
+TEST_F(RunOutputTest, TimesAreReadWhenTheyAreThere) {
+  folder_.Write("out/times.csv", "frame_idx,stage,ms\n0,tracking/total,12.5\n3,mapping/bundle,80\n");
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  ASSERT_EQ(run->times.size(), 2u);
+  EXPECT_EQ(run->times[1].frame_idx, 3);
+  EXPECT_EQ(run->times[1].stage, "mapping/bundle");
+  EXPECT_EQ(run->times[0].ms, 12.5);
+}
+
+TEST_F(RunOutputTest, BadTimesAreNamedWithTheirLine) {
+  folder_.Write("out/times.csv", "frame_idx,stage,ms\n0,tracking/total,12.5\n3,mapping/bundle,soon\n");
+  EXPECT_EQ(Read().code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(Read().status().message(), HasSubstr("times.csv:3: ms is 'soon'"));
+  folder_.Write("out/times.csv", "frame_idx,stage,ms\n0,tracking/total,-1\n");
+  EXPECT_THAT(Read().status().message(), HasSubstr("times.csv:2: ms is -1, below zero"));
 }
 
 TEST_F(RunOutputTest, MissingFolderIsNotFound) {

@@ -1,0 +1,114 @@
+#include "tools/report/page.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <span>
+
+#include "tests/tools/report/small_report.h"
+#include "tools/evaluate/number_text.h"
+#include "tools/evaluate/paper_tables.h"
+#include "tools/evaluate/report_json.h"
+#include "tools/report/html_text.h"
+
+namespace haustra::report {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class PageTest : public ::testing::Test {
+ protected:
+  std::string Page(const std::string& pictures = {}) {
+    evaluation_ = EvaluateRun(run_, reference_, {});
+    return MakePage({run_, reference_, evaluation_, models_, pictures});
+  }
+
+  evaluate::RunOutput run_ = SmallRun();
+  evaluate::Reference reference_ = ShiftedReference(60);
+  evaluate::Evaluation evaluation_;
+  std::map<int, MapModel> models_;
+};
+
+TEST_F(PageTest, EvaluationInThePageIsThatOfEvaluate) {
+  const std::string page = Page();
+  EXPECT_EQ(nlohmann::json::parse(ScriptText(page, "evaluation")), nlohmann::json::parse(ToJson(evaluation_)));
+}
+
+TEST_F(PageTest, FiguresInTheTextAreThoseOfTheJson) {
+  const std::string page = Page();
+  const nlohmann::json json = nlohmann::json::parse(ToJson(evaluation_));
+  const auto row = [](const std::string& name, const std::string& value) {
+    return "<td class=\"left\">" + name + "</td><td class=\"left\">" + value + "</td>";
+  };
+  const auto fixed = [](const nlohmann::json& value, int decimals) {
+    return evaluate::Fixed(value.get<double>(), decimals);
+  };
+  EXPECT_EQ(json["coverage"], 75.0);
+  EXPECT_THAT(page, HasSubstr(row("coverage", fixed(json["coverage"], 2) + " %")));
+  EXPECT_THAT(page, HasSubstr(row("RMS ATE", fixed(json["rms_ate"], 4) + " mm")));
+  EXPECT_THAT(page, HasSubstr(row("maps", std::to_string(json["maps"].get<int>()))));
+  EXPECT_THAT(page, HasSubstr(row("merges", "1, 0 false")));
+  EXPECT_THAT(page, HasSubstr(row("real-time ratio", fixed(json["realtime_ratio"], 2))));
+  const std::span<const evaluate::Evaluation> one(&evaluation_, 1);
+  EXPECT_THAT(page, HasSubstr(TableHtml(MakePaperTable(one))));
+  EXPECT_THAT(page, HasSubstr(TableHtml(MakeStageTable(one))));
+  EXPECT_THAT(page, HasSubstr(TableHtml(MakeJoinTable(one))));
+  // Stage times by hand: 20 to 79 ms, every whole one once.
+  EXPECT_THAT(page, HasSubstr("<td class=\"left\">tracking/total</td><td>60</td><td>49.00</td><td>79.00</td>"));
+}
+
+TEST_F(PageTest, NamesFromFilesAreEscaped) {
+  run_.folder = "results/<script>alert(1)</script>";
+  run_.events[0].details = "</td><img src=x>";
+  run_.events[2].details = "<b>reason keyframe=1";
+  run_.warnings = {"a & b"};
+  const std::string page = Page();
+  EXPECT_THAT(page, Not(HasSubstr("<script>alert")));
+  EXPECT_THAT(page, Not(HasSubstr("<img src=x>")));
+  EXPECT_THAT(page, Not(HasSubstr("<b>reason")));
+  EXPECT_THAT(page, HasSubstr("&lt;/td&gt;&lt;img src=x&gt;"));
+  EXPECT_THAT(page, HasSubstr("warning: a &amp; b"));
+}
+
+TEST_F(PageTest, NeedsNoNetwork) {
+  const std::string page = Page();
+  for (const char* what : {"src=\"", "<link", "@import", "href=\"http", "url(", "fetch("}) {
+    EXPECT_THAT(page, Not(HasSubstr(what)));
+  }
+  EXPECT_THAT(page, HasSubstr("Chart.js v3"));
+  EXPECT_THAT(page, HasSubstr("Permission is hereby granted"));
+}
+
+TEST_F(PageTest, WhatIsMissingIsSaid) {
+  reference_ = {};
+  run_.times.clear();
+  const std::string page = Page();
+  EXPECT_THAT(page, HasSubstr("No ground truth was given"));
+  EXPECT_THAT(page, HasSubstr("stage times are not known"));
+  EXPECT_THAT(page, HasSubstr("No sequence was given"));
+  EXPECT_THAT(page, Not(HasSubstr("id=\"errors\"")));
+}
+
+TEST_F(PageTest, RejectedCandidatesAreListedWithTheirReasons) {
+  const std::string page = Page();
+  EXPECT_THAT(page, HasSubstr("<option value=\"no_similarity\">"));
+  EXPECT_THAT(page, HasSubstr("what is found covers too little of the image"));
+  EXPECT_THAT(page, HasSubstr("<td class=\"left\">merge</td><td class=\"left\">no_similarity</td><td>35</td>"));
+}
+
+TEST_F(PageTest, RunWithoutAnyMapOrEventIsAPageToo) {
+  evaluate::RunOutput empty;
+  empty.folder = "out";
+  for (std::int64_t i = 0; i < 5; ++i) empty.frames.push_back(evaluate::MakeRunFrame(i, -1, -1, SE3()));
+  run_ = empty;
+  const std::string page = Page();
+  EXPECT_THAT(page, HasSubstr("No candidate was rejected."));
+  EXPECT_TRUE(nlohmann::json::accept(ScriptText(page, "chart-data")));
+}
+
+TEST_F(PageTest, SameRunGivesTheSameBytes) { EXPECT_EQ(Page(), Page()); }
+
+}  // namespace
+}  // namespace haustra::report

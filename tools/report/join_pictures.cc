@@ -1,0 +1,195 @@
+#include "tools/report/join_pictures.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <optional>
+#include <vector>
+
+#include "capture/codec/jpeg_codec.h"
+#include "capture/image_transform.h"
+#include "capture/open_sequence.h"
+#include "tools/evaluate/number_text.h"
+#include "tools/evaluate/text_input.h"
+#include "tools/report/base64.h"
+#include "tools/report/html_text.h"
+
+namespace haustra::report {
+namespace {
+
+using evaluate::Fixed;
+using evaluate::RunEventRow;
+using evaluate::RunOutput;
+
+constexpr int kMaxWidthPx = 800;  // larger frames are halved
+constexpr int kQuality = 80;
+constexpr int kGapPx = 8;
+constexpr std::size_t kMaxLines = 120;
+constexpr std::int64_t kSameStampNs = 1000;
+
+struct Picture {
+  std::string data;  // base64 of a JPEG
+  int width_px = 0;
+  int height_px = 0;
+};
+
+// One frame of the sequence, small enough for a page.
+Result<Picture> ReadPicture(const RunOutput& run, std::int64_t frame_idx, const PictureOptions& options) {
+  SequenceOptions choice;
+  choice.first_frame = choice.last_frame = static_cast<std::uint32_t>(frame_idx) * options.every_nth;
+  choice.calibration_path = options.calibration;
+  HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(options.sequence, choice));
+  HAUSTRA_ASSIGN(const Frame frame, source->Next(kNoDeadline));
+  const auto row = std::lower_bound(run.frames.begin(), run.frames.end(), frame_idx,
+                                    [](const evaluate::RunFrame& f, std::int64_t idx) { return f.frame_idx < idx; });
+  const std::int64_t stamp_ns = frame.timestamp.time_since_epoch().count();
+  if (row != run.frames.end() && row->frame_idx == frame_idx && std::abs(row->timestamp_ns - stamp_ns) > kSameStampNs) {
+    return InvalidArgument(options.sequence + ": frame " + std::to_string(choice.first_frame) + " has the time " +
+                           Fixed(static_cast<double>(stamp_ns) * 1e-9, 6) + " s, the run says " +
+                           Fixed(static_cast<double>(row->timestamp_ns) * 1e-9, 6) +
+                           " s: not the sequence of this run, or run with another --every-nth");
+  }
+  Image image, half;
+  CopyImage(frame.image, &image);
+  while (image.width() > kMaxWidthPx) {
+    HalveImage(image.view(), &half);
+    std::swap(image, half);
+  }
+  std::vector<std::uint8_t> jpeg;
+  HAUSTRA_TRY(capture::internal::EncodeJpeg(image.view(), kQuality, &jpeg));
+  return Picture{ToBase64(jpeg), image.width(), image.height()};
+}
+
+struct PixelPair {
+  Eigen::Vector2d a, b;
+};
+
+struct SharedPoints {
+  bool are_known = false;  // both keyframes are in the final map
+  std::size_t num = 0;
+  std::vector<PixelPair> shown;
+};
+
+SharedPoints FindSharedPoints(const std::map<int, MapModel>& models, std::int64_t keyframe_a, std::int64_t keyframe_b) {
+  SharedPoints shared;
+  for (const auto& [map_id, model] : models) {
+    const auto a = model.keyframes.find(keyframe_a), b = model.keyframes.find(keyframe_b);
+    if (a == model.keyframes.end() || b == model.keyframes.end()) continue;
+    shared.are_known = true;
+    std::vector<PixelPair> pairs;
+    for (const auto& [point_id, pixel] : a->second.pixels) {
+      const auto other = b->second.pixels.find(point_id);
+      if (other != b->second.pixels.end()) pairs.push_back({pixel, other->second});
+    }
+    shared.num = pairs.size();
+    const std::size_t step = std::max<std::size_t>(1, (pairs.size() + kMaxLines - 1) / kMaxLines);
+    for (std::size_t i = 0; i < pairs.size(); i += step) shared.shown.push_back(pairs[i]);
+    break;
+  }
+  return shared;
+}
+
+std::string ImageTag(const Picture& picture, int x_px) {
+  return "<image x=\"" + std::to_string(x_px) + "\" y=\"0\" width=\"" + std::to_string(picture.width_px) +
+         "\" height=\"" + std::to_string(picture.height_px) + "\" href=\"data:image/jpeg;base64," + picture.data +
+         "\"/>\n";
+}
+
+// Both pictures with the lines between them. camera_width_px: of the pixels of `shared`.
+std::string PairSvg(const Picture& a, const std::optional<Picture>& b, const SharedPoints& shared,
+                    int camera_width_px) {
+  const int offset_px = a.width_px + kGapPx;
+  const int width_px = offset_px + (b ? b->width_px : a.width_px);
+  const int height_px = std::max(a.height_px, b ? b->height_px : 0);
+  std::string svg = "<svg class=\"pair\" viewBox=\"0 0 " + std::to_string(width_px) + " " + std::to_string(height_px) +
+                    "\" role=\"img\">\n" + ImageTag(a, 0);
+  if (b) svg += ImageTag(*b, offset_px);
+  const double scale = camera_width_px > 0 ? static_cast<double>(a.width_px) / camera_width_px : 1.0;
+  if (b) {
+    for (const PixelPair& pair : shared.shown) {
+      const std::string xa = Fixed(scale * pair.a.x(), 1), ya = Fixed(scale * pair.a.y(), 1);
+      const std::string xb = Fixed(offset_px + scale * pair.b.x(), 1), yb = Fixed(scale * pair.b.y(), 1);
+      svg += "<line x1=\"" + xa + "\" y1=\"" + ya + "\" x2=\"" + xb + "\" y2=\"" + yb + "\"/><circle cx=\"" + xa +
+             "\" cy=\"" + ya + "\" r=\"2.5\"/><circle cx=\"" + xb + "\" cy=\"" + yb + "\" r=\"2.5\"/>\n";
+    }
+  }
+  return svg + "</svg>\n";
+}
+
+std::optional<std::int64_t> OtherFrame(const RunEventRow& event, const std::map<int, MapModel>& models) {
+  if (const auto frame = DetailOf(event, "other_frame")) return frame;
+  // A keyframe of a loaded atlas was seen in another sequence.
+  if (!event.other_keyframe_id || DetailOf(event, "other_session")) return std::nullopt;
+  for (const auto& [map_id, model] : models) {
+    const auto keyframe = model.keyframes.find(*event.other_keyframe_id);
+    if (keyframe == model.keyframes.end()) continue;
+    return evaluate::ParseInteger(keyframe->second.image_name.substr(0, keyframe->second.image_name.find('.')));
+  }
+  return std::nullopt;
+}
+
+Result<std::string> FigureHtml(const RunOutput& run, const RunEventRow& event, const evaluate::JoinEvaluation& join,
+                               const std::map<int, MapModel>& models, int camera_width_px,
+                               const PictureOptions& options) {
+  HAUSTRA_ASSIGN(const Picture first, ReadPicture(run, event.frame_idx, options));
+  const std::optional<std::int64_t> other_frame = OtherFrame(event, models);
+  std::optional<Picture> second;
+  if (other_frame) {
+    HAUSTRA_ASSIGN(second, ReadPicture(run, *other_frame, options));
+  }
+  const std::optional<std::int64_t> keyframe = DetailOf(event, "keyframe");
+  SharedPoints shared;
+  if (keyframe && event.other_keyframe_id) shared = FindSharedPoints(models, *keyframe, *event.other_keyframe_id);
+
+  std::string caption = std::string(ToString(join.kind)) + " at frame " + std::to_string(event.frame_idx);
+  caption += ": map " + std::to_string(join.map_id);
+  if (join.other_map_id >= 0) caption += " and map " + std::to_string(join.other_map_id);
+  caption +=
+      other_frame ? "; right: frame " + std::to_string(*other_frame) : "; the frame that it met is not one of this run";
+  caption += ". By the ground truth: " + std::string(ToString(join.verdict));
+  if (!join.reason.empty()) caption += " (" + join.reason + ")";
+  caption += ". ";
+  if (shared.are_known) {
+    caption += std::to_string(shared.num) + " map points are seen by both keyframes in the final map";
+    if (shared.shown.size() < shared.num) caption += ", " + std::to_string(shared.shown.size()) + " of them drawn";
+  } else {
+    caption += "One of the two keyframes is not in the final map (culled), so no matches can be drawn";
+  }
+  caption += ". Engine: " + event.details + ".";
+  return "<figure>\n" + PairSvg(first, second, shared, camera_width_px) + "<figcaption>" + EscapeHtml(caption) +
+         "</figcaption>\n</figure>\n";
+}
+
+}  // namespace
+
+Result<std::string> JoinPicturesHtml(const RunOutput& run, const evaluate::Evaluation& evaluation,
+                                     const std::map<int, MapModel>& models, const PictureOptions& options) {
+  struct Join {
+    const RunEventRow* event;
+    const evaluate::JoinEvaluation* join;
+  };
+  // The evaluation has one entry for each of these events, in order.
+  std::vector<Join> joins;
+  std::size_t next = 0;
+  for (const RunEventRow& event : run.events) {
+    if (event.event != "merged" && event.event != "loop_closed" && event.event != "relocalised") continue;
+    const evaluate::JoinEvaluation* join = &evaluation.joins.at(next++);
+    if (event.event != "relocalised") joins.push_back({&event, join});
+  }
+  const int camera_width_px = run.geometry.empty() ? 0 : run.geometry.begin()->second.camera.width_px;
+  const std::size_t step = std::max<std::size_t>(1, (joins.size() + options.max_joins - 1) / options.max_joins);
+  std::string html;
+  std::size_t num_shown = 0;
+  for (std::size_t i = 0; i < joins.size(); i += step, ++num_shown) {
+    HAUSTRA_ASSIGN(const std::string figure,
+                   FigureHtml(run, *joins[i].event, *joins[i].join, models, camera_width_px, options));
+    html += figure;
+  }
+  if (joins.empty()) html += "<p>No maps were merged and no loop was closed.</p>\n";
+  if (num_shown < joins.size()) {
+    html +=
+        "<p>" + std::to_string(num_shown) + " of " + std::to_string(joins.size()) + " shown (--max-pictures).</p>\n";
+  }
+  return html;
+}
+
+}  // namespace haustra::report

@@ -1,0 +1,78 @@
+#include "tools/report/map_model.h"
+
+#include <cstdio>
+
+#include "tools/evaluate/text_input.h"
+
+namespace haustra::report {
+namespace {
+
+using evaluate::ParseInteger;
+using evaluate::ParseNumber;
+
+constexpr double kPixelOrigin = 0.5;       // COLMAP's coordinate of the centre of the first pixel
+constexpr std::int64_t kFirstImageId = 1;  // of keyframe 0
+
+Status Bad(const std::string& path, std::size_t line, const char* what) {
+  return InvalidArgument(path + ":" + std::to_string(line) + ": " + what);
+}
+
+Status ReadKeyframes(const std::string& path, MapModel* model) {
+  HAUSTRA_ASSIGN(const std::string text, evaluate::ReadText(path));
+  MapModel::Keyframe* keyframe = nullptr;  // whose second line comes next
+  std::size_t number = 0;
+  for (const std::string_view line : evaluate::SplitLines(text)) {
+    ++number;
+    if (line.starts_with('#')) continue;
+    const std::vector<std::string_view> fields = evaluate::SplitBlanks(line);
+    if (keyframe == nullptr) {
+      if (fields.empty()) continue;
+      const auto id = ParseInteger(fields[0]);
+      if (!id || fields.size() != 10) return Bad(path, number, "not an image: ten fields expected");
+      keyframe = &model->keyframes[*id - kFirstImageId];
+      keyframe->image_name = fields[9];
+      continue;
+    }
+    if (fields.size() % 3 != 0) return Bad(path, number, "keypoints come in threes: x, y, point");
+    for (std::size_t i = 0; i < fields.size(); i += 3) {
+      const auto x = ParseNumber(fields[i]), y = ParseNumber(fields[i + 1]);
+      const auto point_id = ParseInteger(fields[i + 2]);
+      if (!x || !y || !point_id) return Bad(path, number, "not a keypoint");
+      if (*point_id >= 0) keyframe->pixels[*point_id] = {*x - kPixelOrigin, *y - kPixelOrigin};
+    }
+    keyframe = nullptr;
+  }
+  return Status::Ok();
+}
+
+Status ReadPoints(const std::string& path, MapModel* model) {
+  HAUSTRA_ASSIGN(const std::string text, evaluate::ReadText(path));
+  std::size_t number = 0;
+  for (const std::string_view line : evaluate::SplitLines(text)) {
+    ++number;
+    const std::vector<std::string_view> fields = evaluate::SplitBlanks(line);
+    if (fields.empty() || fields[0].starts_with('#')) continue;
+    if (fields.size() < 4) return Bad(path, number, "not a point");
+    const auto x = ParseNumber(fields[1]), y = ParseNumber(fields[2]), z = ParseNumber(fields[3]);
+    if (!x || !y || !z) return Bad(path, number, "not a point");
+    model->points.emplace_back(*x, *y, *z);
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Result<MapModel> ReadMapModel(const std::string& folder) {
+  MapModel model;
+  HAUSTRA_TRY(ReadKeyframes(folder + "/images.txt", &model));
+  HAUSTRA_TRY(ReadPoints(folder + "/points3D.txt", &model));
+  return model;
+}
+
+std::string MapFolderName(int map_id) {
+  char name[32];
+  std::snprintf(name, sizeof(name), "map_%04d", map_id);
+  return name;
+}
+
+}  // namespace haustra::report

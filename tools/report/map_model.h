@@ -1,0 +1,29 @@
+// The exported model of a map (maps/map_NNNN/, COLMAP text): its points, and what its keyframes see of them.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "hal/core/status.h"
+
+namespace haustra::report {
+
+struct MapModel {
+  struct Keyframe {
+    std::string image_name;
+    std::map<std::int64_t, Eigen::Vector2d> pixels;  // by point id; pixel centres at integers
+  };
+  std::vector<Eigen::Vector3d> points;         // in the map, map units
+  std::map<std::int64_t, Keyframe> keyframes;  // by keyframe id
+};
+
+// kNotFound, kUnavailable: a file; kInvalidArgument with file and line: not what it should be.
+Result<MapModel> ReadMapModel(const std::string& folder);
+
+// "map_0007"
+std::string MapFolderName(int map_id);
+
+}  // namespace haustra::report

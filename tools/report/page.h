@@ -1,0 +1,25 @@
+// The page of a run: one HTML file with everything in it. reentrant, deterministic.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "tools/evaluate/evaluation.h"
+#include "tools/evaluate/reference.h"
+#include "tools/evaluate/run_output.h"
+#include "tools/report/map_model.h"
+
+namespace haustra::report {
+
+struct PageContent {
+  const evaluate::RunOutput& run;
+  const evaluate::Reference& reference;  // without poses: nothing to compare with
+  const evaluate::Evaluation& evaluation;
+  const std::map<int, MapModel>& models;
+  std::string pictures_html;  // of join_pictures.h; empty: no sequence was given
+};
+
+// The figures in it are those of ToJson(evaluation), which is in the page as well (script element "evaluation").
+std::string MakePage(const PageContent& content);
+
+}  // namespace haustra::report

@@ -1,0 +1,13 @@
+// What a page carries with it, built into the program (embed_assets.cmake). reentrant.
+#pragma once
+
+#include <string_view>
+
+namespace haustra::report {
+
+std::string_view ChartJs();         // Chart.js, minified
+std::string_view ChartJsLicence();  // to be handed on with it
+std::string_view ReportJs();        // draws the plots
+std::string_view ReportCss();
+
+}  // namespace haustra::report

@@ -1,5 +1,7 @@
 #include "engine/engine.h"
 
+#include "engine/io/atlas_reader.h"
+
 namespace haustra {
 namespace {
 
@@ -35,13 +37,18 @@ ExtractOptions Engine::ExtractOptionsFor(const EngineConfig& config) {
 }
 
 Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode,
-               const Clock* clock, double scene_share)
+               const Clock* clock, double scene_share, const Vocabulary* vocabulary)
     : config_(config),
       camera_(camera),
       link_(kMaxProposals, config.features.max, config.initialisation.max_reference_age_frames,
             config.memory.max_local_points),
-      mapper_(config_, camera_, device, link_, clock, mode == Mode::kRealTime),
+      mapper_(config_, camera_, device, link_, clock, mode == Mode::kRealTime, vocabulary),
       tracker_(config_, camera_, device, link_, scene_share) {}
+
+Status Engine::LoadAtlas(std::span<const std::uint8_t> file) {
+  HAUSTRA_ASSIGN(const SavedAtlas saved, ReadAtlas(file));
+  return mapper_.LoadAtlas(saved);
+}
 
 bool Engine::Resolve(const FrameResult& result, ResolvedPose* pose) const {
   if (result.reference_keyframe == kNoId) return false;

@@ -9,7 +9,9 @@
 // (tracker.h, mapper.h). The engine knows no file, camera or GPU: frames come in as views, the device is handed in.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
@@ -33,8 +35,18 @@ class Engine {
   // `device` is planned by PlanFor and outlives the engine. `clock` (may be null) times the stages of the mapper, and
   // in real-time mode boxes its work. Takes all its memory here.
   // scene_share: part of the image's area inside the scope's window (static mask), (0, 1].
+  // `vocabulary` fits the configuration and outlives the engine; null unless config.place.retrieval asks for one
+  // (engine/place/make_retrieval.h).
   Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode, const Clock* clock,
-         double scene_share);
+         double scene_share, const Vocabulary* vocabulary = nullptr);
+
+  // Before the first frame: the maps of an atlas file (engine/io/atlas_format.h) become stored maps of this engine,
+  // which tracking may find itself in and maps of this run may be joined with. Nothing is changed on error:
+  // kInvalidArgument (not an atlas file), kDataLoss (damaged), kFailedPrecondition (other version, camera or
+  // descriptors), kCapacityExceeded (a pool is too small).
+  Status LoadAtlas(std::span<const std::uint8_t> file);
+  // All maps, for LoadAtlas. Mapping thread between two steps, or any when both have stopped. Errors of the sink.
+  Status SaveAtlas(ByteSink& sink) const { return mapper_.SaveAtlas(sink); }
 
   // Tracking thread. rt-safe.
   FrameResult Track(const Frame& frame, TimePoint deadline) { return tracker_.Track(frame, deadline); }

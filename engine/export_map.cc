@@ -17,6 +17,9 @@ MapExport ExportMap(const Engine& engine, MapHandle map_handle,
     entry.id = static_cast<int>(keyframe.id);
     entry.timestamp_ns = keyframe.timestamp.time_since_epoch().count();
     entry.image_name = image_name(keyframe.frame_index);
+    if (keyframe.session != atlas.session()) {
+      entry.image_name = "session_" + std::to_string(keyframe.session) + "/" + entry.image_name;
+    }
     entry.cam_from_map = keyframe.cam_from_map;
     for (int i = 0; i < keyframe.features.num; ++i) {
       entry.keypoints.push_back(keyframe.features.pixel(i).cast<float>());
@@ -34,7 +37,7 @@ MapExport ExportMap(const Engine& engine, MapHandle map_handle,
     double error = 0.0;
     for (const Observation& observation : point.observations) {
       const Keyframe& keyframe = atlas.keyframe(observation.keyframe);
-      if (newest == nullptr || keyframe.id > newest->id) {
+      if (keyframe.session == atlas.session() && (newest == nullptr || keyframe.id > newest->id)) {
         newest = &keyframe;
         newest_feature = observation.feature_idx;
       }

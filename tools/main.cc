@@ -4,10 +4,14 @@
 #include <exception>
 #include <functional>
 
+#include "tools/atlas/atlas_command.h"
+#include "tools/bench/bench_command.h"
 #include "tools/evaluate/evaluate_command.h"
 #include "tools/exit_codes.h"
 #include "tools/render/render_command.h"
+#include "tools/report/report_command.h"
 #include "tools/run/run_command.h"
+#include "tools/vocabulary/vocabulary_command.h"
 
 int main(int argc, char** argv) {
   CLI::App app{"haustra: monocular visual SLAM for endoscopy"};
@@ -17,6 +21,10 @@ int main(int argc, char** argv) {
   haustra::AddRenderCommand(app, action);
   haustra::AddRunCommand(app, action);
   haustra::AddEvaluateCommand(app, action);
+  haustra::AddReportCommand(app, action);
+  haustra::AddAtlasCommand(app, action);
+  haustra::AddVocabularyCommand(app, action);
+  haustra::AddBenchCommand(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

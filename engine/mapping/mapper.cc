@@ -4,6 +4,10 @@
 #include <cmath>
 #include <map>
 
+#include "engine/io/atlas_reader.h"
+#include "engine/io/atlas_writer.h"
+#include "engine/place/make_retrieval.h"
+
 namespace haustra {
 namespace {
 
@@ -21,7 +25,7 @@ Atlas::Capacity CapacityOf(const EngineConfig& config) {
 }  // namespace
 
 Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-               const Clock* clock, bool is_time_boxed)
+               const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary)
     : config_(config),
       camera_(camera),
       device_(device),
@@ -34,9 +38,9 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       fuser_(config, camera, device),
       bundle_(config, camera),
       late_placement_(config, camera, device),
-      retrieval_(config, config.place.retrieval, device),
-      relocaliser_(config, config.place.relocalisation, config.place.retrieval, camera, device, retrieval_),
-      recogniser_(config, config.place, camera, device, retrieval_),
+      retrieval_(MakeRetrieval(config, device, vocabulary)),
+      relocaliser_(config, config.place.relocalisation, config.place.retrieval, camera, device, *retrieval_),
+      recogniser_(config, config.place, camera, device, *retrieval_),
       merger_(config, config.merging, camera, device),
       events_(kMaxEvents),
       late_poses_(kMaxLatePoses),
@@ -54,6 +58,18 @@ bool Mapper::Step() {
   link_.proposals.Pop();
   link_.num_pending.fetch_sub(1, std::memory_order_acq_rel);
   return true;
+}
+
+Status Mapper::LoadAtlas(const SavedAtlas& saved) {
+  std::vector<KeyframeHandle> keyframes;
+  HAUSTRA_TRY(RestoreAtlas(saved, camera_, config_.features.root_sift, device_, &atlas_, &keyframes));
+  // A keyframe that retrieval does not know is not found again; nothing else depends on it.
+  for (const KeyframeHandle keyframe : keyframes) (void)retrieval_->Add(atlas_, keyframe);
+  return Status::Ok();
+}
+
+Status Mapper::SaveAtlas(ByteSink& sink) const {
+  return WriteAtlas(atlas_, camera_.calibration(), config_.features.root_sift, device_, sink);
 }
 
 void Mapper::FoundMap(const KeyframeProposal& proposal) {
@@ -110,7 +126,7 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
   PlaceBetween(proposal, reference);
   for (const KeyframeHandle keyframe : {reference, newest_}) {
     // A keyframe that retrieval does not know is not found again; nothing else depends on it.
-    (void)retrieval_.Add(atlas_, keyframe);
+    (void)retrieval_->Add(atlas_, keyframe);
   }
   founding_proposal_ = proposal.founding_id;
   Report(MapEventKind::kMapCreated, proposal.view, active_);
@@ -246,7 +262,7 @@ void Mapper::RetireActiveMap(const ProposedView& view) {
 }
 
 void Mapper::RemoveFromRetrieval(MapHandle map) {
-  for (const KeyframeHandle keyframe : atlas_.map(map).keyframes) retrieval_.Remove(keyframe);
+  for (const KeyframeHandle keyframe : atlas_.map(map).keyframes) retrieval_->Remove(keyframe);
 }
 
 void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
@@ -312,7 +328,7 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   const TimePoint adjusted = Now();
   CullKeyframes(handle);
   const TimePoint culled = Now();
-  (void)retrieval_.Add(atlas_, handle);
+  (void)retrieval_->Add(atlas_, handle);
   if (config_.merging.enabled) RecognisePlace(proposal.view);
   Publish(founding_proposal_, 0);
 
@@ -367,7 +383,7 @@ void Mapper::CullKeyframes(KeyframeHandle newest) {
     std::vector<Covisible> neighbours;
     atlas_.FindCovisible(covisible.keyframe, 1, &neighbours);
     if (neighbours.empty()) continue;
-    retrieval_.Remove(covisible.keyframe);
+    retrieval_->Remove(covisible.keyframe);
     Retire(atlas_.RemoveKeyframe(covisible.keyframe, neighbours.front().keyframe));
     ++counters_.num_keyframes_culled;
   }

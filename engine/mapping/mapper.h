@@ -5,21 +5,25 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "engine/atlas/atlas.h"
 #include "engine/atlas/local_map.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/io/byte_sink.h"
+#include "engine/io/saved_atlas.h"
 #include "engine/mapping/late_placement.h"
 #include "engine/mapping/local_bundle.h"
 #include "engine/mapping/map_event.h"
 #include "engine/mapping/point_creation.h"
 #include "engine/mapping/point_fusion.h"
 #include "engine/merging/merger.h"
-#include "engine/place/exhaustive_retrieval.h"
 #include "engine/place/place_recogniser.h"
 #include "engine/place/relocaliser.h"
+#include "engine/place/retrieval.h"
+#include "engine/place/vocabulary.h"
 #include "engine/tracking/tracker.h"
 #include "hal/clock.h"
 #include "hal/vision_device.h"
@@ -42,12 +46,19 @@ struct MapperCounters {
 
 class Mapper {
  public:
+  // `vocabulary` may be null unless config.place.retrieval asks for one (make_retrieval.h); it outlives the mapper.
   // `clock` may be null: then nothing is timed and bundle adjustment is bounded by iterations alone (sequential mode).
   Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-         const Clock* clock, bool is_time_boxed);
+         const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary);
 
   // Works on the oldest proposal. False when there is none.
   bool Step();
+
+  // Before the first step: takes the maps of a file as stored ones, in which lost frames and known places are looked
+  // for like in those of this run. Status of RestoreAtlas.
+  Status LoadAtlas(const SavedAtlas& saved);
+  // Between two steps, or after the mapping thread has ended. Status of WriteAtlas.
+  Status SaveAtlas(ByteSink& sink) const;
 
   const Atlas& atlas() const { return atlas_; }
   const MapperCounters& counters() const { return counters_; }
@@ -92,7 +103,7 @@ class Mapper {
   PointFuser fuser_;
   LocalBundle bundle_;
   LatePlacement late_placement_;
-  ExhaustiveRetrieval retrieval_;
+  std::unique_ptr<KeyframeRetrieval> retrieval_;
   Relocaliser relocaliser_;
   PlaceRecogniser recogniser_;
   Merger merger_;

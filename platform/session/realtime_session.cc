@@ -7,6 +7,7 @@
 #include "hal/core/spsc_ring.h"
 #include "platform/session/frame_pacer.h"
 #include "platform/session/session.h"
+#include "platform/session/timed_map_step.h"
 
 namespace haustra {
 namespace {
@@ -37,6 +38,7 @@ class RealTimeSession {
         rate_(rate),
         frames_(EmptySlot(source.calibration())),
         outcomes_(4096),
+        mapping_times_(4096),
         damage_(256) {}
 
   Result<SessionSummary> Run(SessionObserver& observer, const std::atomic<bool>& stop) {
@@ -143,9 +145,10 @@ class RealTimeSession {
       const TimePoint begin = clock_.Now();
       outcome.result = engine_.Track(slot.frame, kNoDeadline);
       const TimePoint end = clock_.Now();
-      outcome.processing = end - begin;
+      outcome.processing = outcome.tracking = end - begin;
       outcome.latency = end - slot.due;
       outcomes_.TryPush(outcome);
+      newest_tracked_.store(outcome.result.frame_index, std::memory_order_relaxed);
       map_work_.release();
     }
     stop_mapping_.store(true, std::memory_order_release);
@@ -156,7 +159,12 @@ class RealTimeSession {
   void MapLoop() {
     while (true) {
       const bool is_stopping = stop_mapping_.load(std::memory_order_acquire);
-      if (engine_.MapStep()) continue;
+      if (MappingTimes times; TimedMapStep(engine_, &times)) {
+        times.frame_index = newest_tracked_.load(std::memory_order_relaxed);
+        // A figure that finds no room is lost: the mapper does not wait for its observer.
+        if (!times.is_empty()) mapping_times_.TryPush(times);
+        continue;
+      }
       if (is_stopping) break;
       (void)map_work_.try_acquire_for(milliseconds(20));
     }
@@ -194,6 +202,7 @@ class RealTimeSession {
       observer.OnFrame(outcome);
     }
     for (LatePose pose; engine_.late_poses().TryPop(&pose);) observer.OnLatePose(pose);
+    for (MappingTimes times; mapping_times_.TryPop(&times);) observer.OnMapped(times);
     for (MapEvent event; engine_.map_events().TryPop(&event);) observer.OnMapEvent(event);
   }
 
@@ -205,7 +214,9 @@ class RealTimeSession {
   std::counting_semaphore<> frame_ready_{0};
   std::counting_semaphore<> map_work_{0};
   SpscRing<FrameOutcome> outcomes_;
+  SpscRing<MappingTimes> mapping_times_;
   SpscRing<DamageNote> damage_;
+  std::atomic<std::uint32_t> newest_tracked_{0};
   std::atomic<std::uint64_t> num_taken_{0};  // sequence of the newest frame that tracking has begun
   std::atomic<bool> stop_mapping_{false};
   std::atomic<bool> tracking_done_{false};

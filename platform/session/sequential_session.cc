@@ -1,5 +1,6 @@
 #include "platform/session/frame_pacer.h"
 #include "platform/session/session.h"
+#include "platform/session/timed_map_step.h"
 
 namespace haustra {
 
@@ -24,7 +25,10 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     numbering.Seen(*frame);
     const TimePoint begin = clock.Now();
     outcome.result = engine.Track(*frame, kNoDeadline);
-    while (engine.MapStep()) {
+    outcome.tracking = clock.Now() - begin;
+    for (MappingTimes times; TimedMapStep(engine, &times);) {
+      times.frame_index = outcome.result.frame_index;
+      if (!times.is_empty()) observer.OnMapped(times);
     }
     outcome.processing = outcome.latency = clock.Now() - begin;
     observer.OnFrame(outcome);

@@ -15,9 +15,19 @@ namespace haustra {
 struct FrameOutcome {
   FrameResult result;
   Duration processing{0};   // time spent on the frame, tracking and (sequential mode) mapping
+  Duration tracking{0};     // of it, the time in tracking alone
   Duration latency{0};      // real time: from the moment the frame was due to the answer; sequential: processing
   bool is_dropped = false;  // a newer frame came before this one was looked at
   bool is_damaged = false;  // the frame could not be read
+};
+
+// What the mapper spent on one keyframe, or on looking for a lost frame; 0 for a stage that did not take place.
+struct MappingTimes {
+  std::uint32_t frame_index = 0;  // newest frame that was tracked when it was done
+  Duration insert{0}, create{0}, fuse{0}, bundle{0}, cull{0}, place{0}, merge{0}, relocalisation{0};
+
+  Duration mapping() const { return insert + create + fuse + bundle + cull; }
+  bool is_empty() const { return (mapping() + place + merge + relocalisation).count() == 0; }
 };
 
 // Called on the thread that runs the session, in frame order, never on the tracking thread.
@@ -28,6 +38,8 @@ class SessionObserver {
   virtual void OnMapEvent(const MapEvent& event) = 0;
   // A frame that was answered before its map stood has a pose now.
   virtual void OnLatePose(const LatePose& pose) = 0;
+  // Only when the engine was given a clock.
+  virtual void OnMapped(const MappingTimes&) {}
   // A frame that could not be read; the session goes on. `message` names the file.
   virtual void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) = 0;
 };

@@ -44,11 +44,13 @@ OPERATING_SYSTEM = {
 THIRD_PARTY_HEADERS = {
     "hal": [],
     "engine": ["Eigen/"],
+    "engine/io": ["Eigen/", "zlib.h"],
     "engine/optim": ["Eigen/", "ceres/"],
 }
 THIRD_PARTY_TARGETS = {
     "hal": [],
     "engine": ["Eigen3::Eigen"],
+    "engine/io": ["Eigen3::Eigen", "ZLIB::ZLIB"],
     "engine/optim": ["Eigen3::Eigen", "Ceres::ceres"],
 }
 # Only a yardstick: never part of the product.

@@ -13,9 +13,11 @@
 #include "capture/open_sequence.h"
 #include "engine/engine.h"
 #include "platform/assemble.h"
+#include "platform/atlas_file.h"
 #include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/session/session.h"
+#include "platform/vocabulary_loader.h"
 #include "tools/exit_codes.h"
 #include "tools/run/progress.h"
 #include "tools/run/run_outputs.h"
@@ -37,6 +39,8 @@ struct RunArguments {
   bool halve = false;
   std::string calibration;
   std::string mask;
+  std::string load_atlas;
+  std::string save_atlas;
 };
 
 std::atomic<bool> stop_requested{false};
@@ -62,7 +66,9 @@ class ColourReader {
  public:
   Status Read(const RunArguments& arguments, const Engine& engine) {
     std::set<std::uint32_t> wanted;
-    engine.atlas().keyframes().ForEach([&](KeyframeHandle, const Keyframe& k) { wanted.insert(k.frame_index); });
+    engine.atlas().keyframes().ForEach([&](KeyframeHandle, const Keyframe& k) {
+      if (k.session == engine.atlas().session()) wanted.insert(k.frame_index);
+    });
     if (wanted.empty()) return Status::Ok();
     HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(arguments.sequence, OptionsOf(arguments)));
     while (true) {
@@ -141,6 +147,17 @@ int Run(const RunArguments& arguments) {
   if (!device.ok()) return Fail(device.status());
   if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return Fail(status);
 
+  const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
+  if (!vocabulary.ok()) return Fail(vocabulary.status());
+
+  const bool is_realtime = arguments.mode == "realtime";
+  const SystemClock clock;
+  Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
+                SceneShare((*source)->static_mask()), vocabulary->get());
+  if (!arguments.load_atlas.empty()) {
+    if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok()) return Fail(status);
+  }
+
   // Last of the checks: an earlier run's results in the folder go only when this run can start.
   if (const Status status = PrepareOutputFolder(arguments.out); !status.ok()) {
     if (status.code() != StatusCode::kUnavailable) return Fail(status);
@@ -148,10 +165,10 @@ int Run(const RunArguments& arguments) {
     return kExitIo;
   }
 
-  const bool is_realtime = arguments.mode == "realtime";
-  const SystemClock clock;
-  Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
-                SceneShare((*source)->static_mask()));
+  // Better now than after the procedure.
+  if (!arguments.save_atlas.empty()) {
+    if (const Status status = CheckAtlasFileCanBeSaved(arguments.save_atlas); !status.ok()) return Fail(status);
+  }
   std::fprintf(stderr, "haustra run: %s, %u frames %dx%d, %s mode, device %s\n", arguments.sequence.c_str(),
                (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
                std::string((*device)->name()).c_str());
@@ -165,6 +182,8 @@ int Run(const RunArguments& arguments) {
                   : RunSequential(**source, engine, clock, record, stop_requested);
   progress.Finish(record);
 
+  Status atlas_saved;
+  if (!arguments.save_atlas.empty()) atlas_saved = SaveAtlasFile(engine, arguments.save_atlas);
   // Whatever ended the session, what was mapped until then is written.
   const std::vector<FinalPose> poses = ResolveAll(record, engine);
   RunSummary summary = Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{});
@@ -184,6 +203,10 @@ int Run(const RunArguments& arguments) {
     if (event.event == "frame_damaged") std::fprintf(stderr, "haustra run: warning: %s\n", event.details.c_str());
   }
   std::printf("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(), arguments.out.c_str());
+  if (!atlas_saved.ok()) {
+    std::fprintf(stderr, "haustra run: %s\n", atlas_saved.ToString().c_str());
+    return kExitIo;
+  }
   if (!session.ok()) return Fail(session.status());
   return kExitOk;
 }
@@ -222,6 +245,9 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--calibration", arguments->calibration,
                       "Camera calibration to use instead of the sequence's own (see config/cameras)");
   command->add_option("--mask", arguments->mask, "Static mask to use instead of the sequence's own (255 inside)");
+  command->add_option("--load-atlas", arguments->load_atlas,
+                      "Maps of an earlier run with the same camera, to be recognised and joined");
+  command->add_option("--save-atlas", arguments->save_atlas, "File for all maps at the end of the run");
   command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
 }

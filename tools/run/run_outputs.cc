@@ -72,7 +72,8 @@ struct MapRow {
   std::int64_t merged_into = -1;
   std::size_t num_keyframes = 0;
   int num_points = 0;
-  std::size_t num_frames = 0;
+  bool is_loaded = false;
+  std::size_t num_frames = 0;  // of this run
   std::int64_t first_ns = -1;
   std::int64_t last_ns = -1;
 };
@@ -95,6 +96,7 @@ Status WriteMaps(ByteSink& sink, const RunRecord& record, const std::vector<Fina
                     map.merged_into == kNoId ? -1 : static_cast<std::int64_t>(map.merged_into),
                     map.keyframes.size(),
                     map.num_points,
+                    map.is_loaded,
                     0,
                     -1,
                     -1};
@@ -107,12 +109,13 @@ Status WriteMaps(ByteSink& sink, const RunRecord& record, const std::vector<Fina
     row.last_ns = stamp;
   }
   TextWriter text(sink);
-  text.Text("map_id,status,merged_into,num_keyframes,num_points,num_frames,first_timestamp_ns,last_timestamp_ns\n");
+  text.Text(
+      "map_id,status,merged_into,num_keyframes,num_points,num_frames,first_timestamp_ns,last_timestamp_ns,loaded\n");
   for (const auto& [id, row] : rows) {
     text.Integer(row.id).Text(",").Text(row.status).Text(",").Integer(row.merged_into).Text(",");
     text.Integer(static_cast<std::int64_t>(row.num_keyframes)).Text(",").Integer(row.num_points).Text(",");
     text.Integer(static_cast<std::int64_t>(row.num_frames)).Text(",").Integer(row.first_ns).Text(",");
-    text.Integer(row.last_ns).Text("\n");
+    text.Integer(row.last_ns).Text(",").Integer(row.is_loaded ? 1 : 0).Text("\n");
   }
   return text.Finish();
 }
@@ -124,7 +127,7 @@ std::string Field(std::string text) {
   return text;
 }
 
-Status WriteEvents(ByteSink& sink, const RunRecord& record) {
+Status WriteEvents(ByteSink& sink, const RunRecord& record, const Engine& engine) {
   std::vector<RunEvent> events = record.events();
   std::stable_sort(events.begin(), events.end(),
                    [](const RunEvent& a, const RunEvent& b) { return a.frame_index < b.frame_index; });
@@ -133,7 +136,43 @@ Status WriteEvents(ByteSink& sink, const RunRecord& record) {
   for (const RunEvent& event : events) {
     text.Integer(event.frame_index).Text(",").Integer(event.timestamp.time_since_epoch().count()).Text(",");
     text.Text(event.event).Text(",").Integer(event.map_id).Text(",").Integer(event.other_map_id).Text(",");
-    text.Text(Field(event.details)).Text("\n");
+    text.Text(Field(event.details));
+    if (event.other_keyframe < engine.atlas().num_keyframe_ids()) {
+      // A frame number of an earlier run says nothing about this one.
+      if (engine.atlas().IsOfThisSession(event.other_keyframe)) {
+        text.Text(" other_frame=").Integer(engine.atlas().FrameOfKeyframe(event.other_keyframe));
+      } else {
+        text.Text(" other_session=").Integer(engine.atlas().TraceOfKeyframe(event.other_keyframe).session);
+      }
+    }
+    text.Text("\n");
+  }
+  return text.Finish();
+}
+
+// Every duration that was measured, a line each: the only table that differs from run to run.
+Status WriteTimes(ByteSink& sink, const RunRecord& record) {
+  TextWriter text(sink);
+  text.Text("frame_idx,stage,ms\n");
+  const auto write = [&](std::uint32_t frame_index, std::string_view stage, Duration duration) {
+    if (duration.count() <= 0) return;
+    text.Integer(frame_index).Text(",").Text(stage).Text(",").Number(ToMilliseconds(duration)).Text("\n");
+  };
+  for (const FrameOutcome& frame : record.frames()) {
+    if (frame.is_dropped || frame.is_damaged) continue;
+    write(frame.result.frame_index, "frame/total", frame.latency);
+    write(frame.result.frame_index, "tracking/total", frame.tracking);
+  }
+  for (const MappingTimes& times : record.mapping_times()) {
+    write(times.frame_index, "mapping/insert", times.insert);
+    write(times.frame_index, "mapping/create", times.create);
+    write(times.frame_index, "mapping/fuse", times.fuse);
+    write(times.frame_index, "mapping/bundle", times.bundle);
+    write(times.frame_index, "mapping/cull", times.cull);
+    write(times.frame_index, "mapping/total", times.mapping());
+    write(times.frame_index, "place/total", times.place);
+    write(times.frame_index, "merging/total", times.merge);
+    write(times.frame_index, "relocalisation/total", times.relocalisation);
   }
   return text.Finish();
 }
@@ -180,12 +219,13 @@ Status WriteMapExports(const fs::path& folder, const Engine& engine, const Point
   return status;
 }
 
-constexpr const char* kOwnEntries[] = {"trajectory", "maps", "frames.csv", "maps.csv", "events.csv", "summary.json"};
+constexpr const char* kOwnEntries[] = {"trajectory", "maps",      "frames.csv",  "maps.csv",
+                                       "events.csv", "times.csv", "summary.json"};
 
 // Whether a run writes something of this name (relative to its folder); what FileSink leaves when it is killed is of a
 // run, too.
 bool IsOwnName(const std::string& name) {
-  static const std::regex kOwn(R"(((frames|maps|events)\.csv|summary\.json|trajectory(/(live|map_\d{4,})\.tum)?|)"
+  static const std::regex kOwn(R"(((frames|maps|events|times)\.csv|summary\.json|trajectory(/(live|map_\d{4,})\.tum)?|)"
                                R"(maps(/map_\d{4,}(\.ply|/(cameras|images|points3D)\.txt)?)?)(\.partial-\d+)?)");
   return std::regex_match(name, kOwn);
 }
@@ -224,7 +264,8 @@ Status WriteOutputs(const std::string& folder, const RunRecord& record, const st
   HAUSTRA_TRY(WriteFile(root / "frames.csv",
                         [&](ByteSink& sink) { return WriteFrames(sink, record, poses, summary.mode == "realtime"); }));
   HAUSTRA_TRY(WriteFile(root / "maps.csv", [&](ByteSink& sink) { return WriteMaps(sink, record, poses, engine); }));
-  HAUSTRA_TRY(WriteFile(root / "events.csv", [&](ByteSink& sink) { return WriteEvents(sink, record); }));
+  HAUSTRA_TRY(WriteFile(root / "events.csv", [&](ByteSink& sink) { return WriteEvents(sink, record, engine); }));
+  HAUSTRA_TRY(WriteFile(root / "times.csv", [&](ByteSink& sink) { return WriteTimes(sink, record); }));
   HAUSTRA_TRY(WriteMapExports(root / "maps", engine, colour));
   return WriteFile(root / "summary.json", [&](ByteSink& sink) { return sink.Write(ToJson(summary)); });
 }

@@ -80,10 +80,11 @@ std::string Describe(const MapEvent& event) {
 }  // namespace
 
 void RunRecord::OnMapEvent(const MapEvent& event) {
+  const bool is_about_frame = event.kind == MapEventKind::kFrameFound || event.kind == MapEventKind::kFrameNotFound;
   events_.push_back({event.frame_index, event.timestamp, std::string(ToString(event.kind)),
                      event.map_id == kNoId ? -1 : static_cast<std::int64_t>(event.map_id),
-                     event.other_map_id == kNoId ? -1 : static_cast<std::int64_t>(event.other_map_id),
-                     Describe(event)});
+                     event.other_map_id == kNoId ? -1 : static_cast<std::int64_t>(event.other_map_id), Describe(event),
+                     is_about_frame ? event.relocalisation.keyframe : event.place.keyframe_b});
 }
 
 void RunRecord::OnLatePose(const LatePose& pose) {

@@ -16,6 +16,7 @@ struct RunEvent {
   std::int64_t map_id = -1;        // -1: none
   std::int64_t other_map_id = -1;  // -1: none
   std::string details;
+  KeyframeId other_keyframe = kNoId;  // that looks alike, of a merge, a loop or a rejected candidate
 };
 
 class RunRecord : public SessionObserver {
@@ -26,10 +27,12 @@ class RunRecord : public SessionObserver {
   void OnFrame(const FrameOutcome& outcome) override;
   void OnMapEvent(const MapEvent& event) override;
   void OnLatePose(const LatePose& pose) override;
+  void OnMapped(const MappingTimes& times) override { mapping_times_.push_back(times); }
   void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override;
 
   const std::vector<FrameOutcome>& frames() const { return frames_; }
   const std::vector<RunEvent>& events() const { return events_; }
+  const std::vector<MappingTimes>& mapping_times() const { return mapping_times_; }
   std::size_t num_tracked() const { return num_tracked_; }
   std::size_t num_dropped() const { return num_dropped_; }
   std::size_t num_damaged() const { return num_damaged_; }
@@ -40,6 +43,7 @@ class RunRecord : public SessionObserver {
   std::function<void(const RunRecord&)> on_progress_;
   std::vector<FrameOutcome> frames_;
   std::vector<RunEvent> events_;
+  std::vector<MappingTimes> mapping_times_;
   std::size_t num_tracked_ = 0;
   std::size_t num_dropped_ = 0;
   std::size_t num_damaged_ = 0;

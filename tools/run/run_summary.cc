@@ -52,6 +52,7 @@ std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine)
   }
   const Atlas& atlas = engine.atlas();
   for (KeyframeId id = 0; id < atlas.num_keyframe_ids(); ++id) {
+    if (!atlas.IsOfThisSession(id)) continue;
     const auto it = position.find(atlas.FrameOfKeyframe(id));
     if (it == position.end() || poses[it->second].is_localised) continue;
     FinalPose& pose = poses[it->second];
@@ -88,6 +89,10 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
   summary.damaged = record.num_damaged();
   summary.keyframes = engine.atlas().keyframes().size();
   summary.map_points = engine.atlas().points().size();
+  engine.atlas().maps().ForEach([&](MapHandle, const Map& map) { summary.maps_loaded += map.is_loaded; });
+  engine.atlas().keyframes().ForEach([&](KeyframeHandle, const Keyframe& keyframe) {
+    summary.keyframes_loaded += keyframe.session != engine.atlas().session();
+  });
   std::vector<double> latency;
   for (const FrameOutcome& frame : record.frames()) {
     if (!frame.is_dropped && !frame.is_damaged) latency.push_back(ToMilliseconds(frame.latency));
@@ -120,6 +125,8 @@ std::string ToJson(const RunSummary& s) {
   json["largest_map_frames"] = s.largest_map_frames;
   json["keyframes"] = s.keyframes;
   json["map_points"] = s.map_points;
+  json["maps_loaded"] = s.maps_loaded;
+  json["keyframes_loaded"] = s.keyframes_loaded;
   json["frame_ms"] = {
       {"p50", s.frame_ms.p50}, {"p99", s.frame_ms.p99}, {"p999", s.frame_ms.p999}, {"max", s.frame_ms.max}};
   json["dropped"] = s.dropped;
@@ -156,6 +163,10 @@ std::string ToText(const RunSummary& s) {
          s.maps_created, s.merges, s.loops, s.largest_map_frames);
   Append(&text, "  losses        %5zu     (%zu relocalised)\n", s.losses, s.relocalisations);
   Append(&text, "  keyframes     %5zu     (%zu map points)\n", s.keyframes, s.map_points);
+  if (s.maps_loaded > 0) {
+    Append(&text, "  loaded        %5zu     maps of earlier runs (%zu of the keyframes are theirs)\n", s.maps_loaded,
+           s.keyframes_loaded);
+  }
   Append(&text, "  frame time    p50 %.1f ms, p99 %.1f ms, p99.9 %.1f ms, max %.1f ms%s\n", s.frame_ms.p50,
          s.frame_ms.p99, s.frame_ms.p999, s.frame_ms.max,
          s.mode == "sequential" ? " (tracking and mapping in turn)" : " (from due to pose)");

@@ -33,8 +33,10 @@ struct RunSummary {
   std::size_t relocalisations = 0;
   std::size_t losses = 0;
   std::size_t largest_map_frames = 0;
-  std::size_t keyframes = 0;
-  std::size_t map_points = 0;
+  std::size_t keyframes = 0;   // of all maps at the end, loaded ones included
+  std::size_t map_points = 0;  // likewise
+  std::size_t maps_loaded = 0;
+  std::size_t keyframes_loaded = 0;  // of earlier runs, that are still there
   LatencyFigures frame_ms;
   std::size_t dropped = 0;
   std::size_t damaged = 0;

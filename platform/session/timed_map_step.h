@@ -1,0 +1,25 @@
+// One step of the mapper with what it took, from the difference of the mapper's counters. thread-bound(mapping).
+#pragma once
+
+#include "engine/engine.h"
+#include "platform/session/session.h"
+
+namespace haustra {
+
+// As Engine::MapStep; `times` is filled when it returns true.
+inline bool TimedMapStep(Engine& engine, MappingTimes* times) {
+  const MapperCounters before = engine.mapper_counters();
+  if (!engine.MapStep()) return false;
+  const MapperCounters& after = engine.mapper_counters();
+  times->insert = after.insert_time - before.insert_time;
+  times->create = after.create_time - before.create_time;
+  times->fuse = after.fuse_time - before.fuse_time;
+  times->bundle = after.bundle_time - before.bundle_time;
+  times->cull = after.cull_time - before.cull_time;
+  times->place = after.place_time - before.place_time;
+  times->merge = after.merge_time - before.merge_time;
+  times->relocalisation = after.relocalisation_time - before.relocalisation_time;
+  return true;
+}
+
+}  // namespace haustra

@@ -71,7 +71,7 @@ Status ChunkReader::Damaged(std::uint64_t offset, const std::string& what) const
 Status ChunkReader::Begin() {
   if (file_.size() < kMagicBytes || !std::equal(kind_.magic.begin(), kind_.magic.end(), file_.begin(),
                                                 [](char a, std::uint8_t b) { return static_cast<char>(b) == a; })) {
-    return InvalidArgument("not an " + std::string(kind_.name) + ": it does not begin as one (" +
+    return InvalidArgument("no " + std::string(kind_.name) + ": it does not begin as one (" +
                            std::to_string(file_.size()) + " bytes)");
   }
   if (file_.size() < kChunkFileHeaderBytes) return Damaged(file_.size(), "ends within its header");

@@ -177,6 +177,30 @@ void FindTimes(const RunOutput& run, double given_deadline_ms, Evaluation* evalu
   evaluation->mean_stage_ms = figures.mean_stage_ms;
 }
 
+// Whether joining maps costs tracking anything: frames answered meanwhile against the others. The mapper notes a
+// duration with the newest frame that was tracked when it was over.
+void FindTimesBesideJoining(const RunOutput& run, Evaluation* evaluation) {
+  const double period_ms = static_cast<double>(FramePeriodNs(run.frames)) * 1e-6;
+  if (period_ms <= 0.0) return;
+  std::vector<std::pair<std::int64_t, std::int64_t>> spans;  // first and last frame
+  for (const StageTime& time : run.times) {
+    if (time.stage != "merging/total") continue;
+    spans.emplace_back(time.frame_idx - static_cast<std::int64_t>(std::ceil(time.ms / period_ms)), time.frame_idx + 1);
+  }
+  std::vector<double> joining_ms, other_ms;
+  for (const RunFrame& frame : run.frames) {
+    if (frame.is_dropped || frame.is_damaged || frame.frame_ms <= 0.0) continue;
+    const bool is_joining = std::any_of(spans.begin(), spans.end(), [&](const auto& span) {
+      return span.first <= frame.frame_idx && frame.frame_idx <= span.second;
+    });
+    (is_joining ? joining_ms : other_ms).push_back(frame.frame_ms);
+  }
+  if (joining_ms.empty() || other_ms.empty()) return;
+  evaluation->joining_frames = joining_ms.size();
+  evaluation->joining_frame_ms = FindPercentiles(std::move(joining_ms));
+  evaluation->other_frame_ms = FindPercentiles(std::move(other_ms));
+}
+
 void FindStageTimes(const std::vector<StageTime>& times, Evaluation* evaluation) {
   std::vector<std::string> order;
   std::map<std::string, std::vector<double>> durations_ms;
@@ -295,6 +319,7 @@ Evaluation EvaluateRun(const RunOutput& run, const Reference& reference, const E
   CountJoins(&evaluation);
   if (!reference.poses.empty()) FindRecall(run, frames, options.joins.positions_only, &evaluation);
   FindTimes(run, options.deadline_ms, &evaluation);
+  FindTimesBesideJoining(run, &evaluation);
   FindStageTimes(run.times, &evaluation);
   FindJoinTimes(run.times, &evaluation.joins);
   return evaluation;

@@ -115,6 +115,9 @@ Json RunOf(const Evaluation& e) {
       {"merges", CountOf(e.merges)}, {"loops", CountOf(e.loops)}, {"relocalisations", CountOf(e.relocalisations)}};
   json["recall"] = {{"merges", RecallOf(e.merge_recall)}, {"relocalisations", RecallOf(e.relocalisation_recall)}};
   json["frame_ms"] = TimesOf(e.frame_ms);
+  json["joining_frames"] = e.joining_frames;
+  json["joining_frame_ms"] = TimesOf(e.joining_frame_ms);
+  json["other_frame_ms"] = TimesOf(e.other_frame_ms);
   json["deadline_ms"] = OrNull(e.deadline_ms);
   json["deadline_misses"] = OrNull(e.deadline_misses);
   json["dropped"] = e.dropped;

@@ -85,12 +85,20 @@ std::string JoinLines(const Evaluation& e) {
   return text;
 }
 
+std::string TimesText(const Percentiles& ms) {
+  return "p50 " + Fixed(ms.p50, 1) + ", p99 " + Fixed(ms.p99, 1) + ", p99.9 " + Fixed(ms.p999, 1) + ", max " +
+         Fixed(ms.max, 1) + " ms";
+}
+
 std::string TimeLines(const Evaluation& e) {
   std::string text;
   if (e.frame_ms) {
-    text += Line("frame time", "p50 " + Fixed(e.frame_ms->p50, 1) + ", p99 " + Fixed(e.frame_ms->p99, 1) + ", p99.9 " +
-                                   Fixed(e.frame_ms->p999, 1) + ", max " + Fixed(e.frame_ms->max, 1) + " ms" +
-                                   (e.mode == "sequential" ? "   (processing, not latency)" : ""));
+    text += Line("frame time", TimesText(*e.frame_ms) + (e.mode == "sequential" ? "   (processing, not latency)" : ""));
+  }
+  if (e.joining_frame_ms) {
+    text += Line("  while joining", TimesText(*e.joining_frame_ms) + "   (" +
+                                        Count(e.joining_frames, "frame", "frames") + " while maps were joined)");
+    text += Line("  otherwise", TimesText(*e.other_frame_ms));
   }
   if (e.deadline_misses) {
     text += Line("deadline misses",

@@ -113,6 +113,22 @@ TEST(EvaluateRun, GroundTruthIsMatchedByNearestStampWithinHalfAPeriod) {
   EXPECT_EQ(e.ate_frames, 100u);
 }
 
+TEST(EvaluateRun, FramesWhileMapsAreJoinedAreTimedApart) {
+  RunOutput run = ThreeMaps();
+  for (RunFrame& frame : run.frames) frame.frame_ms = 10.0;
+  // 100 ms of joining, over when frame 60 was the newest: frames 58 to 60, at 25 Hz three periods before, one after.
+  run.times = {{60, "merging/total", 100.0}, {200, "mapping/total", 80.0}};
+  for (std::int64_t i = 57; i <= 61; ++i) run.frames[static_cast<std::size_t>(i)].frame_ms = 30.0;
+  const Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  ASSERT_TRUE(e.joining_frame_ms && e.other_frame_ms);
+  EXPECT_EQ(e.joining_frames, 5u);
+  EXPECT_DOUBLE_EQ(e.joining_frame_ms->p50, 30.0);
+  EXPECT_DOUBLE_EQ(e.other_frame_ms->max, 10.0);
+  // Nothing was joined: nothing to compare.
+  run.times.clear();
+  EXPECT_FALSE(EvaluateRun(run, TrueReference(400), {}).joining_frame_ms.has_value());
+}
+
 TEST(EvaluateRun, StampsOfAnotherClockGiveAWarning) {
   Reference reference = TrueReference(400);
   for (GroundTruthPose& pose : reference.poses) pose.timestamp_ns += 1700000000000000000;

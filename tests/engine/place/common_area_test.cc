@@ -75,7 +75,7 @@ TEST_F(CommonAreaTest, PlacesApartHaveFewMatches) {
 
 TEST_F(CommonAreaTest, AlikeWallOfOtherShapeHasLowMatchShare) {
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
-  colon_.AddTwin(wall, 2500, 20.0, 0.5);
+  colon_.AddTwin(wall, 2500, 20.0, 0.3);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
   const int first = colon_.AddMap(&atlas_, 20.0, 23.0, 14, kMapFromWorld).first;
   for (int i = 0; i < 14; i += 3) {

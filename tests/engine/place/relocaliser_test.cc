@@ -66,7 +66,7 @@ TEST_F(RelocaliserTest, UnknownWallHasNoCandidate) {
 
 TEST_F(RelocaliserTest, AlikeWallOfOtherShapeIsRefused) {
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
-  colon_.AddTwin(wall, 2500, 20.0, 0.8);
+  colon_.AddTwin(wall, 2500, 20.0, 0.45);
   colon_.AddMap(&atlas_, 0.0, 4.0, 16, kMapFromWorld);
   for (const double z : {20.5, 21.5, 22.5}) {
     EXPECT_FALSE(Relocalise(See(colon_.ViewFrom(z)))) << "z " << z;

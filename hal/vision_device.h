@@ -105,11 +105,13 @@ struct Ticket {
 };
 
 struct ExtractRequest {
-  ImageView image;       // grey or BGR; size at most the plan's
+  ImageView image;       // any PixelFormat; size at most the plan's
   FeatureSetHandle set;  // receives keypoints and descriptors
   // Host copy of the keypoints, at least max_features long; sorted by (octave, y, x, angle).
   std::span<Keypoint> keypoints;
   std::int32_t* num_keypoints = nullptr;
+  // The strongest so many are enough; 0: as planned. A hint to a caller's want of time: a device may give more.
+  int max_features = 0;
 };
 
 struct MatchRequest {
@@ -170,6 +172,9 @@ class VisionDevice {
   virtual ~VisionDevice() = default;
 
   virtual std::string_view name() const = 0;
+  // Works beside the processor, on requests that cannot be interrupted: background work in the wrong moment makes
+  // tracking wait. Otherwise the threads' priorities see to that.
+  virtual bool is_accelerator() const { return false; }
   virtual const VisionPlan& plan() const = 0;
 
   // 255: scene, 0: outside; kept by the device and joined with the masks of each frame. Empty view: none.
@@ -189,7 +194,9 @@ class VisionDevice {
   virtual Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) = 0;
   virtual Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) = 0;
 
-  // kDeadlineExceeded: not done yet (wait again before touching the buffers). kUnavailable: device lost.
+  // kDeadlineExceeded: not done yet. Wait again for the results; or leave it: the next request on the lane then drops
+  // them, touches no buffer but the image's, and leaves the set empty. kFailedPrecondition: dropped so. kUnavailable:
+  // device lost.
   virtual Status Wait(Ticket ticket, TimePoint deadline) = 0;
 
   // Copies descriptors to the host (saving an atlas, tests). Blocks; not rt-safe. out: N x 128 u8, row-major.

@@ -56,11 +56,6 @@ std::int32_t FeatureSetSlots::NumFeatures(FeatureSetHandle handle) const {
   return (tag & 3) == kFilled ? num_features_[handle.index] : 0;
 }
 
-bool FeatureSetSlots::IsBeingWritten(FeatureSetHandle handle) const {
-  if (handle.index >= tags_.size()) return false;
-  return tags_[handle.index].load(std::memory_order_acquire) == TagOf(handle.generation, kWriting);
-}
-
 FeatureSetSlots::WriteClaim FeatureSetSlots::BeginWrite(FeatureSetHandle handle) {
   if (NumFeatures(handle) < 0) return WriteClaim::kStale;
   std::uint64_t expected = TagOf(handle.generation, kEmpty);

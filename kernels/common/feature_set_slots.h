@@ -1,4 +1,4 @@
-// The life of the feature sets of a device whose memory is elsewhere: handles, owners, and who may write. Slots are
+// The life of the feature sets of a device; their memory is elsewhere: handles, owners, and who may write. Slots are
 // handed out lowest index first, so the same calls give the same handles on every run.
 // thread-safe: looking up a handle takes no lock.
 #pragma once
@@ -16,6 +16,9 @@ class FeatureSetSlots {
  public:
   enum class WriteClaim { kGranted, kStale, kWrittenBefore };
 
+  static constexpr std::size_t kBytesASlot =
+      sizeof(std::atomic<std::uint64_t>) + sizeof(std::int32_t) + 2 * sizeof(std::uint32_t);
+
   explicit FeatureSetSlots(int num_slots);
 
   FeatureSetHandle Create();  // with one owner; invalid when all are in use
@@ -25,8 +28,6 @@ class FeatureSetSlots {
 
   // -1 when the handle is stale or invalid; 0 for a set that nobody has written yet.
   std::int32_t NumFeatures(FeatureSetHandle handle) const;
-  // Whether somebody is writing the set now.
-  bool IsBeingWritten(FeatureSetHandle handle) const;
 
   // Claims an empty set for writing. Publish makes it readable; AbandonWrite leaves it empty.
   WriteClaim BeginWrite(FeatureSetHandle handle);

@@ -142,6 +142,12 @@ Status CheckExtractRequest(const ExtractRequest& request, const VisionPlan& plan
     return InvalidArgument("pitch of " + std::to_string(image.pitch_bytes) + " bytes is too small for rows of " +
                            std::to_string(image.width) + " pixels");
   }
+  const bool has_even_width = image.format != PixelFormat::kGrey8 && image.format != PixelFormat::kBgr8;
+  const bool has_even_height = image.format == PixelFormat::kNv12;
+  if ((has_even_width && image.width % 2 != 0) || (has_even_height && image.height % 2 != 0)) {
+    return InvalidArgument("image of " + SizeText(image.width, image.height) +
+                           ": the sides of a picture with halved colour are even");
+  }
   if (static_mask_width > 0 && (image.width != static_mask_width || image.height != static_mask_height)) {
     return InvalidArgument("image of " + SizeText(image.width, image.height) + " does not fit the static mask of " +
                            SizeText(static_mask_width, static_mask_height));

@@ -20,8 +20,10 @@ class AlignedBuffer {
   AlignedBuffer() = default;
   // Throws std::bad_alloc; CreateCpuVisionDevice turns it into a status.
   explicit AlignedBuffer(std::size_t size)
-      : data_(static_cast<T*>(::operator new (size * sizeof(T) + kAlignment, std::align_val_t{kAlignment}))),
-        size_(size) {}
+      : data_(static_cast<T*>(::operator new (BytesFor(size), std::align_val_t{kAlignment}))), size_(size) {}
+
+  // What a buffer of this size takes.
+  static constexpr std::size_t BytesFor(std::size_t size) { return size * sizeof(T) + kAlignment; }
 
   T* data() { return data_.get(); }
   const T* data() const { return data_.get(); }

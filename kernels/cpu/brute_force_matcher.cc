@@ -50,10 +50,41 @@ BruteForceMatcher::BruteForceMatcher(int max_list, const FeatureSetPool& sets, S
   train_gates_ = AlignedBuffer<GateBlock>(num_train / kTrainBlock);
   results_ = AlignedBuffer<TopTwo>(num_queries);
   query_bytes_.SetZero();
+  train_best_similarity_.reserve(pool.num_threads());
+  train_best_query_.reserve(pool.num_threads());
   for (int i = 0; i < pool.num_threads(); ++i) {
     train_best_similarity_.emplace_back(num_train);
     train_best_query_.emplace_back(num_train);
   }
+}
+
+std::size_t BruteForceMatcher::BytesFor(int max_list, int num_threads) {
+  const std::size_t num_queries = AlignUp(max_list, kQueryTile);
+  const std::size_t num_train = AlignUp(max_list, kTrainBlock);
+  using Bytes = AlignedBuffer<std::uint8_t>;
+  using Floats = AlignedBuffer<float>;
+  using Integers = AlignedBuffer<std::int32_t>;
+  return Bytes::BytesFor(num_queries * kDescriptorBytes) + Floats::BytesFor(num_queries) +
+         Bytes::BytesFor(num_queries) + AlignedBuffer<GatePoint>::BytesFor(num_queries) +
+         Bytes::BytesFor(num_train * kDescriptorBytes) + Integers::BytesFor(num_train) + Floats::BytesFor(num_train) +
+         Integers::BytesFor(num_train) + AlignedBuffer<GateBlock>::BytesFor(num_train / kTrainBlock) +
+         AlignedBuffer<TopTwo>::BytesFor(num_queries) +
+         num_threads *
+             (sizeof(Floats) + sizeof(Integers) + Floats::BytesFor(num_train) + Integers::BytesFor(num_train));
+}
+
+void BruteForceMatcher::Prefault() {
+  query_inverse_norms_.SetZero();
+  query_is_valid_.SetZero();
+  query_gates_.SetZero();
+  train_bytes_.SetZero();
+  train_sums_.SetZero();
+  train_inverse_norms_.SetZero();
+  train_is_valid_.SetZero();
+  train_gates_.SetZero();
+  results_.SetZero();
+  for (AlignedBuffer<float>& buffer : train_best_similarity_) buffer.SetZero();
+  for (AlignedBuffer<std::int32_t>& buffer : train_best_query_) buffer.SetZero();
 }
 
 int BruteForceMatcher::ListSize(const DescriptorList& list, const FeatureSetPool& sets) {

@@ -19,6 +19,10 @@ class BruteForceMatcher {
   // `sets` and `pool` must outlive the matcher. max_list: longest list of either side.
   BruteForceMatcher(int max_list, const FeatureSetPool& sets, SimdLevel level, LanePool& pool, Lane lane);
 
+  static std::size_t BytesFor(int max_list, int num_threads);
+  // Touches all memory.
+  void Prefault();
+
   // Number of entries of a list; -1: the handle is stale.
   static int ListSize(const DescriptorList& list, const FeatureSetPool& sets);
 

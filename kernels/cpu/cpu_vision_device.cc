@@ -33,7 +33,11 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
     for (int i = 0; i < static_cast<int>(Lane::kNumLanes); ++i) {
       const Lane lane = static_cast<Lane>(i);
       LaneWork& work = lanes_[i].emplace(plan, max_list_, options, level, pool_, lane, sets_);
-      if (lane == Lane::kTracking) work.extractor.Prefault();
+      if (lane == Lane::kTracking) {
+        work.extractor.Prefault();
+        work.brute_force.Prefault();
+        work.guided.Prefault();
+      }
     }
   }
 
@@ -56,9 +60,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
 
   Result<FeatureSetHandle> CreateFeatureSet() override {
     const FeatureSetHandle handle = sets_.Create();
-    if (!handle.is_valid()) {
-      return CapacityExceeded("all " + std::to_string(plan_.max_feature_sets) + " feature sets are in use");
-    }
+    if (!handle.is_valid()) return Status(StatusCode::kCapacityExceeded);  // a message would allocate
     return handle;
   }
 
@@ -73,7 +75,8 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
     FeatureSet* set = sets_.BeginWrite(request.set, &is_stale);
     if (set == nullptr) return WriteRefused(is_stale);
 
-    const int num_features = WorkOf(lane).extractor.Extract(request.image, static_mask_view_, *set);
+    const int num_features =
+        WorkOf(lane).extractor.Extract(request.image, static_mask_view_, request.max_features, *set);
     std::copy_n(set->keypoints, num_features, request.keypoints.data());
     *request.num_keypoints = num_features;
     sets_.Publish(request.set, num_features);
@@ -165,6 +168,26 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
 
 }  // namespace
 }  // namespace kernels
+
+MemoryPlan PlanCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options, int num_threads) {
+  const auto num_lanes = static_cast<std::uint64_t>(Lane::kNumLanes);
+  MemoryPlan memory;
+  const auto add = [&memory](const char* pool, std::uint64_t count, std::uint64_t bytes, const char* sized_by) {
+    memory.Add(MemoryPlace::kHost, pool, count, bytes, sized_by);
+  };
+  add("feature sets (cpu)", plan.max_feature_sets, kernels::FeatureSetPool::BytesFor(plan),
+      "memory.max_keyframes x features.max");
+  add("extraction (cpu)", num_lanes,
+      num_lanes * kernels::SiftExtractor::BytesFor(plan, options, num_threads) +
+          kernels::AlignedBuffer<std::uint8_t>::BytesFor(static_cast<std::size_t>(plan.max_width_px) *
+                                                         plan.max_height_px),
+      "image size; one for each lane");
+  add("matching (cpu)", num_lanes,
+      num_lanes * (kernels::BruteForceMatcher::BytesFor(std::max(plan.max_features, plan.max_match_list), num_threads) +
+                   kernels::GuidedMatcher::BytesFor(plan)),
+      "memory.max_local_points, features.max; one for each lane");
+  return memory;
+}
 
 Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options,
                                                             int num_threads) {

@@ -6,6 +6,7 @@
 
 #include <memory>
 
+#include "hal/core/memory_plan.h"
 #include "hal/core/status.h"
 #include "hal/vision_device.h"
 #include "kernels/cpu/simd_level.h"
@@ -17,6 +18,9 @@ namespace haustra {
 // kInvalidArgument: plan or options out of range (the message names the field); kCapacityExceeded: not enough memory.
 Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options,
                                                             int num_threads);
+
+// What the device will take, all of it on the host.
+MemoryPlan PlanCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options, int num_threads);
 
 // The same with a given instruction set, for tests and measurements. kUnavailable: this processor does not have it.
 Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options,

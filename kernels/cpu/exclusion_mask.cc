@@ -42,6 +42,30 @@ ExclusionMask::ExclusionMask(int max_width_px, int max_height_px, const MaskOpti
   scratch_ = AlignedBuffer<std::uint8_t>(size + max_width_px + 2 * options.dilation_px);
 }
 
+std::size_t ExclusionMask::BytesFor(int max_width_px, int max_height_px, const MaskOptions& options) {
+  using Buffer = AlignedBuffer<std::uint8_t>;
+  const std::size_t size = static_cast<std::size_t>(max_width_px) * max_height_px;
+  std::size_t bytes = (kMaxOctaves + 1) * sizeof(Level) + Buffer::BytesFor(size) + Buffer::BytesFor(max_width_px) +
+                      Buffer::BytesFor(size + max_width_px + 2 * options.dilation_px);
+  int width = max_width_px;
+  int height = max_height_px;
+  for (int octave = 0; octave < kMaxOctaves; ++octave) {
+    bytes += 2 * Buffer::BytesFor(static_cast<std::size_t>(width) * height);
+    width = HalfUp(width);
+    height = HalfUp(height);
+  }
+  return bytes;
+}
+
+void ExclusionMask::Prefault() {
+  for (Level& level : levels_) {
+    level.raw.SetZero();
+    level.dilated.SetZero();
+  }
+  scratch_.SetZero();
+  columns_alive_.SetZero();
+}
+
 void ExclusionMask::Build(const std::uint8_t* grey, int width_px, int height_px, int pitch_bytes,
                           ImageView static_mask) {
   Level& finest = levels_[0];

@@ -24,6 +24,9 @@ struct MaskOptions {
 class ExclusionMask {
  public:
   ExclusionMask(int max_width_px, int max_height_px, const MaskOptions& options);
+  static std::size_t BytesFor(int max_width_px, int max_height_px, const MaskOptions& options);
+  // Touches all memory.
+  void Prefault();
 
   // grey: width x height bytes with the given pitch; static_mask: same size, 0 is outside; empty: none.
   void Build(const std::uint8_t* grey, int width_px, int height_px, int pitch_bytes, ImageView static_mask);

@@ -19,6 +19,18 @@ FeatureSelection::FeatureSelection(int max_width_px, int max_height_px, int max_
       cell_starts_(static_cast<std::size_t>(NumCells(max_width_px)) * NumCells(max_height_px) + 1),
       order_(max_points) {}
 
+std::size_t FeatureSelection::BytesFor(int max_width_px, int max_height_px, int max_points) {
+  return AlignedBuffer<Ranked>::BytesFor(max_points) + AlignedBuffer<std::int32_t>::BytesFor(max_points) +
+         AlignedBuffer<std::int32_t>::BytesFor(
+             static_cast<std::size_t>(NumCells(max_width_px)) * NumCells(max_height_px) + 1);
+}
+
+void FeatureSelection::Prefault() {
+  ranked_.SetZero();
+  cell_starts_.SetZero();
+  order_.SetZero();
+}
+
 std::span<const std::int32_t> FeatureSelection::Select(std::span<const ScaleSpacePoint> points, int width_px,
                                                        int height_px, int wanted) {
   const int num_columns = NumCells(width_px);

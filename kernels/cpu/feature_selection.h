@@ -17,6 +17,9 @@ namespace haustra::kernels {
 class FeatureSelection {
  public:
   FeatureSelection(int max_width_px, int max_height_px, int max_points);
+  static std::size_t BytesFor(int max_width_px, int max_height_px, int max_points);
+  // Touches all memory.
+  void Prefault();
 
   // Indices of the `wanted` points of highest priority (fewer when there are fewer), highest first; ties: lowest index.
   // At most max_points points. Valid until the next call.

@@ -1,15 +1,12 @@
-// The fixed pool of feature sets of the CPU device. Memory of all sets is taken at construction. Full: Create returns
-// an invalid handle. Slots are handed out lowest index first, so the same calls give the same handles on every run.
-// thread-safe: looking up a handle takes no lock.
+// The fixed pool of feature sets of the CPU device: their memory, taken at construction, and their life
+// (kernels/common/feature_set_slots.h). thread-safe: looking up a handle takes no lock.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
-#include <mutex>
-#include <span>
 #include <vector>
 
 #include "hal/vision_device.h"
+#include "kernels/common/feature_set_slots.h"
 #include "kernels/cpu/aligned_buffer.h"
 
 namespace haustra::kernels {
@@ -33,12 +30,14 @@ class FeatureSetPool {
  public:
   static constexpr int kBucketPx = 16;
 
+  // Touches all of it, so that no frame pays for the pages of its set.
   explicit FeatureSetPool(const VisionPlan& plan);
+  static std::size_t BytesFor(const VisionPlan& plan);
 
-  FeatureSetHandle Create();  // with one owner
-  bool Retain(FeatureSetHandle handle);
-  void Release(FeatureSetHandle handle);
-  std::int32_t num_free() const;
+  FeatureSetHandle Create() { return slots_.Create(); }
+  bool Retain(FeatureSetHandle handle) { return slots_.Retain(handle); }
+  void Release(FeatureSetHandle handle) { slots_.Release(handle); }
+  std::int32_t num_free() const { return slots_.num_free(); }
 
   // nullptr when the handle is stale or invalid. A set that nobody has written yet has no features.
   const FeatureSet* Get(FeatureSetHandle handle) const;
@@ -48,16 +47,12 @@ class FeatureSetPool {
   FeatureSet* BeginWrite(FeatureSetHandle handle, bool* is_stale);
   void Publish(FeatureSetHandle handle, std::int32_t num_features);
   // Gives up a claim: the set is empty again.
-  void AbandonWrite(FeatureSetHandle handle);
+  void AbandonWrite(FeatureSetHandle handle) { slots_.AbandonWrite(handle); }
 
   int num_bucket_columns() const { return num_bucket_columns_; }
   int num_bucket_rows() const { return num_bucket_rows_; }
 
  private:
-  enum State : std::uint64_t { kFree = 0, kEmpty = 1, kWriting = 2, kFilled = 3 };
-  static std::uint64_t TagOf(std::uint32_t generation, State state) {
-    return (static_cast<std::uint64_t>(generation) << 2) | state;
-  }
   void FillBuckets(FeatureSet& set);
 
   int num_bucket_columns_;
@@ -68,10 +63,7 @@ class FeatureSetPool {
   AlignedBuffer<std::int32_t> bucket_starts_;
   AlignedBuffer<std::int32_t> bucket_features_;
   std::vector<FeatureSet> sets_;
-  std::vector<std::atomic<std::uint64_t>> tags_;  // generation and state of each slot
-  mutable std::mutex mutex_;                      // guards num_owners_ and free_ (a min-heap of slots)
-  std::vector<std::uint32_t> num_owners_;
-  std::vector<std::uint32_t> free_;
+  FeatureSetSlots slots_;
 };
 
 }  // namespace haustra::kernels

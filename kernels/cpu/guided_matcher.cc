@@ -21,6 +21,16 @@ GuidedMatcher::GuidedMatcher(const VisionPlan& plan, const FeatureSetPool& sets,
       results_(plan.max_match_list),
       owners_(plan.max_features) {}
 
+std::size_t GuidedMatcher::BytesFor(const VisionPlan& plan) {
+  return AlignedBuffer<TopTwo>::BytesFor(plan.max_match_list) +
+         AlignedBuffer<std::int32_t>::BytesFor(plan.max_features);
+}
+
+void GuidedMatcher::Prefault() {
+  results_.SetZero();
+  owners_.SetZero();
+}
+
 TopTwo GuidedMatcher::MatchOne(const GuidedQuery& query, const FeatureSet& train,
                                const GuidedMatchRequest& request) const {
   TopTwo top;

@@ -18,6 +18,10 @@ class GuidedMatcher {
   // `sets` and `pool` must outlive the matcher.
   GuidedMatcher(const VisionPlan& plan, const FeatureSetPool& sets, SimdLevel level, LanePool& pool, Lane lane);
 
+  static std::size_t BytesFor(const VisionPlan& plan);
+  // Touches all memory.
+  void Prefault();
+
   // The request must have been checked: at most plan.max_match_list queries, `train` alive, train_allowed long enough.
   // Returns the number of matches.
   int Match(const GuidedMatchRequest& request);

@@ -24,6 +24,11 @@ void ConvertToGrey(const std::uint8_t* bgr, int width, std::uint8_t* grey) {
   }
 }
 
+// Every second byte.
+void ConvertYuvToGrey(const std::uint8_t* luma, int width, std::uint8_t* grey) {
+  for (int x = 0; x < width; ++x) grey[x] = luma[2 * x];
+}
+
 MaskOptions MaskOptionsOf(const ExtractOptions& options) {
   return {options.reflection_threshold, options.border_threshold, options.mask_dilation_px};
 }
@@ -89,6 +94,31 @@ SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& optio
   }
 }
 
+std::size_t SiftExtractor::BytesFor(const VisionPlan& plan, const ExtractOptions& options, int num_threads) {
+  const int num_octaves = CountOctaves(plan.max_width_px, plan.max_height_px);
+  const int max_points = MaxPoints(plan);
+  std::size_t bytes = static_cast<std::size_t>(num_octaves) * sizeof(Octave);
+  for (int i = 0; i < num_octaves; ++i) {
+    const int octave = kFirstOctave + i;
+    const std::size_t height = OctaveSize(plan.max_height_px, octave);
+    const std::size_t num_chunks = NumTasks(static_cast<int>(height), kRowsPerTask);
+    const std::size_t num_points = num_chunks * MaxPointsPerChunk(plan, octave);
+    bytes +=
+        AlignedBuffer<float>::BytesFor(MaxStride(plan, octave) * height * kNumLevels + 2 * kPlanePadding * kNumLevels) +
+        AlignedBuffer<Extremum>::BytesFor(num_points) + AlignedBuffer<ScaleSpacePoint>::BytesFor(num_points) +
+        2 * num_chunks * sizeof(int);
+  }
+  bytes += num_threads * (sizeof(WorkerScratch) + AlignedBuffer<float>::BytesFor(kExtremaScratchFloats) +
+                          AlignedBuffer<float>::BytesFor(MaxStride(plan, kFirstOctave) + 4 * kPlanePadding));
+  return bytes + ExclusionMask::BytesFor(plan.max_width_px, plan.max_height_px, MaskOptionsOf(options)) +
+         AlignedBuffer<std::uint8_t>::BytesFor(static_cast<std::size_t>(plan.max_width_px) * plan.max_height_px) +
+         AlignedBuffer<ScaleSpacePoint>::BytesFor(max_points) +
+         FeatureSelection::BytesFor(plan.max_width_px, plan.max_height_px, max_points) +
+         AlignedBuffer<float>::BytesFor(static_cast<std::size_t>(options.num_features) * kMaxOrientations) +
+         AlignedBuffer<std::int32_t>::BytesFor(options.num_features) +
+         AlignedBuffer<Feature>::BytesFor(options.num_features);
+}
+
 void SiftExtractor::Prefault() {
   for (Octave& octave : octaves_) {
     octave.memory.SetZero();
@@ -99,8 +129,13 @@ void SiftExtractor::Prefault() {
     scratch.line.SetZero();
     scratch.extrema_rows.SetZero();
   }
+  mask_.Prefault();
   grey_.SetZero();
   points_.SetZero();
+  selection_.Prefault();
+  angles_.SetZero();
+  num_angles_.SetZero();
+  for (std::size_t i = 0; i < features_.size(); ++i) features_[i] = Feature{};
 }
 
 void SiftExtractor::SetSize(int width_px, int height_px) {
@@ -124,27 +159,33 @@ void SiftExtractor::SetSize(int width_px, int height_px) {
   }
 }
 
-int SiftExtractor::Extract(const ImageView& image, const ImageView& static_mask, FeatureSet& set) {
+int SiftExtractor::Extract(const ImageView& image, const ImageView& static_mask, int max_features, FeatureSet& set) {
+  const int limit = max_features > 0 ? std::min(max_features, options_.num_features) : options_.num_features;
   SetSize(image.width, image.height);
   int pitch_bytes = 0;
   const std::uint8_t* grey = ToGrey(image, &pitch_bytes);
   mask_.Build(grey, image.width, image.height, pitch_bytes, static_mask);
   FindPoints(grey, pitch_bytes);
   const int num_points = CollectPoints();
-  const std::span<const std::int32_t> selected = selection_.Select(
-      {points_.data(), static_cast<std::size_t>(num_points)}, image.width, image.height, options_.num_features);
-  const int num_features = OrientPoints(selected);
+  const std::span<const std::int32_t> selected =
+      selection_.Select({points_.data(), static_cast<std::size_t>(num_points)}, image.width, image.height, limit);
+  const int num_features = OrientPoints(limit, selected);
   DescribeFeatures(num_features, set);
   return num_features;
 }
 
 const std::uint8_t* SiftExtractor::ToGrey(const ImageView& image, int* pitch_bytes) {
-  if (image.format == PixelFormat::kGrey8) {
+  if (image.format == PixelFormat::kGrey8 || image.format == PixelFormat::kNv12) {
     *pitch_bytes = static_cast<int>(image.pitch_bytes);
     return image.data;
   }
   for (int y = 0; y < image.height; ++y) {
-    ConvertToGrey(image.row(y), image.width, grey_.data() + static_cast<std::size_t>(y) * image.width);
+    std::uint8_t* grey = grey_.data() + static_cast<std::size_t>(y) * image.width;
+    if (image.format == PixelFormat::kBgr8) {
+      ConvertToGrey(image.row(y), image.width, grey);
+    } else {
+      ConvertYuvToGrey(image.row(y) + (image.format == PixelFormat::kUyvy ? 1 : 0), image.width, grey);
+    }
   }
   *pitch_bytes = image.width;
   return grey_.data();
@@ -255,7 +296,7 @@ int SiftExtractor::CollectPoints() {
   return num_points;
 }
 
-int SiftExtractor::OrientPoints(std::span<const std::int32_t> selected) {
+int SiftExtractor::OrientPoints(int limit, std::span<const std::int32_t> selected) {
   const int num_selected = static_cast<int>(selected.size());
   pool_.ParallelFor(lane_, NumTasks(num_selected, kPointsPerTask), [&](int task, int) {
     const int last = std::min((task + 1) * kPointsPerTask, num_selected);
@@ -268,9 +309,9 @@ int SiftExtractor::OrientPoints(std::span<const std::int32_t> selected) {
   });
   // In order of priority until the limit, then in the order of the output.
   int num_features = 0;
-  for (int i = 0; i < num_selected && num_features < options_.num_features; ++i) {
+  for (int i = 0; i < num_selected && num_features < limit; ++i) {
     const ScaleSpacePoint& point = points_[selected[i]];
-    for (int k = 0; k < num_angles_[i] && num_features < options_.num_features; ++k) {
+    for (int k = 0; k < num_angles_[i] && num_features < limit; ++k) {
       const float to_input = std::ldexp(1.0f, point.octave);
       Feature& feature = features_[num_features++];
       feature.keypoint = {point.x * to_input,     point.y * to_input,

@@ -22,12 +22,14 @@ class SiftExtractor {
   // `pool` must outlive the extractor.
   SiftExtractor(const VisionPlan& plan, const ExtractOptions& options, SimdLevel level, LanePool& pool, Lane lane);
 
+  static std::size_t BytesFor(const VisionPlan& plan, const ExtractOptions& options, int num_threads);
+
   // Touches all memory now, so that the first frame does not pay for its pages.
   void Prefault();
 
   // The image must fit the plan; static_mask is empty or of the image's size. Writes keypoints and descriptors of `set`
-  // and returns their number.
-  int Extract(const ImageView& image, const ImageView& static_mask, FeatureSet& set);
+  // and returns their number: at most max_features, the strongest (0: as many as planned).
+  int Extract(const ImageView& image, const ImageView& static_mask, int max_features, FeatureSet& set);
 
  private:
   struct Octave {
@@ -67,7 +69,7 @@ class SiftExtractor {
   void FindChunk(Octave& octave, int chunk, WorkerScratch& scratch);
   void RefineChunk(Octave& octave, int chunk);
   int CollectPoints();
-  int OrientPoints(std::span<const std::int32_t> selected);
+  int OrientPoints(int limit, std::span<const std::int32_t> selected);
   void DescribeFeatures(int num_features, FeatureSet& set);
 
   ExtractOptions options_;

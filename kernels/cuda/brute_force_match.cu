@@ -1,6 +1,7 @@
 // Brute-force matching: blocks of 128 queries against tiles of 128 train descriptors, products by integer tensor cores
 // or dp4a, best and second best kept in registers. A second dimension of the grid shares out the tiles; the last block
 // of each query tile joins the results, the last of all judges them.
+#include <algorithm>
 #include <cstdint>
 
 #include "kernels/cuda/match_common.cuh"
@@ -93,10 +94,17 @@ __device__ __forceinline__ unsigned long long ColumnKey(float similarity, int qu
                                  (0xffffffffu - static_cast<std::uint32_t>(query));
 }
 
+// What one launch does: some of the query tiles, each against the tiles of the train list, those shared out in splits.
+struct MatchSlice {
+  int first_query_tile;
+  int num_query_tiles;  // of the whole request
+  int tiles_per_split;
+};
+
 template <DotProduct kDot, bool kGated, bool kMutual>
 __global__ void __launch_bounds__(kThreads, 2)
     BruteForceKernel(const __grid_constant__ MatchJob job, const __grid_constant__ SetBuffers sets,
-                     const __grid_constant__ MatchWork work, int tiles_per_split) {
+                     const __grid_constant__ MatchWork work, const MatchSlice slice) {
   extern __shared__ __align__(1024) std::uint8_t shared[];
   const std::uint32_t base = SharedAddress(shared);
   float* query_norms = reinterpret_cast<float*>(shared + SharedLayout::kQueryNorms);
@@ -109,10 +117,14 @@ __global__ void __launch_bounds__(kThreads, 2)
   const int lane = thread % 32;
   const int warp_row = thread / 32 / 2;     // 32 queries
   const int warp_column = thread / 32 % 2;  // 64 train descriptors
-  const int first_query = blockIdx.x * kQueryTile;
+  // Instances for all requests look at what is asked for; the others know.
+  const bool is_gated = kGated && job.is_gated;
+  const bool is_mutual = kMutual && job.options.mutual;
+  const int query_tile = slice.first_query_tile + blockIdx.x;
+  const int first_query = query_tile * kQueryTile;
   const int num_tiles = (job.train.size + kTrainTile - 1) / kTrainTile;
-  const int first_tile = blockIdx.y * tiles_per_split;
-  const int last_tile = min(num_tiles, first_tile + tiles_per_split);
+  const int first_tile = blockIdx.y * slice.tiles_per_split;
+  const int last_tile = min(num_tiles, first_tile + slice.tiles_per_split);
 
   // Invalid entries read row 0 and have a norm of -1.
   constexpr int query_base = SharedLayout::kQueries;
@@ -129,7 +141,7 @@ __global__ void __launch_bounds__(kThreads, 2)
     }
   }
   CommitCopies();
-  if constexpr (kGated) {
+  if (is_gated) {
     for (int i = thread; i < kGateValues * kQueryTile; i += kThreads) {
       const int query = first_query + i % kQueryTile;
       query_gates[i] =
@@ -188,7 +200,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   int stage = 0;
   for (int tile = first_tile; tile < last_tile; ++tile) {
     WaitForCopies<kStages - 2>();
-    if constexpr (kMutual) {
+    if (is_mutual) {
       if (thread < kTrainTile) column_best[thread] = 0;
     }
     __syncthreads();
@@ -288,7 +300,7 @@ __global__ void __launch_bounds__(kThreads, 2)
             const float product = __int_as_float(sums[r / 2][n][r % 2 * 2 + e]) - __int_as_float(kFloatBase);
             float value = __fmul_rn(product, __fmul_rn(norm, norms_of_rows[r]));
             value = norm >= 0.0f ? value : -1.0f;
-            if constexpr (kGated) {
+            if (is_gated) {
               const int train = tile * kTrainTile + column;
               if (train < job.train.size &&
                   !IsAdmissible(query_gates + warp_row * 32 + 8 * r + lane / 4, work.train_gates, train, job.gate)) {
@@ -316,7 +328,7 @@ __global__ void __launch_bounds__(kThreads, 2)
           }
         }
       }
-      if constexpr (kMutual) {
+      if (is_mutual) {
 #pragma unroll
         for (int c = 0; c < 8; ++c) {
           unsigned long long key = 0;
@@ -332,7 +344,7 @@ __global__ void __launch_bounds__(kThreads, 2)
         }
       }
     }
-    if constexpr (kMutual) {
+    if (is_mutual) {
       __syncthreads();
       const int train = tile * kTrainTile + thread;
       if (thread < kTrainTile && train < job.train.size && column_best[thread] != 0) {
@@ -378,15 +390,15 @@ __global__ void __launch_bounds__(kThreads, 2)
     for (int r = 0; r < 4; ++r) {
       const int row = warp_row * 32 + 8 * r + lane / 4;
       Join(tops[r], join[row].best, join[row].second, join[row].best_idx);
-      work.partial[static_cast<std::size_t>(blockIdx.y) * padded_queries + first_query + row] = tops[r];
+      work.partial[static_cast<std::size_t>(blockIdx.y) * padded_queries + blockIdx.x * kQueryTile + row] = tops[r];
     }
   }
 
   __threadfence();
   __syncthreads();
   if (thread == 0) {
-    is_last = atomicAdd(&work.counters[blockIdx.x], 1) == static_cast<int>(gridDim.y) - 1;
-    if (is_last) work.counters[blockIdx.x] = 0;
+    is_last = atomicAdd(&work.counters[query_tile], 1) == static_cast<int>(gridDim.y) - 1;
+    if (is_last) work.counters[query_tile] = 0;
   }
   __syncthreads();
   if (!is_last) return;
@@ -396,7 +408,7 @@ __global__ void __launch_bounds__(kThreads, 2)
     TopTwo top;
     if (query < job.query.size && query_norms[thread] >= 0.0f) {
       constexpr int kAtOnce = 8;  // loads under way together
-      const int4* partial = reinterpret_cast<const int4*>(work.partial) + query;
+      const int4* partial = reinterpret_cast<const int4*>(work.partial) + blockIdx.x * kQueryTile + thread;
       for (int first = 0; first < static_cast<int>(gridDim.y); first += kAtOnce) {
         int4 others[kAtOnce];
 #pragma unroll
@@ -413,19 +425,20 @@ __global__ void __launch_bounds__(kThreads, 2)
       }
     }
     top.state = Judge(top, job.options);
-    if constexpr (kMutual) {
+    if (is_mutual) {
       work.merged[query] = top;
     } else {
       if (query < job.query.size) job.results[query] = top;
     }
   }
-  if constexpr (kMutual) {
-    // Whose best is whose is known when all blocks are done.
+  if (is_mutual) {
+    // Whose best is whose is known when all blocks of all slices are done.
     __threadfence();
     __syncthreads();
     if (thread == 0) {
-      is_last = atomicAdd(&work.counters[gridDim.x], 1) == static_cast<int>(gridDim.x) - 1;
-      if (is_last) work.counters[gridDim.x] = 0;
+      std::int32_t* counter = &work.counters[slice.num_query_tiles];
+      is_last = atomicAdd(counter, 1) == slice.num_query_tiles - 1;
+      if (is_last) *counter = 0;
     }
     __syncthreads();
     if (!is_last) return;
@@ -480,24 +493,21 @@ __global__ void __launch_bounds__(128)
   out(8) = (is_query ? job.gate.query_tolerance : job.gate.train_tolerance)[feature];
 }
 
-using Kernel = void (*)(MatchJob, SetBuffers, MatchWork, int);
+using Kernel = void (*)(MatchJob, SetBuffers, MatchWork, MatchSlice);
 
-template <DotProduct kDot>
-Kernel KernelFor(bool is_gated, bool is_mutual) {
+// By dp4a there is one instance for all requests, to be compiled in bearable time.
+Kernel KernelFor(DotProduct dot_product, bool is_gated, bool is_mutual) {
+  if (dot_product == DotProduct::kDp4a) return BruteForceKernel<DotProduct::kDp4a, true, true>;
+  constexpr DotProduct kDot = DotProduct::kTensorCores;
   if (is_gated) return is_mutual ? BruteForceKernel<kDot, true, true> : BruteForceKernel<kDot, true, false>;
   return is_mutual ? BruteForceKernel<kDot, false, true> : BruteForceKernel<kDot, false, false>;
-}
-
-Kernel KernelFor(DotProduct dot_product, bool is_gated, bool is_mutual) {
-  return dot_product == DotProduct::kDp4a ? KernelFor<DotProduct::kDp4a>(is_gated, is_mutual)
-                                          : KernelFor<DotProduct::kTensorCores>(is_gated, is_mutual);
 }
 
 int NumTiles(int size, int tile) { return (size + tile - 1) / tile; }
 
 }  // namespace
 
-cudaError_t PrepareBruteForce(DotProduct dot_product, int* max_blocks) {
+cudaError_t PrepareBruteForce(DotProduct dot_product, MatchLimits* limits) {
   for (const bool is_gated : {false, true}) {
     for (const bool is_mutual : {false, true}) {
       const Kernel kernel = KernelFor(dot_product, is_gated, is_mutual);
@@ -518,8 +528,17 @@ cudaError_t PrepareBruteForce(DotProduct dot_product, int* max_blocks) {
         &per_processor, reinterpret_cast<const void*>(KernelFor(dot_product, false, true)), kThreads,
         SharedLayout::kSize);
   }
-  *max_blocks = num_processors * (per_processor > 0 ? per_processor : 1);
+  limits->max_blocks = num_processors * (per_processor > 0 ? per_processor : 1);
+  limits->max_pairs = kNoPairLimit;
   return error;
+}
+
+MatchLimits InBackground(const MatchLimits& limits, DotProduct dot_product) {
+  // Pairs that a multiprocessor gets through in about a millisecond: an H200's does 10 million with two blocks, an
+  // Orin's, by its rate of integer products, four times fewer.
+  constexpr std::int64_t kPairsPerBlock = 1'200'000;
+  const int max_blocks = limits.max_blocks > 1 ? limits.max_blocks / 2 : 1;
+  return {max_blocks, max_blocks * kPairsPerBlock / (dot_product == DotProduct::kDp4a ? 2 : 1)};
 }
 
 std::size_t MaxPartialResults(int max_list, int max_blocks) {
@@ -531,20 +550,26 @@ std::size_t MaxPartialResults(int max_list, int max_blocks) {
 int NumMatchCounters(int max_list) { return NumTiles(max_list, kQueryTile) + 1; }
 
 cudaError_t LaunchBruteForce(const MatchJob& job, const SetBuffers& sets, const MatchWork& work, DotProduct dot_product,
-                             int max_blocks, cudaStream_t stream) {
+                             const MatchLimits& limits, cudaStream_t stream) {
   if (job.is_gated) {
     PackGatesKernel<<<NumTiles(job.query.size + job.train.size, 128), 128, 0, stream>>>(job, sets, work);
     if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
   }
   const int query_tiles = NumTiles(job.query.size, kQueryTile);
   const int train_tiles = NumTiles(job.train.size, kTrainTile);
-  int splits = max_blocks / query_tiles;
-  splits = splits < 1 ? 1 : (splits > train_tiles ? train_tiles : splits);
-  const int tiles_per_split = NumTiles(train_tiles, splits);
-  const dim3 grid(query_tiles, NumTiles(train_tiles, tiles_per_split));
+  const std::int64_t pairs_per_query_tile = static_cast<std::int64_t>(train_tiles) * kTrainTile * kQueryTile;
+  const int tiles_per_slice =
+      static_cast<int>(std::clamp<std::int64_t>(limits.max_pairs / pairs_per_query_tile, 1, query_tiles));
   const Kernel kernel = KernelFor(dot_product, job.is_gated, job.options.mutual);
-  kernel<<<grid, kThreads, SharedLayout::kSize, stream>>>(job, sets, work, tiles_per_split);
-  return cudaGetLastError();
+  for (int first = 0; first < query_tiles; first += tiles_per_slice) {
+    const int num_tiles = std::min(tiles_per_slice, query_tiles - first);
+    const int splits = std::clamp(limits.max_blocks / num_tiles, 1, train_tiles);
+    const int tiles_per_split = NumTiles(train_tiles, splits);
+    const dim3 grid(num_tiles, NumTiles(train_tiles, tiles_per_split));
+    kernel<<<grid, kThreads, SharedLayout::kSize, stream>>>(job, sets, work, {first, query_tiles, tiles_per_split});
+    if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
+  }
+  return cudaSuccess;
 }
 
 }  // namespace haustra::kernels::cuda

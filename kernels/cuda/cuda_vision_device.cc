@@ -48,6 +48,9 @@ enum class WorkKind { kNone, kExtraction, kMatching, kGuidedMatching };
 struct Work {
   WorkKind kind = WorkKind::kNone;
   std::uint64_t number = 0;
+  // A Wait gave up on it: unless another one comes first, its results are dropped.
+  bool is_overdue = false;
+  std::uint64_t dropped_number = 0;  // of the last one that was
   cudaEvent_t done = nullptr;
   // What the caller wants where.
   FeatureSetHandle set;
@@ -103,6 +106,7 @@ struct LaneState {
   Work extraction;                   // shares the events of nobody
   std::vector<std::int32_t> owners;  // query that holds each feature, for guided matching
   MatchWork match_work;
+  MatchLimits match_limits;
 
   DeviceBuffer<TopTwo> partial;
   DeviceBuffer<TopTwo> merged;
@@ -140,7 +144,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     cudaDeviceProp properties{};
     HAUSTRA_TRY(ToStatus(cudaGetDeviceProperties(&properties, device_options_.device), "properties of the device"));
     name_ = "cuda-sm" + std::to_string(properties.major) + std::to_string(properties.minor);
-    HAUSTRA_TRY(ToStatus(PrepareBruteForce(device_options_.dot_product, &max_match_blocks_), "matcher"));
+    HAUSTRA_TRY(ToStatus(PrepareBruteForce(device_options_.dot_product, &match_limits_), "matcher"));
 
     const std::size_t num_rows = static_cast<std::size_t>(plan_.max_feature_sets) * plan_.max_features;
     if (num_rows > 0x7fffffffu) {
@@ -155,16 +159,19 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     int lowest_priority = 0;
     int highest_priority = 0;
     HAUSTRA_TRY(ToStatus(cudaDeviceGetStreamPriorityRange(&lowest_priority, &highest_priority), "stream priorities"));
-    for (int i = 0; i < kNumLanes; ++i) {
-      const bool is_tracking = static_cast<Lane>(i) == Lane::kTracking;
-      HAUSTRA_TRY(ConstructLane(lanes_[i], options, is_tracking ? highest_priority : lowest_priority));
-    }
+    // Lower numbers go first. Where there are enough, the branches of an extraction go before its main line.
+    const int step = lowest_priority - highest_priority >= 3 ? 1 : 0;
+    HAUSTRA_TRY(ConstructLane(StateOf(Lane::kTracking), options, highest_priority + step, highest_priority));
+    HAUSTRA_TRY(ConstructLane(StateOf(Lane::kBackground), options, lowest_priority, lowest_priority - step));
+    StateOf(Lane::kTracking).match_limits = match_limits_;
+    StateOf(Lane::kBackground).match_limits = InBackground(match_limits_, device_options_.dot_product);
     HAUSTRA_TRY(
         ToStatus(cudaStreamCreateWithPriority(&utility_stream_, cudaStreamNonBlocking, lowest_priority), "stream"));
     return ToStatus(cudaDeviceSynchronize(), "construction");
   }
 
   std::string_view name() const override { return name_; }
+  bool is_accelerator() const override { return true; }
   const VisionPlan& plan() const override { return plan_; }
 
   Status SetStaticMask(ImageView mask) override {
@@ -209,6 +216,8 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
       return Lose(status);
     }
     Work& work = state.extraction;
+    // One owner more until the work is done: the caller may release the set before, and its slot must not be reused.
+    (void)slots_.Retain(request.set);
     work.kind = WorkKind::kExtraction;
     work.number = ++state.last_number;
     work.set = request.set;
@@ -269,9 +278,14 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     }
     HAUSTRA_TRY(Select());
     for (Work* work : {&state.extraction, &state.queue[number % kQueueLength]}) {
+      if (work->dropped_number == number) {
+        return FailedPrecondition("ticket " + std::to_string(ticket.value) +
+                                  ": its results were dropped by a later request, after the deadline of a wait");
+      }
       if (work->kind == WorkKind::kNone || work->number != number) continue;
-      HAUSTRA_TRY(WaitFor(*work, deadline));
-      return Finish(*work, state);
+      const Status status = WaitFor(*work, deadline);
+      work->is_overdue = status.code() == StatusCode::kDeadlineExceeded;
+      return status.ok() ? Finish(*work, state) : status;
     }
     return Status::Ok();  // handed over before
   }
@@ -346,8 +360,8 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     for (int i = 0; i < repeats + 5 && error == cudaSuccess; ++i) {
       error = cudaEventRecord(begin, state.stream);
       for (int k = 0; k < kLaunches && error == cudaSuccess; ++k) {
-        error = LaunchBruteForce(job, sets_, state.match_work, device_options_.dot_product, max_match_blocks_,
-                                 state.stream);
+        error =
+            LaunchBruteForce(job, sets_, state.match_work, device_options_.dot_product, match_limits_, state.stream);
       }
       if (error == cudaSuccess) error = cudaEventRecord(end, state.stream);
       if (error == cudaSuccess) error = cudaEventSynchronize(end);
@@ -367,11 +381,11 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
  private:
   std::int32_t NumFeatures(FeatureSetHandle set) const override { return slots_.NumFeatures(set); }
 
-  Status ConstructLane(LaneState& lane, const ExtractOptions& options, int priority) {
+  Status ConstructLane(LaneState& lane, const ExtractOptions& options, int priority, int branch_priority) {
     HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(&lane.stream, cudaStreamNonBlocking, priority), "stream"));
-    HAUSTRA_ASSIGN(lane.extractor, Extractor::Create(plan_, options, sets_, lane.stream, priority));
+    HAUSTRA_ASSIGN(lane.extractor, Extractor::Create(plan_, options, sets_, lane.stream, branch_priority));
     const std::size_t max_list = max_list_;
-    lane.match_work.max_partial = MaxPartialResults(max_list_, max_match_blocks_);
+    lane.match_work.max_partial = MaxPartialResults(max_list_, match_limits_.max_blocks);
     HAUSTRA_TRY(lane.partial.Allocate(lane.match_work.max_partial));
     HAUSTRA_TRY(lane.merged.Allocate(AlignUp(max_list, 128)));
     HAUSTRA_TRY(lane.match_counters.Allocate(NumMatchCounters(max_list_)));
@@ -439,7 +453,10 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
       const cudaError_t error = cudaEventQuery(work.done);
       if (error == cudaSuccess) return Status::Ok();
       if (error != cudaErrorNotReady) {
-        if (work.kind == WorkKind::kExtraction) slots_.AbandonWrite(work.set);
+        if (work.kind == WorkKind::kExtraction) {
+          slots_.AbandonWrite(work.set);
+          slots_.Release(work.set);
+        }
         work.kind = WorkKind::kNone;
         return Lose(ToStatus(error, "work on the device"));
       }
@@ -450,16 +467,28 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     }
   }
 
-  // Waits for the work, if there is any, and hands over its results.
+  // Waits for the work, if there is any, and hands over its results. The caller of overdue work has gone on: nothing of
+  // its memory is touched.
   Status Finish(Work& work, LaneState& lane) {
     if (work.kind == WorkKind::kNone) return Status::Ok();
     HAUSTRA_TRY(WaitFor(work, kNoDeadline));
+    if (work.is_overdue) {
+      if (work.kind == WorkKind::kExtraction) {
+        slots_.AbandonWrite(work.set);
+        slots_.Release(work.set);
+      }
+      work.dropped_number = work.number;
+      work.kind = WorkKind::kNone;
+      work.is_overdue = false;
+      return Status::Ok();
+    }
     switch (work.kind) {
       case WorkKind::kExtraction: {
         const std::int32_t num_features = lane.extractor->num_features();
         std::copy_n(lane.extractor->keypoints(), num_features, work.keypoints);
         *work.count = num_features;
         slots_.Publish(work.set, num_features);
+        slots_.Release(work.set);
         break;
       }
       case WorkKind::kMatching: DeliverMatches(work); break;
@@ -556,7 +585,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     }
     HAUSTRA_TRY(ToStatus(input.Upload(lane.stream), "input of matching"));
     HAUSTRA_TRY(ToStatus(
-        LaunchBruteForce(job, sets_, lane.match_work, device_options_.dot_product, max_match_blocks_, lane.stream),
+        LaunchBruteForce(job, sets_, lane.match_work, device_options_.dot_product, lane.match_limits, lane.stream),
         "launch of matching"));
     return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
   }
@@ -608,7 +637,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   FeatureSetSlots slots_;
   int mask_width_ = 0;
   int mask_height_ = 0;
-  int max_match_blocks_ = 1;
+  MatchLimits match_limits_;  // of the device
   std::atomic<bool> is_lost_{false};
   DeviceBuffer<std::uint8_t> descriptors_;
   DeviceBuffer<Keypoint> keypoints_;

@@ -9,14 +9,16 @@
 #include "hal/vision_device.h"
 #include "kernels/common/gaussian_kernel.h"
 #include "kernels/common/sift_parameters.h"
+#include "kernels/cuda/band_weights.h"
 
 namespace haustra::kernels::cuda {
 
 inline constexpr int kNumOctaveSlots = kMaxOctaves - kFirstOctave;
-// Tiles of the extremum search, octave pixels; each finds at most kMaxExtremaPerTile.
-inline constexpr int kExtremaTileWidth = 64;
-inline constexpr int kExtremaTileHeight = 16;
-inline constexpr int kMaxExtremaPerTile = 128;
+// Octaves are made in square tiles, octave pixels; each finds at most kMaxExtremaPerTile.
+inline constexpr int kOctaveTilePx = 60;
+inline constexpr int kMaxExtremaPerTile = 512;
+// Slots of octaves from here on are made from their own level 0, finer ones from the grey image.
+inline constexpr int kFirstCoarseSlot = 2;
 // Selection (kernels/cpu/feature_selection.h): side of the squares, and how many points of one are kept at most.
 inline constexpr int kSelectionCellPx = 60;
 inline constexpr int kMaxPointsPerCell = 1536;
@@ -34,7 +36,8 @@ struct OctaveLayout {
   int stride = 0;               // values, a multiple of 64
   std::size_t first_value = 0;  // of level 0, in the planes
   std::size_t plane_size = 0;   // values of one level
-  int first_tile = 0;           // of the extremum search
+  int first_tile = 0;
+  int num_tiles = 0;
   int tile_columns = 0;
   std::uint32_t first_pixel = 0;  // pixels of all octaves are numbered, to break ties
 };
@@ -59,11 +62,6 @@ struct ScaleSpaceLayout {
   std::int64_t pitch_bytes = 0;
   OctaveLayout octaves[kNumOctaveSlots];
   MaskLayout masks[kMaxOctaves];  // of octaves 0 and up; octave -1 uses that of octave 0
-};
-
-// Symmetric weights, in constant memory as a kernel parameter.
-struct BlurWeights {
-  float w[20] = {};
 };
 
 // What changes from frame to frame; in mapped host memory.
@@ -131,6 +129,7 @@ struct ExtractBuffers {
   std::int32_t* column_last = nullptr;
   std::uint8_t* static_mask = nullptr;  // pitch as grey; read when has_static_mask
   std::uint32_t* mask_bits = nullptr;
+  const BandWeights* band_weights = nullptr;  // by BandSource
   std::uint16_t* planes = nullptr;
   uint2* extrema = nullptr;  // x | y << 16, level | octave slot << 8
   ScaleSpacePoint* points = nullptr;
@@ -142,8 +141,7 @@ struct ExtractBuffers {
   // By rank, num_features rounded up to kRanksPerChunk; counts beyond the selected points are 0.
   SelectedPoint* selected = nullptr;
   std::uint8_t* angle_counts = nullptr;
-  std::uint64_t* places = nullptr;    // octave, y, x (cut short): almost the order of the output
-  const std::uint8_t* raw = nullptr;  // the frame as it came, on the device
+  std::uint64_t* places = nullptr;  // octave, y, x (cut short): almost the order of the output
 };
 
 // Settings that stay.

@@ -7,24 +7,25 @@
 
 namespace haustra::kernels::cuda {
 
-// From the frame on the device: grey, counters to zero, dark ends of the rows.
+// From the frame in pinned host memory: grey, counters to zero, dark ends of the rows.
 cudaError_t LaunchIngest(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
-                         cudaStream_t stream);
+                         const std::uint8_t* frame, cudaStream_t stream);
+// Makes an instantiated graph take the frame from elsewhere. node: the one that LaunchIngest was captured as.
+cudaError_t SetFrameOfIngest(cudaGraphExec_t graph, cudaGraphNode_t node, const std::uint8_t* frame);
 // Bits of the exclusion masks of all octaves, undilated.
 cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
                         cudaStream_t stream);
 
-// Level 0 of the enlarged input and of octave 0, both from the grey image.
-cudaError_t LaunchFirstLevels(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, cudaStream_t stream);
-// Level 0 of octave slot `slot` (>= 2) from that of the octave before.
-cudaError_t LaunchNextOctave(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int slot,
-                             cudaStream_t stream);
-// `level` (>= 1) of the octave slots [first_slot, last_slot) from the level before.
-cudaError_t LaunchLevel(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int level, int first_slot,
-                        int last_slot, cudaStream_t stream);
+// Must be called once before the first launch.
+cudaError_t PrepareOctaves();
+// Levels and extrema of octaves -1 and 0, from the grey image.
+cudaError_t LaunchFineOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                              const ExtractBuffers& buffers, cudaStream_t stream);
+// Level 0 of octaves 1 and up, from the grey image and from one another; then their levels and extrema. There must be
+// an octave 1.
+cudaError_t LaunchCoarseOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                                const ExtractBuffers& buffers, cudaStream_t stream);
 
-cudaError_t LaunchExtrema(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
-                          const ExtractBuffers& buffers, cudaStream_t stream);
 cudaError_t LaunchRefinement(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                              const ExtractBuffers& buffers, cudaStream_t stream);
 // Ranks inside the cells, priorities, and the list of points that may be selected.

@@ -12,7 +12,6 @@ namespace haustra::kernels::cuda {
 namespace {
 
 constexpr int kPixelsPerLoad = 16;
-constexpr int kCoarseSlot = 2;  // octaves from here on have a branch of the graph to themselves
 
 int AlignUp(int size, int alignment) { return (size + alignment - 1) / alignment * alignment; }
 
@@ -23,9 +22,9 @@ constexpr float kSharesPerHalving = 2.0f;
 }  // namespace
 
 Result<std::unique_ptr<Extractor>> Extractor::Create(const VisionPlan& plan, const ExtractOptions& options,
-                                                     const SetBuffers& sets, cudaStream_t stream, int priority) {
+                                                     const SetBuffers& sets, cudaStream_t stream, int branch_priority) {
   std::unique_ptr<Extractor> extractor(new Extractor(options, sets, stream));
-  HAUSTRA_TRY(extractor->Allocate(plan, priority));
+  HAUSTRA_TRY(extractor->Allocate(plan, branch_priority));
   HAUSTRA_TRY(extractor->SetSource(plan.max_width_px, plan.max_height_px, PixelFormat::kGrey8,
                                    AlignUp(plan.max_width_px, kPixelsPerLoad)));
   return extractor;
@@ -47,7 +46,7 @@ Extractor::~Extractor() {
   (void)cudaStreamSynchronize(stream_);
   if (graph_ != nullptr) (void)cudaGraphExecDestroy(graph_);
   if (graph_source_ != nullptr) (void)cudaGraphDestroy(graph_source_);
-  for (cudaEvent_t event : {ingested_, first_levels_made_, masks_made_, coarse_made_}) {
+  for (cudaEvent_t event : {ingested_, masks_made_, coarse_made_}) {
     if (event != nullptr) (void)cudaEventDestroy(event);
   }
   for (cudaStream_t stream : {mask_stream_, coarse_stream_}) {
@@ -55,11 +54,11 @@ Extractor::~Extractor() {
   }
 }
 
-Status Extractor::Allocate(const VisionPlan& plan, int priority) {
+Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   for (cudaStream_t* stream : {&mask_stream_, &coarse_stream_}) {
-    HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(stream, cudaStreamNonBlocking, priority), "stream"));
+    HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(stream, cudaStreamNonBlocking, branch_priority), "stream"));
   }
-  for (cudaEvent_t* event : {&ingested_, &first_levels_made_, &masks_made_, &coarse_made_}) {
+  for (cudaEvent_t* event : {&ingested_, &masks_made_, &coarse_made_}) {
     HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(event, cudaEventDisableTiming), "event"));
   }
   const ScaleSpaceLayout largest = MakeLayout(plan.max_width_px, plan.max_height_px);
@@ -76,6 +75,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int priority) {
   HAUSTRA_TRY(static_mask_.Allocate(num_pixels));
   HAUSTRA_TRY(line_ends_.Allocate(2 * (static_cast<std::size_t>(plan.max_width_px) + plan.max_height_px)));
   HAUSTRA_TRY(mask_bits_.Allocate(sizes.mask_words));
+  HAUSTRA_TRY(band_weights_.Allocate(kNumBandSources));
   HAUSTRA_TRY(planes_.Allocate(sizes.plane_values));
   HAUSTRA_TRY(extrema_.Allocate(sizes.max_extrema));
   HAUSTRA_TRY(points_.Allocate(sizes.max_extrema));
@@ -88,8 +88,6 @@ Status Extractor::Allocate(const VisionPlan& plan, int priority) {
   HAUSTRA_TRY(selected_.Allocate(num_ranks));
   HAUSTRA_TRY(angle_counts_.Allocate(num_ranks));
   HAUSTRA_TRY(places_.Allocate(num_ranks));
-  raw_size_ = 3 * num_pixels;
-  HAUSTRA_TRY(raw_.Allocate(raw_size_));
 
   buffers_.host_params = params_.device_data();
   buffers_.params = device_params_.data();
@@ -102,6 +100,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int priority) {
   buffers_.column_last = buffers_.column_first + plan.max_width_px;
   buffers_.static_mask = static_mask_.data();
   buffers_.mask_bits = mask_bits_.data();
+  buffers_.band_weights = band_weights_.data();
   buffers_.planes = planes_.data();
   buffers_.extrema = extrema_.data();
   buffers_.points = points_.data();
@@ -113,9 +112,14 @@ Status Extractor::Allocate(const VisionPlan& plan, int priority) {
   buffers_.survivors = survivors_.data();
   buffers_.angle_counts = angle_counts_.data();
   buffers_.places = places_.data();
-  buffers_.raw = raw_.data();
   output_ = {keypoints_.device_data(), num_features_.device_data()};
-  return Status::Ok();
+
+  std::vector<BandWeights> weights;
+  for (int i = 0; i < kNumBandSources; ++i) weights.push_back(MakeBandWeights(static_cast<BandSource>(i)));
+  HAUSTRA_TRY(ToStatus(
+      cudaMemcpy(band_weights_.data(), weights.data(), weights.size() * sizeof(BandWeights), cudaMemcpyHostToDevice),
+      "weights of the blur"));
+  return ToStatus(PrepareOctaves(), "kernels of the octaves");
 }
 
 Status Extractor::SetSource(int width_px, int height_px, PixelFormat format, std::int64_t pitch_bytes) {
@@ -138,40 +142,26 @@ Status Extractor::SetSource(int width_px, int height_px, PixelFormat format, std
   return Capture();
 }
 
-cudaError_t Extractor::CopyFrame() {
-  return cudaMemcpyAsync(raw_.data(), frame_, frame_bytes_, cudaMemcpyHostToDevice, stream_);
-}
-
 cudaError_t Extractor::LaunchAll() {
 #define HAUSTRA_CUDA_TRY(expression) \
   if (const cudaError_t error = (expression); error != cudaSuccess) return error
   // Three branches: the fine octaves, the coarse ones, the masks.
-  const int num_fine = std::min(kCoarseSlot, layout_.num_octaves);
-  const bool has_coarse = layout_.num_octaves > kCoarseSlot;
-  HAUSTRA_CUDA_TRY(CopyFrame());
-  HAUSTRA_CUDA_TRY(LaunchIngest(layout_, settings_, buffers_, stream_));
+  const bool has_coarse = layout_.num_octaves > kFirstCoarseSlot;
+  HAUSTRA_CUDA_TRY(LaunchIngest(layout_, settings_, buffers_, frame_, stream_));
   HAUSTRA_CUDA_TRY(cudaEventRecord(ingested_, stream_));
-  HAUSTRA_CUDA_TRY(LaunchFirstLevels(layout_, buffers_, stream_));
-  HAUSTRA_CUDA_TRY(cudaEventRecord(first_levels_made_, stream_));
+
+  if (has_coarse) {
+    HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(coarse_stream_, ingested_, 0));
+    HAUSTRA_CUDA_TRY(LaunchCoarseOctaves(layout_, settings_, buffers_, coarse_stream_));
+    HAUSTRA_CUDA_TRY(cudaEventRecord(coarse_made_, coarse_stream_));
+  }
 
   HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(mask_stream_, ingested_, 0));
   HAUSTRA_CUDA_TRY(LaunchMasks(layout_, settings_, buffers_, mask_stream_));
   HAUSTRA_CUDA_TRY(cudaEventRecord(masks_made_, mask_stream_));
 
-  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(coarse_stream_, first_levels_made_, 0));
-  for (int slot = kCoarseSlot; slot < layout_.num_octaves; ++slot) {
-    HAUSTRA_CUDA_TRY(LaunchNextOctave(layout_, buffers_, slot, coarse_stream_));
-  }
-  for (int level = 1; level < kNumLevels && has_coarse; ++level) {
-    HAUSTRA_CUDA_TRY(LaunchLevel(layout_, buffers_, level, kCoarseSlot, layout_.num_octaves, coarse_stream_));
-  }
-  HAUSTRA_CUDA_TRY(cudaEventRecord(coarse_made_, coarse_stream_));
-
-  for (int level = 1; level < kNumLevels; ++level) {
-    HAUSTRA_CUDA_TRY(LaunchLevel(layout_, buffers_, level, 0, num_fine, stream_));
-  }
-  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream_, coarse_made_, 0));
-  HAUSTRA_CUDA_TRY(LaunchExtrema(layout_, settings_, buffers_, stream_));
+  HAUSTRA_CUDA_TRY(LaunchFineOctaves(layout_, settings_, buffers_, stream_));
+  if (has_coarse) HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream_, coarse_made_, 0));
   HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream_, masks_made_, 0));
   HAUSTRA_CUDA_TRY(LaunchRefinement(layout_, settings_, buffers_, stream_));
   HAUSTRA_CUDA_TRY(LaunchPriorities(layout_, settings_, buffers_, stream_));
@@ -184,35 +174,21 @@ Status Extractor::Capture() {
   if (graph_ != nullptr) (void)cudaGraphExecDestroy(graph_);
   graph_ = nullptr;
   HAUSTRA_TRY(ToStatus(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal), "capture of the graph"));
-  frame_ = picture_.data();
-  frame_bytes_ = static_cast<std::size_t>(layout_.pitch_bytes) * layout_.height;
+  frame_ = picture_.device_data();
   const cudaError_t launched = LaunchAll();
   cudaGraph_t graph = nullptr;
   const cudaError_t ended = cudaStreamEndCapture(stream_, &graph);
   HAUSTRA_TRY(ToStatus(launched, "launch of the extraction"));
   HAUSTRA_TRY(ToStatus(ended, "capture of the graph"));
-  copy_node_ = nullptr;
-  const cudaError_t searched = ended == cudaSuccess ? FindCopyNode(graph) : cudaSuccess;
+  std::size_t num_roots = 1;  // the graph begins with the frame
+  const cudaError_t searched = cudaGraphGetRootNodes(graph, &ingest_node_, &num_roots);
   const cudaError_t instantiated =
       cudaGraphInstantiateWithFlags(&graph_, graph, cudaGraphInstantiateFlagUseNodePriority);
   if (graph_source_ != nullptr) (void)cudaGraphDestroy(graph_source_);
-  graph_source_ = graph;  // the node of the copy is named by it
+  graph_source_ = graph;  // the node of the ingest is named by it
   HAUSTRA_TRY(ToStatus(searched, "graph of the extraction"));
   HAUSTRA_TRY(ToStatus(instantiated, "graph of the extraction"));
   return ToStatus(cudaGraphUpload(graph_, stream_), "graph of the extraction");
-}
-
-cudaError_t Extractor::FindCopyNode(cudaGraph_t graph) {
-  std::size_t num_nodes = 0;
-  cudaError_t error = cudaGraphGetNodes(graph, nullptr, &num_nodes);
-  std::vector<cudaGraphNode_t> nodes(num_nodes);
-  if (error == cudaSuccess) error = cudaGraphGetNodes(graph, nodes.data(), &num_nodes);
-  for (std::size_t i = 0; i < num_nodes && error == cudaSuccess; ++i) {
-    cudaGraphNodeType type = cudaGraphNodeTypeEmpty;
-    error = cudaGraphNodeGetType(nodes[i], &type);
-    if (type == cudaGraphNodeTypeMemcpy) copy_node_ = nodes[i];
-  }
-  return error == cudaSuccess && copy_node_ == nullptr ? cudaErrorUnknown : error;
 }
 
 Status Extractor::SetStaticMask(const ImageView& mask) {
@@ -232,13 +208,13 @@ const std::uint8_t* Extractor::Place(const ImageView& image, std::int64_t* pitch
   const std::size_t row_bytes = static_cast<std::size_t>(image.width) * BytesPerPixel(image.format);
   const int pitch = AlignUp(image.width, kPixelsPerLoad) * BytesPerPixel(image.format);
   if (image.width % kPixelsPerLoad == 0 && image.pitch_bytes % 16 == 0 &&
-      static_cast<std::size_t>(image.pitch_bytes) * image.height <= raw_size_) {
+      reinterpret_cast<std::uintptr_t>(image.data) % 16 == 0) {
     cudaPointerAttributes attributes{};
     const bool is_known = cudaPointerGetAttributes(&attributes, image.data) == cudaSuccess;
     if (!is_known) (void)cudaGetLastError();
-    if (is_known && attributes.type == cudaMemoryTypeHost) {
+    if (is_known && attributes.type == cudaMemoryTypeHost && attributes.devicePointer != nullptr) {
       *pitch_bytes = image.pitch_bytes;
-      return image.data;
+      return static_cast<const std::uint8_t*>(attributes.devicePointer);
     }
   }
   *pitch_bytes = pitch;
@@ -249,58 +225,39 @@ const std::uint8_t* Extractor::Place(const ImageView& image, std::int64_t* pitch
       std::memcpy(picture_.data() + static_cast<std::size_t>(y) * pitch, image.row(y), row_bytes);
     }
   }
-  return picture_.data();
+  return picture_.device_data();
 }
 
 Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index) {
   std::int64_t pitch_bytes = 0;
   const std::uint8_t* frame = Place(image, &pitch_bytes);
   HAUSTRA_TRY(SetSource(image.width, image.height, image.format, pitch_bytes));
-  // Of the last row no more than the picture has.
-  const std::size_t num_bytes = static_cast<std::size_t>(pitch_bytes) * (image.height - 1) +
-                                static_cast<std::size_t>(image.width) * BytesPerPixel(image.format);
   params_.data()->set_index = set_index;
-  if (frame != frame_ || num_bytes != frame_bytes_) {
-    HAUSTRA_TRY(ToStatus(
-        cudaGraphExecMemcpyNodeSetParams1D(graph_, copy_node_, raw_.data(), frame, num_bytes, cudaMemcpyHostToDevice),
-        "source of the frame"));
+  if (frame != frame_) {
+    HAUSTRA_TRY(ToStatus(SetFrameOfIngest(graph_, ingest_node_, frame), "source of the frame"));
     frame_ = frame;
-    frame_bytes_ = num_bytes;
   }
   return ToStatus(cudaGraphLaunch(graph_, stream_), "launch of the extraction");
 }
 
 Status Extractor::MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out) {
-  const int num_fine = std::min(kCoarseSlot, layout_.num_octaves);
   const auto run = [&](int step) -> cudaError_t {
     switch (step) {
-      case 0: HAUSTRA_CUDA_TRY(CopyFrame()); return LaunchIngest(layout_, settings_, buffers_, stream_);
+      case 0: return LaunchIngest(layout_, settings_, buffers_, frame_, stream_);
       case 1: return LaunchMasks(layout_, settings_, buffers_, stream_);
-      case 2: return LaunchFirstLevels(layout_, buffers_, stream_);
-      case 3:
-        for (int slot = kCoarseSlot; slot < layout_.num_octaves; ++slot) {
-          HAUSTRA_CUDA_TRY(LaunchNextOctave(layout_, buffers_, slot, stream_));
-        }
-        for (int level = 1; level < kNumLevels && layout_.num_octaves > kCoarseSlot; ++level) {
-          HAUSTRA_CUDA_TRY(LaunchLevel(layout_, buffers_, level, kCoarseSlot, layout_.num_octaves, stream_));
-        }
-        return cudaSuccess;
-      case 4:
-        for (int level = 1; level < kNumLevels; ++level) {
-          HAUSTRA_CUDA_TRY(LaunchLevel(layout_, buffers_, level, 0, num_fine, stream_));
-        }
-        return cudaSuccess;
-      case 5: return LaunchExtrema(layout_, settings_, buffers_, stream_);
-      case 6: return LaunchRefinement(layout_, settings_, buffers_, stream_);
-      case 7: return LaunchPriorities(layout_, settings_, buffers_, stream_);
-      case 8: return LaunchOrientations(layout_, settings_, buffers_, stream_);
+      case 2:
+        if (layout_.num_octaves <= kFirstCoarseSlot) return cudaSuccess;
+        return LaunchCoarseOctaves(layout_, settings_, buffers_, stream_);
+      case 3: return LaunchFineOctaves(layout_, settings_, buffers_, stream_);
+      case 4: return LaunchRefinement(layout_, settings_, buffers_, stream_);
+      case 5: return LaunchPriorities(layout_, settings_, buffers_, stream_);
+      case 6: return LaunchOrientations(layout_, settings_, buffers_, stream_);
       default: return LaunchDescriptors(layout_, settings_, buffers_, sets_, output_, stream_);
     }
   };
 #undef HAUSTRA_CUDA_TRY
-  static constexpr const char* kNames[kNumSteps] = {"ingest",       "masks",      "first levels", "coarse octaves",
-                                                    "fine levels",  "extrema",    "refinement",   "priorities",
-                                                    "orientations", "descriptors"};
+  static constexpr const char* kNames[kNumSteps] = {"ingest",     "masks",      "coarse octaves", "fine octaves",
+                                                    "refinement", "priorities", "orientations",   "descriptors"};
   cudaEvent_t events[kNumSteps + 1] = {};
   Status status;
   for (cudaEvent_t& event : events) {

@@ -20,9 +20,10 @@ namespace haustra::kernels::cuda {
 // differ from the last one's: the graph is captured again then.
 class Extractor {
  public:
-  // `stream` and the sets' memory must outlive the extractor. `priority`: of the streams that the graph is captured on.
+  // `stream` and the sets' memory must outlive the extractor. branch_priority: of the branches of small kernels beside
+  // the fine octaves, which would else wait until those leave them room.
   static Result<std::unique_ptr<Extractor>> Create(const VisionPlan& plan, const ExtractOptions& options,
-                                                   const SetBuffers& sets, cudaStream_t stream, int priority);
+                                                   const SetBuffers& sets, cudaStream_t stream, int branch_priority);
   ~Extractor();
   Extractor(const Extractor&) = delete;
   Extractor& operator=(const Extractor&) = delete;
@@ -30,8 +31,8 @@ class Extractor {
   // Empty: none. Checked by the caller.
   Status SetStaticMask(const ImageView& mask);
 
-  // Queues the extraction into the set; the last one must be done. A picture in pinned memory is taken from
-  // where it lies (its pitch must be a multiple of 16 bytes, its width of 16 pixels); any other is copied first.
+  // Queues the extraction into the set; the last one must be done. A picture in pinned memory is read where it lies
+  // (its address and pitch must be multiples of 16 bytes, its width of 16 pixels); any other is copied first.
   Status Enqueue(const ImageView& image, std::uint32_t set_index);
 
   // Valid when the work is done.
@@ -44,17 +45,15 @@ class Extractor {
     const char* name;
     double median_us;
   };
-  static constexpr int kNumSteps = 10;
+  static constexpr int kNumSteps = 8;
   Status MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out);
 
  private:
   Extractor(const ExtractOptions& options, const SetBuffers& sets, cudaStream_t stream);
-  Status Allocate(const VisionPlan& plan, int priority);
+  Status Allocate(const VisionPlan& plan, int branch_priority);
   Status SetSource(int width_px, int height_px, PixelFormat format, std::int64_t pitch_bytes);
   Status Capture();
   cudaError_t LaunchAll();
-  cudaError_t CopyFrame();
-  cudaError_t FindCopyNode(cudaGraph_t graph);
   const std::uint8_t* Place(const ImageView& image, std::int64_t* pitch_bytes);
 
   ExtractSettings settings_;
@@ -63,15 +62,12 @@ class Extractor {
   cudaStream_t mask_stream_ = nullptr;
   cudaStream_t coarse_stream_ = nullptr;
   cudaEvent_t ingested_ = nullptr;
-  cudaEvent_t first_levels_made_ = nullptr;
   cudaEvent_t masks_made_ = nullptr;
   cudaEvent_t coarse_made_ = nullptr;
   cudaGraph_t graph_source_ = nullptr;
   cudaGraphExec_t graph_ = nullptr;
-  cudaGraphNode_t copy_node_ = nullptr;
-  const std::uint8_t* frame_ = nullptr;  // what the graph copies from
-  std::size_t frame_bytes_ = 0;
-  std::size_t raw_size_ = 0;
+  cudaGraphNode_t ingest_node_ = nullptr;
+  const std::uint8_t* frame_ = nullptr;  // where the graph reads the picture, as the device sees it
   ScaleSpaceLayout layout_;
   ExtractBuffers buffers_;
   FrameOutput output_;
@@ -86,6 +82,7 @@ class Extractor {
   DeviceBuffer<std::uint8_t> static_mask_;
   DeviceBuffer<std::int32_t> line_ends_;
   DeviceBuffer<std::uint32_t> mask_bits_;
+  DeviceBuffer<BandWeights> band_weights_;
   DeviceBuffer<std::uint16_t> planes_;
   DeviceBuffer<uint2> extrema_;
   DeviceBuffer<ScaleSpacePoint> points_;
@@ -97,7 +94,6 @@ class Extractor {
   DeviceBuffer<SelectedPoint> selected_;
   DeviceBuffer<std::uint8_t> angle_counts_;
   DeviceBuffer<std::uint64_t> places_;
-  DeviceBuffer<std::uint8_t> raw_;
 };
 
 }  // namespace haustra::kernels::cuda

@@ -1,4 +1,6 @@
-// Frame into device memory as grey, and the masks.
+// Frame into device memory as grey, and the masks. The frame is read where it lies in host memory: once, in whole
+// lines, by all blocks at once, which takes no longer than a copy and saves one (on Jetson, host memory is the
+// device's).
 #include <cstdint>
 
 #include "kernels/cuda/extract_kernels.h"
@@ -30,10 +32,31 @@ __device__ uint4 LumaOfBgr(const uint4* in) {
   return {words[0], words[1], words[2], words[3]};
 }
 
+// Bytes 0 and 2 of each word, or 1 and 3.
+__device__ uint4 LumaOfYuv(const uint4* in, std::uint32_t selector) {
+  const uint4 left = in[0];
+  const uint4 right = in[1];
+  return {__byte_perm(left.x, left.y, selector), __byte_perm(left.z, left.w, selector),
+          __byte_perm(right.x, right.y, selector), __byte_perm(right.z, right.w, selector)};
+}
+
+// 16 pixels of a row of the frame.
+__device__ uint4 LoadLuma(const std::uint8_t* row, int chunk, PixelFormat format) {
+  const uint4* in = reinterpret_cast<const uint4*>(row);
+  switch (format) {
+    case PixelFormat::kBgr8: return LumaOfBgr(in + 3 * chunk);
+    case PixelFormat::kYuyv: return LumaOfYuv(in + 2 * chunk, 0x6420);
+    case PixelFormat::kUyvy: return LumaOfYuv(in + 2 * chunk, 0x7531);
+    case PixelFormat::kGrey8:
+    case PixelFormat::kNv12: break;
+  }
+  return in[chunk];
+}
+
 // A warp to a row, 16 pixels to a lane at a time.
 __global__ void __launch_bounds__(32 * kIngestWarps)
     IngestKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
-                 const __grid_constant__ ExtractBuffers buffers) {
+                 const __grid_constant__ ExtractBuffers buffers, const std::uint8_t* frame) {
   const int thread = blockIdx.x * blockDim.x + threadIdx.x;
   const int num_threads = gridDim.x * blockDim.x;
   const int num_counters = sizeof(FrameCounters) / sizeof(std::int32_t) + layout.num_cells;
@@ -45,14 +68,12 @@ __global__ void __launch_bounds__(32 * kIngestWarps)
   const int lane = threadIdx.x % 32;
   const int y = thread / 32;
   if (y >= layout.height) return;
-  const std::uint8_t* row = buffers.raw + y * layout.pitch_bytes;
+  const std::uint8_t* row = frame + y * layout.pitch_bytes;
   uint4* out = reinterpret_cast<uint4*>(buffers.grey + static_cast<std::size_t>(y) * layout.grey_pitch);
   int first = layout.width;
   int last = -1;
   for (int chunk = lane; chunk * kPixelsPerLoad < layout.width; chunk += 32) {
-    const uint4 grey = layout.format == PixelFormat::kGrey8
-                           ? reinterpret_cast<const uint4*>(row)[chunk]
-                           : LumaOfBgr(reinterpret_cast<const uint4*>(row) + 3 * chunk);
+    const uint4 grey = LoadLuma(row, chunk, layout.format);
     out[chunk] = grey;
     const std::uint32_t words[4] = {grey.x, grey.y, grey.z, grey.w};
 #pragma unroll
@@ -185,9 +206,17 @@ int Blocks(int count, int per_block) { return (count + per_block - 1) / per_bloc
 }  // namespace
 
 cudaError_t LaunchIngest(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
-                         cudaStream_t stream) {
-  IngestKernel<<<Blocks(layout.height, kIngestWarps), 32 * kIngestWarps, 0, stream>>>(layout, settings, buffers);
+                         const std::uint8_t* frame, cudaStream_t stream) {
+  IngestKernel<<<Blocks(layout.height, kIngestWarps), 32 * kIngestWarps, 0, stream>>>(layout, settings, buffers, frame);
   return cudaGetLastError();
+}
+
+cudaError_t SetFrameOfIngest(cudaGraphExec_t graph, cudaGraphNode_t node, const std::uint8_t* frame) {
+  cudaKernelNodeParams params{};
+  if (const cudaError_t error = cudaGraphKernelNodeGetParams(node, &params); error != cudaSuccess) return error;
+  void* arguments[] = {params.kernelParams[0], params.kernelParams[1], params.kernelParams[2], &frame};
+  params.kernelParams = arguments;
+  return cudaGraphExecKernelNodeSetParams(graph, node, &params);
 }
 
 cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,

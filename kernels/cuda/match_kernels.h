@@ -74,11 +74,20 @@ struct MatchJob {
   TopTwo* results = nullptr;
 };
 
-// max_blocks: how many blocks of the matcher the device holds at once.
+// What a launch of the matcher may take of the device. A request of more pairs is done in several launches.
+struct MatchLimits {
+  int max_blocks = 1;  // at the same time
+  std::int64_t max_pairs = 0;
+};
+inline constexpr std::int64_t kNoPairLimit = std::int64_t{1} << 62;
+
 cudaError_t LaunchBruteForce(const MatchJob& job, const SetBuffers& sets, const MatchWork& work, DotProduct dot_product,
-                             int max_blocks, cudaStream_t stream);
-// Must be called once before the first launch; *max_blocks for the device at hand.
-cudaError_t PrepareBruteForce(DotProduct dot_product, int* max_blocks);
+                             const MatchLimits& limits, cudaStream_t stream);
+// Must be called once before the first launch; *limits: all that the device at hand holds.
+cudaError_t PrepareBruteForce(DotProduct dot_product, MatchLimits* limits);
+// For the background lane. Half of the blocks, so that kernels of the tracking lane find room at once (a block stays
+// until it is done, whatever its priority), and launches of about a millisecond.
+MatchLimits InBackground(const MatchLimits& limits, DotProduct dot_product);
 // Most partial results that LaunchBruteForce needs for lists of at most max_list.
 std::size_t MaxPartialResults(int max_list, int max_blocks);
 // Entries of MatchWork::counters for lists of at most max_list.

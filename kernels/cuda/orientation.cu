@@ -124,7 +124,7 @@ __device__ int FindPeaks(Scratch& scratch, float* angles) {
 }
 
 // A block to a survivor.
-__global__ void __launch_bounds__(kThreads)
+__global__ void __launch_bounds__(kThreads, 18)
     OrientationKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                       int num_wanted) {
   __shared__ Scratch scratch;

@@ -1,9 +1,12 @@
-// Gaussian images of all octaves.
+// Gaussian images of all octaves, and the extrema of their differences.
 //
-// The levels of an octave follow from one another as on the CPU. Its level 0, which there is every second pixel of
-// level kScalesPerOctave of the octave before, is made from the level 0 of the octave before by the product of the
-// kernels in between, so that no octave waits for the levels of another. The two agree up to rounding, except within
-// a kernel's reach of the edges.
+// All levels of an octave are made at once, tile by tile, each from the same source: octaves -1 and 0 from the grey
+// image, the others from their level 0. Blur is two products with band matrices (band_weights.h) on tensor cores, first
+// down the columns, then along the rows; the results of the first are operands of the second without leaving their
+// registers. The differences of a tile are searched for extrema while it is in shared memory.
+//
+// Half-precision operands hold bytes exactly: 0x4b00 | b is 14 + b / 128. Values of 16 bits are two operands, high and
+// low byte, and sums are taken in float, so nothing is lost but a rounding to 16 bits after each of the two products.
 #include <cstdint>
 
 #include "kernels/cuda/extract_kernels.h"
@@ -12,225 +15,488 @@
 namespace haustra::kernels::cuda {
 namespace {
 
-constexpr int kColumns = 128;  // columns of a tile with its margins; a thread for each, and half of the rows
-constexpr int kRowsPerThread = 16;
-constexpr int kTileRows = 2 * kRowsPerThread;
-constexpr int kPitch = kColumns + 4;  // eight rows at one column hit all banks
-constexpr int kSegment = 8;           // outputs of a thread in the second pass
+constexpr int kThreads = 256;
+constexpr int kWarps = kThreads / 32;
+// A tile as it is computed: 64 x 64 pixels, two to a word; the outer two on each side belong to the neighbours.
+constexpr int kSide = 64;
+constexpr int kBorder = (kSide - kOctaveTilePx) / 2;
+constexpr int kWords = kSide / 2;
+constexpr int kLevelWords = kSide * kWords;
+static_assert(kBorder == 2);
 
-// Columns of the output in a tile: as many as the margins leave, whole segments.
-__host__ __device__ constexpr int TileWidth(int radius) { return (kColumns - 2 * radius) / kSegment * kSegment; }
+constexpr std::uint32_t kByteBase = 0x4b4b4b4bu;
+constexpr float kOffsetOfByte = 14.0f * kBandScale;  // what a product adds for 0x4b00, in units of the byte
+constexpr float kIntegerBase = 8388608.0f;           // 2^23: the low bits of a float above it are an integer
 
 __device__ __forceinline__ int Clamp(int v, int low, int high) { return min(max(v, low), high); }
 
-// A level of an octave.
-struct PlaneSource {
-  const PlaneValue* values;
-  int height;
-  int stride;
+template <BandSource kSource>
+struct SourceTile {
+  static constexpr bool kIsGrey = kSource != BandSource::kPlane;  // bytes, else 16-bit counts
+  static constexpr int kMargin = BandMargin(kSource);
+  static constexpr int kSteps = BandSteps(kSource);
+  static constexpr int kPixelsPer16 = kSource == BandSource::kEnlargedGrey ? 8 : 16;  // source pixels for 16 of a level
+  static constexpr int kSize = kSide / 16 * kPixelsPer16 + 2 * kMargin;
+  // Rows of 16-byte pieces, an odd number of them: eight rows meet in no bank.
+  static constexpr int kPitch = (kSize / 8 | 1) * 8;
+};
+// Levels, then the source.
+constexpr int kSharedBytes =
+    kNumLevels * kLevelWords * 4 + SourceTile<BandSource::kPlane>::kSize * SourceTile<BandSource::kPlane>::kPitch * 2;
 
-  template <int kCount>
-  __device__ __forceinline__ void LoadColumn(int x, int first_y, float (&column)[kCount]) const {
-    const PlaneValue* at = values + x;
-    if (first_y >= 0 && first_y + kCount <= height) {
-      at += static_cast<std::ptrdiff_t>(first_y) * stride;
+// Bytes of a grey tile become operands at once.
+template <BandSource kSource, typename Pixel>
+__device__ __forceinline__ void LoadSource(const Pixel* __restrict__ source, int width, int height, int pitch,
+                                           int first_x, int first_y, std::uint32_t* tile) {
+  using Tile = SourceTile<kSource>;
+  constexpr int kPairs = Tile::kSize / 2;
+  constexpr int kRowGroups = kThreads / kPairs;
+  const int pair = threadIdx.x % kPairs;
+  const int group = threadIdx.x / kPairs;
+  if (group >= kRowGroups) return;
+  const Pixel* left = source + Clamp(first_x + 2 * pair, 0, width - 1);
+  const Pixel* right = source + Clamp(first_x + 2 * pair + 1, 0, width - 1);
+  std::uint32_t* out = tile + pair;
+#pragma unroll 4
+  for (int row = group; row < Tile::kSize; row += kRowGroups) {
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(Clamp(first_y + row, 0, height - 1)) * pitch;
+    const std::uint32_t two =
+        static_cast<std::uint32_t>(__ldg(left + at)) | static_cast<std::uint32_t>(__ldg(right + at)) << 16;
+    out[row * (Tile::kPitch / 2)] = Tile::kIsGrey ? two | 0x4b004b00u : two;
+  }
+}
+
+__device__ __forceinline__ void LoadMatrices(std::uint32_t (&r)[4], std::uint32_t address) {
+  asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0, %1, %2, %3}, [%4];"
+               : "=r"(r[0]), "=r"(r[1]), "=r"(r[2]), "=r"(r[3])
+               : "r"(address));
+}
+
+__device__ __forceinline__ void MultiplyAdd(float (&sum)[4], const std::uint32_t (&a)[4], std::uint32_t b0,
+                                            std::uint32_t b1) {
+  asm volatile(
+      "mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, "
+      "{%0, %1, %2, %3};"
+      : "+f"(sum[0]), "+f"(sum[1]), "+f"(sum[2]), "+f"(sum[3])
+      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
+}
+
+// Weights for high bytes: 256 times those for low bytes, exactly.
+__device__ __forceinline__ std::uint32_t Times256(std::uint32_t two) {
+  constexpr std::uint32_t kTwo256 = 0x5c005c00u;  // 256 as a half-precision float
+  std::uint32_t result;
+  asm("mul.f16x2 %0, %1, %2;" : "=r"(result) : "r"(two), "r"(kTwo256));
+  return result;
+}
+
+__device__ __forceinline__ void LoadFragment(const BandFragment& fragment, std::uint32_t (&low)[4],
+                                             std::uint32_t (&high)[4]) {
+  const uint4 words = __ldg(reinterpret_cast<const uint4*>(&fragment));
+  low[0] = words.x;
+  low[1] = words.y;
+  low[2] = words.z;
+  low[3] = words.w;
 #pragma unroll
-      for (int i = 0; i < kCount; ++i) column[i] = ToCounts(__ldg(at + static_cast<std::ptrdiff_t>(i) * stride));
+  for (int i = 0; i < 4; ++i) high[i] = Times256(low[i]);
+}
+
+// Operands of the second product from eight columns of results of the first.
+struct Piece {
+  std::uint32_t high[2];
+  std::uint32_t low[2];
+};
+
+// The word of a level that holds columns 2 * word and 2 * word + 1 of a row: words change places with the row, so that
+// neither the eight rows of a fragment nor the words of a row meet in a bank.
+__device__ __forceinline__ int WordAt(int row, int word) { return row * kWords + (word ^ (row & 7) << 2); }
+
+// All levels of a tile, from its source in `tile`, into `shared`. A warp makes 16 rows and 32 columns.
+template <BandSource kSource>
+__device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std::uint32_t* tile,
+                                           std::uint32_t* shared) {
+  using Tile = SourceTile<kSource>;
+  constexpr int kSteps = Tile::kSteps;
+  constexpr int kPiecesPer16 = Tile::kPixelsPer16 / 8;
+  constexpr int kNumPieces = 2 * kSteps + kPiecesPer16;
+  const int lane = threadIdx.x % 32;
+  const int strip = threadIdx.x / 32 / 2;
+  const int half = threadIdx.x / 32 % 2;
+
+  const std::uint32_t first = static_cast<std::uint32_t>(__cvta_generic_to_shared(tile)) +
+                              2 * (strip * Tile::kPixelsPer16 * Tile::kPitch + half * 2 * Tile::kPixelsPer16);
+#pragma unroll 1
+  for (int level = 0; level < kNumLevels; ++level) {
+    std::uint32_t low[kSteps][4];
+    std::uint32_t high[kSteps][4];
+#pragma unroll
+    for (int step = 0; step < kSteps; ++step) {
+      LoadFragment(weights.rows[level][step][lane], low[step], high[step]);
+    }
+    Piece pieces[kNumPieces];
+    std::uint32_t rest[4];  // of two pieces
+#pragma unroll
+    for (int p = 0; p < kNumPieces; ++p) {
+      std::uint32_t source[2 * kMaxBandSteps];
+      std::uint32_t r[4];
+      LoadMatrices(r, first + 2 * (lane * Tile::kPitch + 8 * p));
+#pragma unroll
+      for (int i = 0; i < 4; ++i) source[i] = r[i];
+      if constexpr (kSteps == 3) {
+        static_assert(kNumPieces % 2 == 0);
+        if (p % 2 == 0) LoadMatrices(rest, first + 2 * ((32 + lane % 16) * Tile::kPitch + 8 * (p + lane / 16)));
+        source[4] = rest[p % 2 * 2];
+        source[5] = rest[p % 2 * 2 + 1];
+      }
+      float sum[4] = {};
+#pragma unroll
+      for (int step = 0; step < kSteps; ++step) {
+        const std::uint32_t b0 = source[2 * step];
+        const std::uint32_t b1 = source[2 * step + 1];
+        if constexpr (Tile::kIsGrey) {
+          MultiplyAdd(sum, high[step], b0, b1);
+        } else {
+          MultiplyAdd(sum, high[step], __byte_perm(b0, kByteBase, 0x4341), __byte_perm(b1, kByteBase, 0x4341));
+          MultiplyAdd(sum, low[step], __byte_perm(b0, kByteBase, 0x4240), __byte_perm(b1, kByteBase, 0x4240));
+        }
+      }
+      constexpr float kOffset = Tile::kIsGrey ? 256 * kOffsetOfByte : 257 * kOffsetOfByte;
+      std::uint32_t bits[4];
+#pragma unroll
+      for (int i = 0; i < 4; ++i) bits[i] = __float_as_uint(sum[i] + (kIntegerBase - kOffset));
+#pragma unroll
+      for (int i = 0; i < 2; ++i) {
+        pieces[p].high[i] = __byte_perm(bits[2 * i], bits[2 * i + 1], 0x7531);
+        pieces[p].low[i] = __byte_perm(bits[2 * i], bits[2 * i + 1], 0x7430);
+      }
+    }
+#pragma unroll
+    for (int step = 0; step < kSteps; ++step) {
+      LoadFragment(weights.columns[level][step][lane], low[step], high[step]);
+    }
+    std::uint32_t* out = shared + level * kLevelWords;
+#pragma unroll
+    for (int block = 0; block < 2; ++block) {
+#pragma unroll
+      for (int n = 0; n < 2; ++n) {
+        float sum[4] = {};
+#pragma unroll
+        for (int step = 0; step < kSteps; ++step) {
+          const Piece& left = pieces[block * kPiecesPer16 + 2 * step];
+          const Piece& right = pieces[block * kPiecesPer16 + 2 * step + 1];
+          MultiplyAdd(sum, {left.high[0], left.high[1], right.high[0], right.high[1]}, high[step][2 * n],
+                      high[step][2 * n + 1]);
+          MultiplyAdd(sum, {left.low[0], left.low[1], right.low[0], right.low[1]}, low[step][2 * n],
+                      low[step][2 * n + 1]);
+        }
+        // Of grey images the values are in units of 1/256 grey level so far.
+        constexpr float kFactor = Tile::kIsGrey ? kCountsPerGrey / 256 : 1.0f;
+        constexpr float kOffset = 257 * kOffsetOfByte * kFactor;
+        std::uint32_t bits[4];
+#pragma unroll
+        for (int i = 0; i < 4; ++i) bits[i] = __float_as_uint(fmaf(sum[i], kFactor, kIntegerBase - kOffset));
+        const int row = 16 * strip + lane / 4;
+        const int word = 16 * half + 8 * block + 4 * n + lane % 4;
+        out[WordAt(row, word)] = __byte_perm(bits[0], bits[1], 0x5410);
+        out[WordAt(row + 8, word)] = __byte_perm(bits[2], bits[3], 0x5410);
+      }
+    }
+  }
+}
+
+// Differences are searched two to a word, on top of a base that makes them positive half-precision floats, whose order
+// is that of their bits. (A difference is at most a fifth of the range, by the kernels.)
+constexpr std::uint32_t kDifferenceBase = 15872;
+constexpr std::uint32_t kTwoBases = kDifferenceBase << 16 | kDifferenceBase;
+
+// Of both halves.
+__device__ __forceinline__ std::uint32_t Max(std::uint32_t a, std::uint32_t b) {
+  std::uint32_t result;
+  asm("max.f16x2 %0, %1, %2;" : "=r"(result) : "r"(a), "r"(b));
+  return result;
+}
+__device__ __forceinline__ std::uint32_t Min(std::uint32_t a, std::uint32_t b) {
+  std::uint32_t result;
+  asm("min.f16x2 %0, %1, %2;" : "=r"(result) : "r"(a), "r"(b));
+  return result;
+}
+// The highest bit of each half where they are equal.
+__device__ __forceinline__ std::uint32_t EqualBits(std::uint32_t a, std::uint32_t b) {
+  constexpr std::uint32_t kLowBits = 0x7fff7fffu;
+  const std::uint32_t difference = a ^ b;
+  return ~(((difference & kLowBits) + kLowBits) | difference) & ~kLowBits;
+}
+
+// Counts of one pixel of a tile.
+__device__ __forceinline__ int CountsAt(const std::uint32_t* shared, int level, int row, int column) {
+  return reinterpret_cast<const PlaneValue*>(shared + level * kLevelWords + WordAt(row, column / 2))[column % 2];
+}
+
+// Difference `d` of a pixel, between levels d and d + 1.
+__device__ __forceinline__ int DifferenceAt(const std::uint32_t* shared, int d, int row, int column) {
+  return CountsAt(shared, d + 1, row, column) - CountsAt(shared, d, row, column);
+}
+
+// Whether a pixel of a tile is an extremum among its 26 neighbours. Of two equal neighbours only the first counts.
+__device__ bool IsExtremum(const std::uint32_t* shared, int d, int row, int column) {
+  const int here = DifferenceAt(shared, d, row, column);
+  const int sign = here > 0 ? 1 : -1;
+  const int value = sign * here;
+  bool is_surpassed = sign * DifferenceAt(shared, d - 1, row, column) >= value ||
+                      sign * DifferenceAt(shared, d + 1, row, column) > value;
+  if (is_surpassed) return false;  // most
+#pragma unroll
+  for (int r = -1; r <= 1; ++r) {
+#pragma unroll
+    for (int c = -1; c <= 1; ++c) {
+      if (r == 0 && c == 0) continue;
+      const bool comes_before = r < 0 || (r == 0 && c < 0);
+      is_surpassed |= sign * DifferenceAt(shared, d - 1, row + r, column + c) >= value;
+      is_surpassed |= sign * DifferenceAt(shared, d, row + r, column + c) >= value + (comes_before ? 0 : 1);
+      is_surpassed |= sign * DifferenceAt(shared, d + 1, row + r, column + c) > value;
+    }
+  }
+  return !is_surpassed;
+}
+
+// What the candidates of a tile and its extrema are written down as.
+__device__ __forceinline__ std::uint16_t Code(int level, int row, int column) {
+  return static_cast<std::uint16_t>(level << 12 | row << 6 | column);
+}
+constexpr int kMaxCandidates = 1024;
+struct Finds {
+  std::uint16_t candidates[kMaxCandidates];
+  std::uint16_t extrema[kMaxExtremaPerTile];
+  int num_candidates;
+  int num_extrema;
+  int first_output;
+};
+
+struct TilePlace {
+  int first_x;  // of the tile with its border
+  int first_y;
+  int width;  // of the octave
+  int height;
+};
+
+__device__ __forceinline__ void Examine(const std::uint32_t* shared, const TilePlace& place, int code, Finds& finds) {
+  const int level = code >> 12;
+  const int row = code >> 6 & 63;
+  const int column = code & 63;
+  const int x = place.first_x + column;
+  const int y = place.first_y + row;
+  if (x < kEdgeMarginPx || x >= place.width - kEdgeMarginPx || y < kEdgeMarginPx || y >= place.height - kEdgeMarginPx) {
+    return;
+  }
+  if (!IsExtremum(shared, level, row, column)) return;
+  const int at = atomicAdd(&finds.num_extrema, 1);
+  if (at < kMaxExtremaPerTile) finds.extrema[at] = static_cast<std::uint16_t>(code);
+}
+
+// Goes through the rows of the tile: a warp to some of them, a lane to two columns. Finds pixels that none of their
+// eight neighbours surpasses, and on the way writes the levels to `planes`.
+template <bool kWrite>
+__device__ __forceinline__ void SearchRows(const std::uint32_t* shared, const TilePlace& place, int threshold,
+                                           int first_written_level, PlaneValue* planes, int stride,
+                                           std::size_t plane_size, Finds& finds) {
+  const int lane = threadIdx.x % 32;
+  const int warp = threadIdx.x / 32;
+  const int first_row = kBorder + kOctaveTilePx * warp / kWarps;
+  const int last_row = kBorder + kOctaveTilePx * (warp + 1) / kWarps;
+  const bool is_inside = lane >= 1 && lane < kWords - 1;  // not of the border
+  const std::uint32_t lowest_maximum = (kDifferenceBase + threshold) * 0x10001u;
+  const std::uint32_t highest_minimum = (kDifferenceBase - threshold) * 0x10001u;
+  const int x = place.first_x + 2 * lane;
+  // Of differences 1 to kScalesPerOctave, in the two rows before.
+  std::uint32_t highest[2][kScalesPerOctave];  // of the three columns
+  std::uint32_t lowest[2][kScalesPerOctave];
+  std::uint32_t centre[kScalesPerOctave];
+#pragma unroll
+  for (int d = 0; d < kScalesPerOctave; ++d) {
+    highest[0][d] = highest[1][d] = lowest[0][d] = lowest[1][d] = centre[d] = kTwoBases;
+  }
+#pragma unroll 2
+  for (int row = first_row - 1; row <= last_row; ++row) {
+    std::uint32_t values[kNumLevels];
+    const std::uint32_t* at_row = shared + WordAt(row, lane);
+#pragma unroll
+    for (int level = kWrite ? 0 : 1; level < (kWrite ? kNumLevels : kNumLevels - 1); ++level) {
+      values[level] = at_row[level * kLevelWords];
+    }
+    if constexpr (kWrite) {
+      const int y = place.first_y + row;
+      if (is_inside && row >= first_row && row < last_row && y < place.height && x < place.width) {
+        PlaneValue* at = planes + static_cast<std::size_t>(y) * stride + x;
+#pragma unroll
+        for (int level = 0; level < kNumLevels; ++level) {
+          if (level >= first_written_level) {
+            *reinterpret_cast<std::uint32_t*>(at + level * plane_size) = values[level];
+          }
+        }
+      }
+    }
+    std::uint32_t found[kScalesPerOctave];
+    std::uint32_t any = 0;
+#pragma unroll
+    for (int d = 0; d < kScalesPerOctave; ++d) {
+      const std::uint32_t here = values[d + 2] - values[d + 1] + kTwoBases;
+      const std::uint32_t left = __byte_perm(__shfl_up_sync(0xffffffffu, here, 1), here, 0x5432);
+      const std::uint32_t right = __byte_perm(here, __shfl_down_sync(0xffffffffu, here, 1), 0x5432);
+      const std::uint32_t high = Max(Max(left, right), here);
+      const std::uint32_t low = Min(Min(left, right), here);
+      const std::uint32_t top = Max(Max(highest[0][d], highest[1][d]), Max(high, lowest_maximum));
+      const std::uint32_t bottom = Min(Min(lowest[0][d], lowest[1][d]), Min(low, highest_minimum));
+      found[d] = EqualBits(centre[d], top) | EqualBits(centre[d], bottom);
+      any |= found[d];
+      highest[0][d] = highest[1][d];
+      lowest[0][d] = lowest[1][d];
+      highest[1][d] = high;
+      lowest[1][d] = low;
+      centre[d] = here;
+    }
+    if (any == 0 || row <= first_row || !is_inside) continue;
+#pragma unroll
+    for (int d = 0; d < kScalesPerOctave; ++d) {
+#pragma unroll
+      for (int e = 0; e < 2; ++e) {
+        if ((found[d] >> (16 * e + 15) & 1) == 0) continue;
+        const std::uint16_t code = Code(d + 1, row - 1, 2 * lane + e);
+        const int at = atomicAdd(&finds.num_candidates, 1);
+        if (at < kMaxCandidates) {
+          finds.candidates[at] = code;
+        } else {
+          Examine(shared, place, code, finds);
+        }
+      }
+    }
+  }
+}
+
+// Extrema of a tile whose levels are in `shared`.
+__device__ __forceinline__ void FindExtrema(const std::uint32_t* shared, const ExtractBuffers& buffers,
+                                            const OctaveLayout& octave, int slot, const TilePlace& place,
+                                            int lowest_threshold, int first_written_level, Finds& finds) {
+  PlaneValue* planes = buffers.planes + octave.first_value;
+  // When there are more than room for, again with a higher threshold: the weakest are left out.
+  for (int threshold = lowest_threshold;; threshold += threshold / 4 + 1) {
+    if (threadIdx.x == 0) {
+      finds.num_candidates = 0;
+      finds.num_extrema = 0;
+    }
+    __syncthreads();
+    if (threshold == lowest_threshold) {
+      SearchRows<true>(shared, place, threshold, first_written_level, planes, octave.stride, octave.plane_size, finds);
     } else {
-#pragma unroll
-      for (int i = 0; i < kCount; ++i) {
-        column[i] = ToCounts(__ldg(at + static_cast<std::ptrdiff_t>(Clamp(first_y + i, 0, height - 1)) * stride));
-      }
+      SearchRows<false>(shared, place, threshold, 0, nullptr, 0, 0, finds);
     }
-  }
-};
-
-// The grey image.
-struct GreySource {
-  const std::uint8_t* grey;
-  int height;
-  int pitch;
-
-  template <int kCount>
-  __device__ __forceinline__ void LoadColumn(int x, int first_y, float (&column)[kCount]) const {
-#pragma unroll
-    for (int i = 0; i < kCount; ++i) {
-      column[i] = kCountsPerGrey *
-                  static_cast<float>(grey[static_cast<std::ptrdiff_t>(Clamp(first_y + i, 0, height - 1)) * pitch + x]);
+    __syncthreads();
+    const int num_candidates = min(finds.num_candidates, kMaxCandidates);
+    for (int i = threadIdx.x; i < num_candidates; i += kThreads) {
+      Examine(shared, place, finds.candidates[i], finds);
     }
+    __syncthreads();
+    if (finds.num_extrema <= kMaxExtremaPerTile) break;
+    __syncthreads();
   }
-};
-
-// The grey image at twice its size: out(2x, 2y) = in(x, y), linear in between. Columns start at even rows.
-struct EnlargedSource {
-  const std::uint8_t* grey;
-  int width;  // of the grey image
-  int height;
-  int pitch;
-
-  template <int kCount>
-  __device__ __forceinline__ void LoadColumn(int x, int first_y, float (&column)[kCount]) const {
-    static_assert(kCount % 2 == 0);
-    const int left = x / 2;
-    const int right = min(left + (x & 1), width - 1);
-    const int first_row = first_y >> 1;  // first_y is even, perhaps negative
-    float before = 0.0f;
-#pragma unroll
-    for (int i = 0; i <= kCount / 2; ++i) {
-      const std::uint8_t* row = grey + static_cast<std::ptrdiff_t>(Clamp(first_row + i, 0, height - 1)) * pitch;
-      const float here = 0.25f * kCountsPerGrey * static_cast<float>(row[left] + row[right]);
-      if (i > 0) column[2 * i - 1] = before + here;
-      if (i < kCount / 2) column[2 * i] = here + here;
-      before = here;
-    }
-  }
-};
-
-// One tile: columns into registers, blurred downwards into shared memory, then along the rows.
-template <int kRadius, typename Source>
-__device__ __forceinline__ void BlurTile(const Source& source, const BlurWeights& weights, int tile_x, int tile_y,
-                                         int width, int height, int stride, PlaneValue* __restrict__ out) {
-  constexpr int kWidth = TileWidth(kRadius);
-  __shared__ __align__(16) float tmp[kTileRows][kPitch];
-  const int column = threadIdx.x % kColumns;
-  const int half = threadIdx.x / kColumns;
-  if (column < kWidth + 2 * kRadius) {
-    float v[kRowsPerThread + 2 * kRadius];
-    source.LoadColumn(Clamp(tile_x * kWidth - kRadius + column, 0, width - 1),
-                      tile_y * kTileRows + half * kRowsPerThread - kRadius, v);
-#pragma unroll
-    for (int r = 0; r < kRowsPerThread; ++r) {
-      float sum = weights.w[0] * v[r + kRadius];
-#pragma unroll
-      for (int j = 1; j <= kRadius; ++j) sum = fmaf(weights.w[j], v[r + kRadius - j] + v[r + kRadius + j], sum);
-      tmp[half * kRowsPerThread + r][column] = sum;
-    }
-  }
+  const int num_found = finds.num_extrema;
+  if (num_found == 0) return;
+  if (threadIdx.x == 0) finds.first_output = atomicAdd(&buffers.counters->num_extrema, num_found);
   __syncthreads();
-  // Eight lanes take eight rows (see kPitch), four groups of lanes neighbouring segments (whole sectors are written).
-#pragma unroll
-  for (int item = threadIdx.x; item < kTileRows * 16; item += 2 * kColumns) {
-    const int row = item % 8 + item / 32 % 4 * 8;
-    const int segment = item / 8 % 4 + item / 128 * 4;
-    const int x = tile_x * kWidth + segment * kSegment;
-    const int y = tile_y * kTileRows + row;
-    if (segment * kSegment >= kWidth || x >= width || y >= height) continue;
-    constexpr int kLoads = (kSegment + 2 * kRadius + 3) / 4;
-    float v[4 * kLoads];
-#pragma unroll
-    for (int i = 0; i < kLoads; ++i) {
-      const float4 four = *reinterpret_cast<const float4*>(&tmp[row][segment * kSegment + 4 * i]);
-      v[4 * i] = four.x;
-      v[4 * i + 1] = four.y;
-      v[4 * i + 2] = four.z;
-      v[4 * i + 3] = four.w;
-    }
-    float sums[kSegment];
-#pragma unroll
-    for (int c = 0; c < kSegment; ++c) {
-      sums[c] = weights.w[0] * v[c + kRadius];
-#pragma unroll
-      for (int j = 1; j <= kRadius; ++j) {
-        sums[c] = fmaf(weights.w[j], v[c + kRadius - j] + v[c + kRadius + j], sums[c]);
-      }
-    }
-    // Rows have room for whole segments.
-    *reinterpret_cast<uint4*>(out + static_cast<std::size_t>(y) * stride + x) =
-        make_uint4(ToPlaneValues(sums[0], sums[1]), ToPlaneValues(sums[2], sums[3]), ToPlaneValues(sums[4], sums[5]),
-                   ToPlaneValues(sums[6], sums[7]));
+  for (int i = threadIdx.x; i < num_found; i += kThreads) {
+    const int code = finds.extrema[i];
+    const int x = place.first_x + (code & 63);
+    const int y = place.first_y + (code >> 6 & 63);
+    buffers.extrema[finds.first_output + i] =
+        make_uint2(static_cast<std::uint32_t>(x) | static_cast<std::uint32_t>(y) << 16,
+                   static_cast<std::uint32_t>(code >> 12 | slot << 8));
   }
 }
 
-__host__ __device__ constexpr int NumTiles(int size, int tile) { return (size + tile - 1) / tile; }
-
-// Which octave and tile a block works on, when the tiles of several octaves lie one after the other.
-struct TileOfBlock {
-  int slot;
-  int x;
-  int y;
-};
-
-template <int kRadius>
-__host__ __device__ int NumTilesOf(const OctaveLayout& octave) {
-  return NumTiles(octave.width, TileWidth(kRadius)) * NumTiles(octave.height, kTileRows);
+template <BandSource kSource, typename Pixel>
+__device__ __forceinline__ void MakeTile(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int slot,
+                                         int tile, const Pixel* source, int width, int height, int pitch, int threshold,
+                                         std::uint32_t* shared, Finds& finds) {
+  const OctaveLayout& octave = layout.octaves[slot];
+  const TilePlace place = {tile % octave.tile_columns * kOctaveTilePx - kBorder,
+                           tile / octave.tile_columns * kOctaveTilePx - kBorder, octave.width, octave.height};
+  constexpr int kMargin = SourceTile<kSource>::kMargin;
+  constexpr int kFactor = kSource == BandSource::kEnlargedGrey ? 2 : 1;
+  LoadSource<kSource>(source, width, height, pitch, place.first_x / kFactor - kMargin,
+                      place.first_y / kFactor - kMargin, shared + kNumLevels * kLevelWords);
+  __syncthreads();
+  MakeLevels<kSource>(buffers.band_weights[static_cast<int>(kSource)], shared + kNumLevels * kLevelWords, shared);
+  __syncthreads();
+  FindExtrema(shared, buffers, octave, slot, place, threshold, kSource == BandSource::kPlane ? 1 : 0, finds);
 }
 
-template <int kRadius>
-__device__ __forceinline__ TileOfBlock FindTile(const ScaleSpaceLayout& layout, int first_slot, int last_slot) {
-  int tile = blockIdx.x;
-  int slot = first_slot;
-  for (; slot < last_slot - 1; ++slot) {
-    const int num_tiles = NumTilesOf<kRadius>(layout.octaves[slot]);
-    if (tile < num_tiles) break;
-    tile -= num_tiles;
-  }
-  const int columns = NumTiles(layout.octaves[slot].width, TileWidth(kRadius));
-  return {slot, tile % columns, tile / columns};
-}
-
-template <int kRadius>
-__global__ void __launch_bounds__(2 * kColumns)
-    LevelKernel(const __grid_constant__ ScaleSpaceLayout layout, PlaneValue* __restrict__ planes, int level,
-                int first_slot, int last_slot, const __grid_constant__ BlurWeights weights) {
-  const TileOfBlock tile = FindTile<kRadius>(layout, first_slot, last_slot);
-  const OctaveLayout& octave = layout.octaves[tile.slot];
-  PlaneValue* out = planes + octave.first_value + level * octave.plane_size;
-  BlurTile<kRadius>(PlaneSource{out - octave.plane_size, octave.height, octave.stride}, weights, tile.x, tile.y,
-                    octave.width, octave.height, octave.stride, out);
-}
-
-// The first tiles are those of the enlarged input.
-template <int kEnlargedRadius, int kRadius>
-__global__ void __launch_bounds__(2 * kColumns)
-    FirstLevelsKernel(const __grid_constant__ ScaleSpaceLayout layout, const std::uint8_t* __restrict__ grey,
-                      PlaneValue* __restrict__ planes, const __grid_constant__ BlurWeights enlarged_weights,
-                      const __grid_constant__ BlurWeights weights) {
-  const int num_enlarged = NumTilesOf<kEnlargedRadius>(layout.octaves[0]);
+// Octaves -1 and 0. The tiles of octave 0 come first: they take longer.
+__global__ void __launch_bounds__(kThreads, 3)
+    FineOctavesKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                      int num_of_octave_zero, int threshold) {
+  extern __shared__ __align__(16) std::uint32_t shared[];
+  __shared__ Finds finds;
   const int tile = blockIdx.x;
-  if (tile < num_enlarged) {
-    const OctaveLayout& octave = layout.octaves[0];
-    const int columns = NumTiles(octave.width, TileWidth(kEnlargedRadius));
-    BlurTile<kEnlargedRadius>(EnlargedSource{grey, layout.width, layout.height, layout.grey_pitch}, enlarged_weights,
-                              tile % columns, tile / columns, octave.width, octave.height, octave.stride,
-                              planes + octave.first_value);
+  if (tile < num_of_octave_zero) {
+    MakeTile<BandSource::kGrey>(layout, buffers, 1, tile, buffers.grey, layout.width, layout.height, layout.grey_pitch,
+                                threshold, shared, finds);
   } else {
-    const OctaveLayout& octave = layout.octaves[1];
-    const int columns = NumTiles(octave.width, TileWidth(kRadius));
-    BlurTile<kRadius>(GreySource{grey, layout.height, layout.grey_pitch}, weights, (tile - num_enlarged) % columns,
-                      (tile - num_enlarged) / columns, octave.width, octave.height, octave.stride,
-                      planes + octave.first_value);
+    MakeTile<BandSource::kEnlargedGrey>(layout, buffers, 0, tile - num_of_octave_zero, buffers.grey, layout.width,
+                                        layout.height, layout.grey_pitch, threshold, shared, finds);
   }
+}
+
+// Octaves 1 and up, from their level 0.
+__global__ void __launch_bounds__(kThreads, 2)
+    CoarseOctavesKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                        int threshold) {
+  extern __shared__ __align__(16) std::uint32_t shared[];
+  __shared__ Finds finds;
+  const int tile = blockIdx.x + layout.octaves[kFirstCoarseSlot].first_tile;
+  int slot = layout.num_octaves - 1;
+  while (tile < layout.octaves[slot].first_tile) --slot;
+  const OctaveLayout& octave = layout.octaves[slot];
+  MakeTile<BandSource::kPlane>(layout, buffers, slot, tile - octave.first_tile, buffers.planes + octave.first_value,
+                               octave.width, octave.height, octave.stride, threshold, shared, finds);
 }
 
 constexpr int kHalvedRadius = 15;
 constexpr int kHalvedColumns = 32;
 constexpr int kHalvedRows = 8;
 
-// Level 0 of the next octave: blur and every second pixel.
+// Symmetric, in constant memory as a kernel parameter.
+struct BlurWeights {
+  float w[kHalvedRadius + 1] = {};
+};
+
+// Level 0 of an octave by blur and every second pixel: from the grey image (octave 1), or from level 0 of the octave
+// before.
+template <typename Pixel>
 __global__ void __launch_bounds__(256)
-    NextOctaveKernel(const __grid_constant__ ScaleSpaceLayout layout, PlaneValue* __restrict__ planes, int slot,
-                     const __grid_constant__ BlurWeights weights) {
+    HalveKernel(const Pixel* __restrict__ in, int in_width, int in_height, int in_pitch, int counts_per_value,
+                PlaneValue* __restrict__ out, int width, int height, int stride,
+                const __grid_constant__ BlurWeights weights) {
   constexpr int kWidth = 2 * kHalvedColumns + 2 * kHalvedRadius;
   constexpr int kHeight = 2 * kHalvedRows + 2 * kHalvedRadius;
-  __shared__ float in_tile[kHeight][kWidth];
+  // In little shared memory, so that a block finds room beside those of FineOctavesKernel.
+  __shared__ PlaneValue in_tile[kHeight][kWidth];
   __shared__ float tmp[kHalvedRows][kWidth];
-  const OctaveLayout& from = layout.octaves[slot - 1];
-  const OctaveLayout& to = layout.octaves[slot];
-  const PlaneValue* in = planes + from.first_value;
   const int first_x = 2 * kHalvedColumns * blockIdx.x - kHalvedRadius;
   const int first_y = 2 * kHalvedRows * blockIdx.y - kHalvedRadius;
+#pragma unroll 8
   for (int i = threadIdx.x; i < kWidth * kHeight; i += 256) {
-    const int x = Clamp(first_x + i % kWidth, 0, from.width - 1);
-    const int y = Clamp(first_y + i / kWidth, 0, from.height - 1);
-    in_tile[i / kWidth][i % kWidth] = ToCounts(in[static_cast<std::size_t>(y) * from.stride + x]);
+    const int x = Clamp(first_x + i % kWidth, 0, in_width - 1);
+    const int y = Clamp(first_y + i / kWidth, 0, in_height - 1);
+    in_tile[i / kWidth][i % kWidth] =
+        static_cast<PlaneValue>(counts_per_value * __ldg(in + static_cast<std::ptrdiff_t>(y) * in_pitch + x));
   }
   __syncthreads();
   for (int i = threadIdx.x; i < kWidth * kHalvedRows; i += 256) {
     const int x = i % kWidth;
     const int y = 2 * (i / kWidth) + kHalvedRadius;
-    float sum = weights.w[0] * in_tile[y][x];
+    float sum = weights.w[0] * ToCounts(in_tile[y][x]);
 #pragma unroll
-    for (int j = 1; j <= kHalvedRadius; ++j) sum = fmaf(weights.w[j], in_tile[y - j][x] + in_tile[y + j][x], sum);
+    for (int j = 1; j <= kHalvedRadius; ++j) {
+      sum = fmaf(weights.w[j], static_cast<float>(in_tile[y - j][x] + in_tile[y + j][x]), sum);
+    }
     tmp[i / kWidth][x] = sum;
   }
   __syncthreads();
@@ -242,106 +508,61 @@ __global__ void __launch_bounds__(256)
   for (int j = 1; j <= kHalvedRadius; ++j) sum = fmaf(weights.w[j], line[-j] + line[j], sum);
   const int x = kHalvedColumns * blockIdx.x + column;
   const int y = kHalvedRows * blockIdx.y + row;
-  if (x < to.width && y < to.height) {
-    planes[to.first_value + static_cast<std::size_t>(y) * to.stride + x] = ToPlaneValue(sum);
-  }
+  if (x < width && y < height) out[static_cast<std::size_t>(y) * stride + x] = ToPlaneValue(sum);
 }
 
-BlurWeights WeightsOf(const GaussianKernel& kernel) {
-  BlurWeights weights;
-  for (int j = 0; j <= kernel.radius; ++j) weights.w[j] = kernel.weights[j];
-  return weights;
-}
+int NumTiles(int size, int tile) { return (size + tile - 1) / tile; }
 
-// A symmetric kernel of any radius, for products.
-struct WideKernel {
-  int radius = 0;
-  double w[64] = {};
-
-  double at(int j) const { return j < 0 ? at(-j) : (j <= radius ? w[j] : 0.0); }
-};
-
-WideKernel Product(const WideKernel& a, const GaussianKernel& b) {
-  WideKernel product;
-  product.radius = a.radius + b.radius;
-  for (int i = 0; i <= product.radius; ++i) {
-    for (int j = -b.radius; j <= b.radius; ++j) product.w[i] += a.at(i - j) * b.weights[j < 0 ? -j : j];
-  }
-  return product;
-}
-
-// From level 0 of an octave to level kScalesPerOctave, the base of the next.
-WideKernel KernelToNextOctave() {
-  WideKernel kernel;
-  kernel.w[0] = 1.0;
-  for (int level = 1; level <= kScalesPerOctave; ++level) kernel = Product(kernel, KernelOfLevel(level));
-  return kernel;
-}
-
-BlurWeights NextOctaveWeights() {
-  const WideKernel kernel = KernelToNextOctave();
-  BlurWeights weights;
-  for (int j = 0; j <= kHalvedRadius; ++j) weights.w[j] = static_cast<float>(kernel.at(j));
-  return weights;
-}
-
-constexpr int kEnlargedRadius = 4;
-constexpr int kOctaveZeroRadius = 10;
-
-// Level 0 of octave 0 straight from the grey image: enlarge, level 0 of octave -1, on to its level kScalesPerOctave,
-// every second pixel. Odd pixels of the enlarged image are means of their neighbours.
-BlurWeights OctaveZeroWeights() {
-  const WideKernel kernel = Product(KernelToNextOctave(), KernelOfLevel(0));
-  BlurWeights weights;
-  for (int j = 0; j <= kOctaveZeroRadius; ++j) {
-    weights.w[j] = static_cast<float>(kernel.at(2 * j) + 0.5 * (kernel.at(2 * j - 1) + kernel.at(2 * j + 1)));
-  }
-  return weights;
-}
-
-template <int kRadius>
-cudaError_t LaunchLevelWithRadius(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int level,
-                                  int first_slot, int last_slot, const BlurWeights& weights, cudaStream_t stream) {
-  int num_tiles = 0;
-  for (int slot = first_slot; slot < last_slot; ++slot) num_tiles += NumTilesOf<kRadius>(layout.octaves[slot]);
-  LevelKernel<kRadius>
-      <<<num_tiles, 2 * kColumns, 0, stream>>>(layout, buffers.planes, level, first_slot, last_slot, weights);
-  return cudaGetLastError();
+// The grid point may have less contrast than the refined one. At least 1, and such that the search's words hold it.
+int LowestThreshold(const ExtractSettings& settings) {
+  const float counts = 0.8f * settings.contrast_threshold * kCountsPerUnit;
+  return static_cast<int>(counts < 15000.0f ? counts : 15000.0f) + 1;
 }
 
 }  // namespace
 
-cudaError_t LaunchFirstLevels(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, cudaStream_t stream) {
-  static_assert(kFirstOctave == -1);
-  const int num_tiles = NumTilesOf<kEnlargedRadius>(layout.octaves[0]) +
-                        (layout.num_octaves > 1 ? NumTilesOf<kOctaveZeroRadius>(layout.octaves[1]) : 0);
-  FirstLevelsKernel<kEnlargedRadius, kOctaveZeroRadius><<<num_tiles, 2 * kColumns, 0, stream>>>(
-      layout, buffers.grey, buffers.planes, WeightsOf(KernelOfLevel(0)), OctaveZeroWeights());
+cudaError_t PrepareOctaves() {
+  for (const void* kernel :
+       {reinterpret_cast<const void*>(FineOctavesKernel), reinterpret_cast<const void*>(CoarseOctavesKernel)}) {
+    const cudaError_t error = cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes);
+    if (error != cudaSuccess) return error;
+  }
+  return cudaSuccess;
+}
+
+cudaError_t LaunchFineOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                              const ExtractBuffers& buffers, cudaStream_t stream) {
+  static_assert(kFirstOctave == -1 && kFirstCoarseSlot == 2);
+  const int num_of_octave_zero = layout.num_octaves > 1 ? layout.octaves[1].num_tiles : 0;
+  FineOctavesKernel<<<num_of_octave_zero + layout.octaves[0].num_tiles, kThreads, kSharedBytes, stream>>>(
+      layout, buffers, num_of_octave_zero, LowestThreshold(settings));
   return cudaGetLastError();
 }
 
-cudaError_t LaunchNextOctave(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int slot,
-                             cudaStream_t stream) {
-  const OctaveLayout& octave = layout.octaves[slot];
-  const dim3 grid(NumTiles(octave.width, kHalvedColumns), NumTiles(octave.height, kHalvedRows));
-  NextOctaveKernel<<<grid, 256, 0, stream>>>(layout, buffers.planes, slot, NextOctaveWeights());
+cudaError_t LaunchCoarseOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                                const ExtractBuffers& buffers, cudaStream_t stream) {
+  for (int slot = kFirstCoarseSlot; slot < layout.num_octaves; ++slot) {
+    const OctaveLayout& to = layout.octaves[slot];
+    const dim3 grid(NumTiles(to.width, kHalvedColumns), NumTiles(to.height, kHalvedRows));
+    PlaneValue* out = buffers.planes + to.first_value;
+    BlurWeights weights;
+    const bool is_first = slot == kFirstCoarseSlot;
+    const auto values = is_first ? WeightsFromGreyToOctaveOne(kHalvedRadius) : WeightsToNextOctave(kHalvedRadius);
+    for (int j = 0; j <= kHalvedRadius; ++j) weights.w[j] = values[j];
+    if (is_first) {
+      HalveKernel<<<grid, 256, 0, stream>>>(buffers.grey, layout.width, layout.height, layout.grey_pitch,
+                                            static_cast<int>(kCountsPerGrey), out, to.width, to.height, to.stride,
+                                            weights);
+    } else {
+      const OctaveLayout& from = layout.octaves[slot - 1];
+      HalveKernel<<<grid, 256, 0, stream>>>(buffers.planes + from.first_value, from.width, from.height, from.stride, 1,
+                                            out, to.width, to.height, to.stride, weights);
+    }
+    if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
+  }
+  const int num_tiles = layout.num_tiles - layout.octaves[kFirstCoarseSlot].first_tile;
+  CoarseOctavesKernel<<<num_tiles, kThreads, kSharedBytes, stream>>>(layout, buffers, LowestThreshold(settings));
   return cudaGetLastError();
-}
-
-cudaError_t LaunchLevel(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int level, int first_slot,
-                        int last_slot, cudaStream_t stream) {
-  const GaussianKernel kernel = KernelOfLevel(level);
-  const BlurWeights weights = WeightsOf(kernel);
-  // The next radius that is compiled; weights beyond the kernel's own are zero.
-  if (kernel.radius <= 4)
-    return LaunchLevelWithRadius<4>(layout, buffers, level, first_slot, last_slot, weights, stream);
-  if (kernel.radius <= 5)
-    return LaunchLevelWithRadius<5>(layout, buffers, level, first_slot, last_slot, weights, stream);
-  if (kernel.radius <= 6)
-    return LaunchLevelWithRadius<6>(layout, buffers, level, first_slot, last_slot, weights, stream);
-  if (kernel.radius <= 8)
-    return LaunchLevelWithRadius<8>(layout, buffers, level, first_slot, last_slot, weights, stream);
-  return LaunchLevelWithRadius<10>(layout, buffers, level, first_slot, last_slot, weights, stream);
 }
 
 }  // namespace haustra::kernels::cuda

@@ -30,11 +30,12 @@ ScaleSpaceLayout MakeLayout(int width_px, int height_px) {
     octave.plane_size = static_cast<std::size_t>(octave.stride) * octave.height;
     octave.first_value = first_value;
     octave.first_tile = layout.num_tiles;
-    octave.tile_columns = NumTiles(octave.width, kExtremaTileWidth);
+    octave.tile_columns = NumTiles(octave.width, kOctaveTilePx);
+    octave.num_tiles = octave.tile_columns * NumTiles(octave.height, kOctaveTilePx);
     octave.first_pixel = first_pixel;
     first_value += kNumLevels * octave.plane_size;
     first_pixel += static_cast<std::uint32_t>(octave.width) * octave.height;
-    layout.num_tiles += octave.tile_columns * NumTiles(octave.height, kExtremaTileHeight);
+    layout.num_tiles += octave.num_tiles;
   }
   int width = width_px;
   int height = height_px;

@@ -130,7 +130,7 @@ TEST_F(CudaTwin, FeaturesAgreeWithTheCpuDevice) {
   for (const auto& [name, picture] : Pictures()) {
     const HostFeatures expected = Extract(*cpu_, picture);
     const HostFeatures features = Extract(*cuda_, picture);
-    EXPECT_NEAR(features.size(), expected.size(), 0.02 * expected.size()) << name;
+    EXPECT_NEAR(features.size(), expected.size(), 0.03 * expected.size()) << name;
     int num_found = 0;
     int num_oriented = 0;
     double sum_of_similarities = 0.0;
@@ -158,10 +158,10 @@ TEST_F(CudaTwin, FeaturesAgreeWithTheCpuDevice) {
     const double mean_similarity = sum_of_similarities / std::max(num_oriented, 1);
     std::printf("%-24s cpu %4d cuda %4d, position agrees %.2f %%, angle too %.2f %%, mean cosine %.5f\n", name.c_str(),
                 expected.size(), features.size(), 100 * share_found, 100 * share_oriented, mean_similarity);
-    // Not all: where the limit cuts, a point a hair stronger goes before; level 0 of an octave is made another way near
-    // the edges of the picture.
-    EXPECT_GT(share_found, 0.91) << name;
-    EXPECT_GT(share_oriented, 0.90) << name;
+    // Not all: where the limit cuts, a point a hair stronger goes before; levels are made another way near the edges of
+    // the picture, and by kernels that are cut off earlier (kernels/README.md has the figures).
+    EXPECT_GT(share_found, 0.85) << name;
+    EXPECT_GT(share_oriented, 0.84) << name;
     EXPECT_GT(mean_similarity, 0.998) << name;
   }
 }
@@ -333,6 +333,43 @@ TEST_F(CudaTwin, WaitKeepsItsDeadline) {
   EXPECT_TRUE(cuda_->Wait(ticket, kNoDeadline).ok());
   EXPECT_GT(count, 1000);
   EXPECT_TRUE(cuda_->Wait(ticket, kNoDeadline).ok());
+}
+
+// Who gives up on a request has gone on: the next request on the lane must not write into buffers that are used for
+// something else by then, and must not hand out the set's place while the device still writes there.
+TEST_F(CudaTwin, ResultsOfOverdueWorkAreDropped) {
+  const Picture picture = Pictures()[1].picture;
+  FeatureSetHandle filled;
+  Extract(*cuda_, picture, &filled);
+  // Keeps the lane busy for longer than a wait without time.
+  std::vector<DescriptorRef> refs;
+  for (int i = 0; i < 8192; ++i) refs.push_back({filled, i % 1500});
+  std::vector<std::vector<Match>> matches(CudaVisionDevice::kQueueLength, std::vector<Match>(refs.size()));
+  std::vector<std::int32_t> counts(matches.size());
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    ASSERT_TRUE(cuda_
+                    ->EnqueueMatch(Lane::kBackground,
+                                   {DescriptorList::Gather(refs), DescriptorList::Gather(refs),
+                                    MatchOptions{0.5f, 0.9f, true}, nullptr, nullptr, matches[i], &counts[i]})
+                    .ok());
+  }
+  const std::int32_t num_free = cuda_->num_free_feature_sets();
+  const FeatureSetHandle set = cuda_->CreateFeatureSet().value();
+  std::vector<Keypoint> keypoints(kNumFeatures);
+  std::int32_t count = -1;
+  const Ticket ticket = cuda_->EnqueueExtract(Lane::kBackground, {picture.view(), set, keypoints, &count}).value();
+  const Status status = cuda_->Wait(ticket, TimePoint{});
+  if (status.ok()) GTEST_SKIP() << "the device was done before the wait looked at its deadline";
+  ASSERT_EQ(status.code(), StatusCode::kDeadlineExceeded);
+  cuda_->ReleaseFeatureSet(set);
+  EXPECT_EQ(cuda_->num_free_feature_sets(), num_free - 1) << "still written to";
+
+  const HostFeatures next = Extract(*cuda_, picture, nullptr, Lane::kBackground);
+  EXPECT_GT(next.size(), 1000);
+  EXPECT_EQ(count, -1);
+  for (const Keypoint& keypoint : keypoints) EXPECT_EQ(keypoint.scale_px, 0.0f);
+  EXPECT_EQ(cuda_->Wait(ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(cuda_->num_free_feature_sets(), num_free);
 }
 
 TEST(CudaVisionDevice, CreateWithoutADeviceSaysSo) {

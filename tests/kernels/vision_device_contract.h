@@ -508,6 +508,55 @@ TEST_P(VisionDeviceContract, ExtractDoesNotDependOnPitchOrColourFormat) {
   ExpectSameFeatures(Extract(*device, {bgr.data(), kWidth, kHeight, 3 * kWidth, PixelFormat::kBgr8}), expected);
 }
 
+// The luma of a YUV picture is the grey picture; what the colour bytes hold does not matter.
+TEST_P(VisionDeviceContract, ExtractTakesTheLumaOfYuvFormats) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures expected = Extract(*device, picture.view());
+  ASSERT_GT(expected.size(), 300);
+  std::mt19937 random(7);
+  for (const int padding : {0, 6, 32}) {
+    const int pitch = kWidth + padding;
+    const int pitch_of_pairs = 2 * kWidth + padding;
+    // Noise everywhere but in the luma.
+    std::vector<std::uint8_t> nv12(static_cast<std::size_t>(pitch) * MemoryRows(PixelFormat::kNv12, kHeight));
+    std::vector<std::uint8_t> yuyv(static_cast<std::size_t>(pitch_of_pairs) * kHeight);
+    for (auto* bytes : {&nv12, &yuyv}) {
+      for (std::uint8_t& byte : *bytes) byte = static_cast<std::uint8_t>(random());
+    }
+    std::vector<std::uint8_t> uyvy = yuyv;
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const std::uint8_t grey = picture.view().row(y)[x];
+        nv12[static_cast<std::size_t>(y) * pitch + x] = grey;
+        yuyv[static_cast<std::size_t>(y) * pitch_of_pairs + 2 * x] = grey;
+        uyvy[static_cast<std::size_t>(y) * pitch_of_pairs + 2 * x + 1] = grey;
+      }
+    }
+    SCOPED_TRACE(padding);
+    ExpectSameFeatures(Extract(*device, {nv12.data(), kWidth, kHeight, pitch, PixelFormat::kNv12}), expected);
+    ExpectSameFeatures(Extract(*device, {yuyv.data(), kWidth, kHeight, pitch_of_pairs, PixelFormat::kYuyv}), expected);
+    ExpectSameFeatures(Extract(*device, {uyvy.data(), kWidth, kHeight, pitch_of_pairs, PixelFormat::kUyvy}), expected);
+  }
+}
+
+TEST_P(VisionDeviceContract, ExtractRefusesOddSidesOfPicturesWithHalvedColour) {
+  const auto device = Create();
+  const FeatureSetHandle set = NewSet(*device);
+  std::vector<Keypoint> keypoints(device->plan().max_features);
+  std::int32_t count = 0;
+  const std::vector<std::uint8_t> bytes(2 * kWidth * kHeight);
+  const auto code = [&](int width, int height, PixelFormat format) {
+    const ImageView image{bytes.data(), width, height, 2 * kWidth, format};
+    return device->EnqueueExtract(Lane::kTracking, {image, set, keypoints, &count}).code();
+  };
+  EXPECT_EQ(code(kWidth - 1, kHeight, PixelFormat::kNv12), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(kWidth, kHeight - 1, PixelFormat::kNv12), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(kWidth - 1, kHeight, PixelFormat::kYuyv), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(kWidth - 1, kHeight, PixelFormat::kUyvy), StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(kWidth, kHeight - 1, PixelFormat::kUyvy), StatusCode::kOk);
+}
+
 TEST_P(VisionDeviceContract, ExtractOfUniformImageFindsNothing) {
   const auto device = Create();
   for (const std::uint8_t grey : {0, 100, 255}) {

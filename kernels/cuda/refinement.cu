@@ -1,4 +1,4 @@
-// Extrema of the difference of Gaussians, and their refinement (Lowe 2004, 3.1 and 4; kernels/cpu/sift_refinement.cc).
+// Refinement of extrema (Lowe 2004, 4; kernels/cpu/sift_refinement.cc).
 #include <cstdint>
 
 #include "kernels/cuda/extract_kernels.h"
@@ -6,152 +6,6 @@
 
 namespace haustra::kernels::cuda {
 namespace {
-
-constexpr int kThreads = 256;
-constexpr int kDogs = kNumLevels - 1;
-constexpr int kTileWidth = kExtremaTileWidth;
-constexpr int kTileHeight = kExtremaTileHeight;
-constexpr int kHalo = 4;  // columns, so that four pixels are read at once
-constexpr int kPitch = kTileWidth + 2 * kHalo;
-constexpr int kRows = kTileHeight + 2;
-constexpr int kRowsPerThread = kTileWidth * kTileHeight / kThreads;
-// Room for every pixel.
-constexpr int kMaxCandidates = kTileWidth * kTileHeight * kScalesPerOctave;
-static_assert(kRowsPerThread * kScalesPerOctave <= 32);
-static_assert(kTileWidth == 64 && kTileHeight == 16);  // a candidate's column, row and level in 12 bits
-
-// Of the same level: whether the value is extremal among its neighbours above and below, left and right. Of two equal
-// neighbours only the first counts.
-__device__ __forceinline__ bool IsExtremalInCross(float value, float left, float right, float up, float down) {
-  return value > 0.0f ? value > left && value >= right && value > up && value >= down
-                      : value < left && value <= right && value < up && value <= down;
-}
-
-// All of the 26 neighbours but those of the cross.
-__device__ __forceinline__ bool IsExtremalInCube(const float (*dogs)[kRows][kPitch], int level, int row, int column) {
-  const float* here = &dogs[level][row][column];
-  const float sign = *here > 0.0f ? 1.0f : -1.0f;
-  const float value = fabsf(*here);
-  bool fails = sign * here[-kPitch - 1] >= value || sign * here[-kPitch + 1] >= value ||
-               sign * here[kPitch - 1] > value || sign * here[kPitch + 1] > value;
-  float highest_finer = -value;
-  float highest_coarser = -value;
-  const float* finer = &dogs[level - 1][row][column];
-  const float* coarser = &dogs[level + 1][row][column];
-#pragma unroll
-  for (int r = -1; r <= 1; ++r) {
-#pragma unroll
-    for (int c = -1; c <= 1; ++c) {
-      highest_finer = fmaxf(highest_finer, sign * finer[r * kPitch + c]);
-      highest_coarser = fmaxf(highest_coarser, sign * coarser[r * kPitch + c]);
-    }
-  }
-  return !fails && highest_finer < value && highest_coarser <= value;
-}
-
-__global__ void __launch_bounds__(kThreads)
-    ExtremaKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
-                  float lowest_threshold) {
-  __shared__ __align__(16) float dogs[kDogs][kRows][kPitch];
-  __shared__ std::uint16_t candidates[kMaxCandidates];
-  __shared__ uint2 found[kMaxExtremaPerTile];
-  __shared__ int num_candidates;
-  __shared__ int num_found;
-  __shared__ int first_output;
-
-  int slot = layout.num_octaves - 1;
-  while (slot > 0 && static_cast<int>(blockIdx.x) < layout.octaves[slot].first_tile) --slot;
-  const OctaveLayout& octave = layout.octaves[slot];
-  const int tile = blockIdx.x - octave.first_tile;
-  const int first_x = tile % octave.tile_columns * kTileWidth;
-  const int first_y = tile / octave.tile_columns * kTileHeight;
-
-  const PlaneValue* planes = buffers.planes + octave.first_value;
-  constexpr int kFours = kPitch / 4;
-  for (int i = threadIdx.x; i < kRows * kFours; i += kThreads) {
-    const int row = i / kFours;
-    const int column = i % kFours * 4;
-    // What lies outside the octave is never looked at: extrema keep kEdgeMarginPx from the edge.
-    const int x = min(max(first_x + column - kHalo, 0), octave.stride - 4);
-    const int y = min(max(first_y + row - 1, 0), octave.height - 1);
-    const PlaneValue* at = planes + static_cast<std::size_t>(y) * octave.stride + x;
-    uint2 levels[kNumLevels];
-#pragma unroll
-    for (int level = 0; level < kNumLevels; ++level) {
-      levels[level] = __ldg(reinterpret_cast<const uint2*>(at + level * octave.plane_size));
-    }
-#pragma unroll
-    for (int d = 0; d < kDogs; ++d) {
-      const uint2 fine = levels[d];
-      const uint2 coarse = levels[d + 1];
-      *reinterpret_cast<float4*>(&dogs[d][row][column]) =
-          make_float4(LowOnBase(coarse.x) - LowOnBase(fine.x), HighOnBase(coarse.x) - HighOnBase(fine.x),
-                      LowOnBase(coarse.y) - LowOnBase(fine.y), HighOnBase(coarse.y) - HighOnBase(fine.y));
-    }
-  }
-
-  // When there are more than room for, again with a higher threshold: the weakest are left out.
-  const int thread_column = threadIdx.x % kTileWidth;
-  const int first_row = threadIdx.x / kTileWidth * kRowsPerThread;
-  const int x = first_x + thread_column;
-  for (float threshold = lowest_threshold;; threshold *= 1.25f) {
-    if (threadIdx.x == 0) {
-      num_candidates = 0;
-      num_found = 0;
-    }
-    __syncthreads();
-    // First the cross of every pixel, then the cubes of the few that are left, so that no thread waits for another's.
-    std::uint32_t extremal = 0;  // a bit for each row of each level
-    if (x >= kEdgeMarginPx && x < octave.width - kEdgeMarginPx) {
-#pragma unroll
-      for (int level = 1; level <= kScalesPerOctave; ++level) {
-        const float* column = &dogs[level][first_row][thread_column + kHalo];
-        float up = column[0];
-        float here = column[kPitch];
-#pragma unroll
-        for (int r = 0; r < kRowsPerThread; ++r) {
-          const float* at = column + (r + 1) * kPitch;
-          const float down = at[kPitch];
-          if (fabsf(here) > threshold && IsExtremalInCross(here, at[-1], at[1], up, down)) {
-            extremal |= 1u << ((level - 1) * kRowsPerThread + r);
-          }
-          up = here;
-          here = down;
-        }
-      }
-    }
-    if (extremal != 0) {
-      int place = atomicAdd(&num_candidates, __popc(extremal));
-      for (; extremal != 0; extremal &= extremal - 1, ++place) {
-        const int bit = __ffs(static_cast<int>(extremal)) - 1;
-        const int row = first_row + bit % kRowsPerThread;
-        const int level = bit / kRowsPerThread + 1;
-        candidates[place] = static_cast<std::uint16_t>(level << 10 | row << 6 | thread_column);
-      }
-    }
-    __syncthreads();
-    for (int i = threadIdx.x; i < num_candidates; i += kThreads) {
-      const int column = candidates[i] % kTileWidth;
-      const int row = candidates[i] / kTileWidth % kTileHeight;
-      const int level = candidates[i] >> 10;
-      const int y = first_y + row;
-      if (y < kEdgeMarginPx || y >= octave.height - kEdgeMarginPx) continue;
-      if (!IsExtremalInCube(dogs, level, row + 1, column + kHalo)) continue;
-      const int place = atomicAdd(&num_found, 1);
-      if (place < kMaxExtremaPerTile) {
-        found[place] = make_uint2(static_cast<std::uint32_t>(first_x + column) | static_cast<std::uint32_t>(y) << 16,
-                                  static_cast<std::uint32_t>(level | slot << 8));
-      }
-    }
-    __syncthreads();
-    if (num_found <= kMaxExtremaPerTile) break;
-    __syncthreads();
-  }
-  if (num_found == 0) return;
-  if (threadIdx.x == 0) first_output = atomicAdd(&buffers.counters->num_extrema, num_found);
-  __syncthreads();
-  if (static_cast<int>(threadIdx.x) < num_found) buffers.extrema[first_output + threadIdx.x] = found[threadIdx.x];
-}
 
 // Whether a pixel is within the dilated mask of its octave; x, y in octave pixels. By a warp, a row to a lane.
 __device__ bool IsExcluded(const ScaleSpaceLayout& layout, const std::uint32_t* mask_bits, int dilation_px, int octave,
@@ -317,14 +171,6 @@ __global__ void __launch_bounds__(32 * kRefineWarps)
 }
 
 }  // namespace
-
-cudaError_t LaunchExtrema(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
-                          const ExtractBuffers& buffers, cudaStream_t stream) {
-  // The grid point may have less contrast than the refined one.
-  ExtremaKernel<<<layout.num_tiles, kThreads, 0, stream>>>(layout, buffers,
-                                                           0.8f * settings.contrast_threshold * kCountsPerUnit);
-  return cudaGetLastError();
-}
 
 cudaError_t LaunchRefinement(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                              const ExtractBuffers& buffers, cudaStream_t stream) {

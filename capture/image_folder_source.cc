@@ -48,7 +48,7 @@ Result<Frame> ImageFolderSource::Next(TimePoint) {
   frame.index = next_index_++;
   const std::size_t stored_index = StoredIndex(frame.index);
   const std::string& path = listing_.image_paths[stored_index];
-  frame.timestamp = TimePoint(Duration(listing_.timestamps_ns[stored_index]));
+  frame.timestamp = TimePoint(Duration(TimestampNs(stored_index)));
   Status status = reader_.Read(path, options_.channels, &stored_);
   if (status.ok()) status = CheckSize(path, stored_.width(), stored_.height());
   // Whatever is wrong with one file, it is a lost frame and not the end of the sequence.
@@ -77,7 +77,15 @@ Status ImageFolderSource::CheckFirstReadableSize() {
 }
 
 std::size_t ImageFolderSource::StoredIndex(std::uint32_t index) const {
-  return options_.first_frame + std::size_t{index} * options_.every_nth;
+  const std::uint32_t position = options_.reversed ? num_frames_ - 1 - index : index;
+  return options_.first_frame + std::size_t{position} * options_.every_nth;
+}
+
+std::int64_t ImageFolderSource::TimestampNs(std::size_t stored_index) const {
+  const std::vector<std::int64_t>& stamps = listing_.timestamps_ns;
+  if (!options_.reversed) return stamps[stored_index];
+  // Mirrored between the first and the last.
+  return stamps[StoredIndex(num_frames_ - 1)] + stamps[StoredIndex(0)] - stamps[stored_index];
 }
 
 Result<std::unique_ptr<FrameSource>> OpenImageFolder(const std::string& folder, const SequenceOptions& options) {

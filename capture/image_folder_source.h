@@ -35,6 +35,7 @@ class ImageFolderSource final : public FrameSource {
   Status CheckSize(const std::string& path, int width_px, int height_px) const;
   Status CheckFirstReadableSize();
   std::size_t StoredIndex(std::uint32_t index) const;
+  std::int64_t TimestampNs(std::size_t stored_index) const;
 
   SequenceListing listing_;
   SequenceOptions options_;

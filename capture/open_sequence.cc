@@ -8,6 +8,7 @@
 #include "capture/dataset/folder.h"
 #include "capture/dataset/sequence_listing.h"
 #include "capture/image_folder_source.h"
+#include "capture/v4l2/v4l2_source.h"
 #include "capture/video_source.h"
 
 namespace haustra {
@@ -43,6 +44,7 @@ Result<std::unique_ptr<FrameSource>> OpenFolder(const std::string& folder, const
 
 Result<std::unique_ptr<FrameSource>> OpenSequence(const std::string& path, const SequenceOptions& options) {
   HAUSTRA_TRY(options.Validate());
+  if (IsV4l2Spec(path)) return OpenV4l2(path, options);
   if (IsFolder(path)) return OpenFolder(path, options);
   if (IsFile(path)) {
     if (HasVideoExtension(path)) return OpenVideo(path, options);

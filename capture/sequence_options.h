@@ -17,6 +17,9 @@ struct SequenceOptions {
   std::uint32_t last_frame = std::numeric_limits<std::uint32_t>::max();
   // Of that part every n-th frame, beginning with the first; >= 1.
   std::uint32_t every_nth = 1;
+  // From the last frame of that part to the first, with time running on: frame k from the end is as late as frame k
+  // from the beginning would be if the sequence were played backwards. Image files only.
+  bool reversed = false;
   // Halves the frames by averaging 2x2 pixels; calibration and mask follow.
   bool halve = false;
   ChannelChoice channels = ChannelChoice::kAsStored;

@@ -71,6 +71,22 @@ TEST_F(ImageFolderSourceTest, OptionsChooseAPartAndEveryNth) {
   EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
 }
 
+TEST_F(ImageFolderSourceTest, ReversedItRunsFromTheLastToTheFirstWithTimeRunningOn) {
+  folder_.Write("times.txt", "0.000000\n0.040000\n0.090000\n0.120000\n0.160000\n");
+  Result<std::unique_ptr<FrameSource>> source = Open({.first_frame = 1, .every_nth = 1, .reversed = true});
+  ASSERT_TRUE(source.ok()) << source.status().ToString();
+  // Frames 4, 3, 2, 1, and the times of 1 to 4 mirrored.
+  const std::int64_t stamps_ms[] = {40, 80, 110, 160};
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    const Result<Frame> frame = (*source)->Next(kNoDeadline);
+    ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+    EXPECT_EQ(frame->index, i);
+    EXPECT_EQ(frame->timestamp.time_since_epoch().count(), 1'000'000 * stamps_ms[i]);
+    EXPECT_EQ(frame->image.row(0)[0], 10 * (4 - i));
+  }
+  EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
+}
+
 TEST_F(ImageFolderSourceTest, HalvingHalvesFramesMaskAndCalibration) {
   Image mask = FlatImage(64, 48, PixelFormat::kGrey8, 255);
   mask.row(0)[1] = 0;

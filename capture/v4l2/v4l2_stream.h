@@ -1,0 +1,98 @@
+// One running stream of a camera: opened, negotiated, buffers mapped, streaming. It ends with the object; whatever went
+// wrong is put right by making a new one.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "capture/v4l2/device_io.h"
+#include "capture/v4l2/v4l2_options.h"
+#include "hal/core/status.h"
+
+namespace haustra::capture::internal {
+
+// What was agreed with the camera.
+struct V4l2Format {
+  std::uint32_t fourcc = 0;
+  int width_px = 0;  // of the buffers: with is_one_field each holds half the rows of the picture
+  int height_px = 0;
+  int pitch_bytes = 0;        // 0 for MJPEG
+  std::size_t min_bytes = 0;  // what a whole picture takes; 1 for MJPEG
+  double rate_hz = 0.0;       // 0: the camera does not say
+  enum class Rows { kProgressive, kInterleaved, kTopThenBottom, kBottomThenTop, kOneField };
+  Rows rows = Rows::kProgressive;
+};
+
+// Valid until it is given back.
+struct V4l2Picture {
+  std::uint32_t buffer = 0;
+  std::span<const std::uint8_t> bytes;  // what the camera wrote
+  std::uint32_t sequence = 0;
+  TimePoint timestamp;
+  bool is_stamped = true;       // by the kernel, on CLOCK_MONOTONIC; otherwise the time of the dequeue
+  bool is_damaged = false;      // the driver says so, or bytes are missing
+  bool is_other_field = false;  // cameras that send fields one by one
+};
+
+// thread-bound(its owner). Errors of all calls: kUnavailable: the device is not there or has gone, or brings no signal;
+// kInvalidArgument: it cannot do what the options ask. Each message begins with the device's name.
+class V4l2Stream {
+ public:
+  // wanted_width_px and wanted_height_px: where the options do not say; 0: as the camera is set. preferred_rate_hz:
+  // likewise, and no error when it cannot be had.
+  static Result<std::unique_ptr<V4l2Stream>> Open(const V4l2Options& options, int wanted_width_px, int wanted_height_px,
+                                                  double preferred_rate_hz, DeviceIo& io);
+  ~V4l2Stream();
+  V4l2Stream(const V4l2Stream&) = delete;
+  V4l2Stream& operator=(const V4l2Stream&) = delete;
+
+  const V4l2Format& format() const { return format_; }
+  const std::string& path() const { return path_; }
+  // What the driver calls the device.
+  const std::string& name() const { return name_; }
+
+  // The next picture; kDeadlineExceeded: none until `deadline`. After kUnavailable the stream is of no more use.
+  Result<V4l2Picture> Dequeue(TimePoint deadline);
+  // Errors show at the next Dequeue.
+  void GiveBack(const V4l2Picture& picture);
+
+ private:
+  struct Buffer {
+    void* address = nullptr;
+    std::size_t length = 0;
+  };
+
+  V4l2Stream(std::string path, const V4l2Options& options, DeviceIo& io)
+      : path_(std::move(path)), options_(options), io_(io) {}
+
+  Status OpenDevice();
+  Status ChooseInput();
+  // Connectors that follow the signal of another device (HDMI, SDI) have to be told what that is.
+  Status FollowSignal();
+  Status ChooseFormat(int width_px, int height_px, double preferred_rate_hz);
+  Status SetFormat(std::uint32_t fourcc, int width_px, int height_px);
+  Status SetRate(double preferred_rate_hz);
+  Status MapBuffers();
+  Status Start();
+  // kDeadlineExceeded: nothing there.
+  Result<V4l2Picture> TryDequeue();
+  Status HandleEvents();
+
+  // `call` for the message, errno negative.
+  Status Failed(const char* call, int error) const;
+
+  const std::string path_;
+  const V4l2Options options_;
+  DeviceIo& io_;
+  int fd_ = -1;
+  std::string name_;
+  V4l2Format format_;
+  std::vector<Buffer> buffers_;
+  bool is_streaming_ = false;
+  int give_back_error_ = 0;
+};
+
+}  // namespace haustra::capture::internal

@@ -1,0 +1,575 @@
+#include "capture/v4l2/v4l2_source.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cerrno>
+#include <cmath>
+
+#include "capture/calibration_reader.h"
+#include "capture/codec/jpeg_codec.h"
+#include "tests/capture/temp_folder.h"
+#include "tests/capture/v4l2/scripted_camera.h"
+
+namespace haustra::test {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using testing::HasSubstr;
+
+V4l2Options Options() {
+  V4l2Options options;
+  options.device = "/dev/video0";
+  return options;
+}
+
+Result<std::unique_ptr<V4l2Source>> Open(ScriptedCamera& camera, const V4l2Options& options = Options(),
+                                         const SequenceOptions& sequence = {}) {
+  return V4l2Source::Create(options, sequence, camera);
+}
+
+std::unique_ptr<V4l2Source> MustOpen(ScriptedCamera& camera, const V4l2Options& options = Options(),
+                                     const SequenceOptions& sequence = {}) {
+  Result<std::unique_ptr<V4l2Source>> source = Open(camera, options, sequence);
+  EXPECT_TRUE(source.ok()) << source.status().ToString();
+  return source.ok() ? std::move(*source) : nullptr;
+}
+
+// Indices of the next frames; -1 for each answer that is none.
+std::vector<int> Indices(V4l2Source& source, int num_calls) {
+  std::vector<int> indices;
+  for (int i = 0; i < num_calls; ++i) {
+    const Result<Frame> frame = source.Next(kNoDeadline);
+    indices.push_back(frame.ok() ? static_cast<int>(frame->index) : -1);
+  }
+  return indices;
+}
+
+std::uint8_t LumaAt(const ImageView& image, int x, int y) {
+  if (image.format == PixelFormat::kYuyv) return image.row(y)[2 * x];
+  if (image.format == PixelFormat::kUyvy) return image.row(y)[2 * x + 1];
+  return image.row(y)[x];
+}
+
+// What is agreed with the camera.
+
+TEST(V4l2Source, TakesTheFormatThatCostsLeast) {
+  ScriptedCamera camera;
+  camera.modes = {
+      {V4L2_PIX_FMT_MJPEG, 64, 48, {60}}, {V4L2_PIX_FMT_YUYV, 64, 48, {25}}, {V4L2_PIX_FMT_NV12, 64, 48, {25}}};
+  EXPECT_THAT(MustOpen(camera)->Describe(), HasSubstr("Tower Camera (/dev/video0), NV12 64x48 at 25 Hz"));
+}
+
+TEST(V4l2Source, TakesAFormatThatIsFastEnough) {
+  ScriptedCamera camera;
+  camera.modes = {{V4L2_PIX_FMT_YUYV, 64, 48, {5}}, {V4L2_PIX_FMT_UYVY, 64, 48, {60, 50, 25}}};
+  V4l2Options options = Options();
+  options.rate_hz = 50;
+  EXPECT_THAT(MustOpen(camera, options)->Describe(), HasSubstr("UYVY 64x48 at 50 Hz"));
+}
+
+TEST(V4l2Source, TakesTheSizeOfTheCalibrationAndItsRateIfThereIsOne) {
+  TempFolder folder;
+  CameraCalibration calibration{CameraModelKind::kKannalaBrandt, 96, 64, 60, 60, 48, 32};
+  calibration.rate_hz = 50;
+  ASSERT_TRUE(WriteCalibration(folder.Path("c.yaml"), calibration).ok());
+  ScriptedCamera camera;
+  camera.modes = {{V4L2_PIX_FMT_YUYV, 64, 48, {25}}, {V4L2_PIX_FMT_YUYV, 96, 64, {30, 25}}};
+  SequenceOptions sequence;
+  sequence.calibration_path = folder.Path("c.yaml");
+  const auto source = MustOpen(camera, Options(), sequence);
+  EXPECT_THAT(source->Describe(), HasSubstr("YUYV 96x64 at 30 Hz"));
+  EXPECT_EQ(source->calibration().fx, 60);
+  EXPECT_EQ(source->calibration().rate_hz, 25);
+}
+
+TEST(V4l2Source, WhatTheCameraDoesNotOfferIsRefusedWithWhatItOffers) {
+  ScriptedCamera camera;
+  camera.modes = {{V4L2_PIX_FMT_YUYV, 64, 48, {25}}, {V4L2_PIX_FMT_MJPEG, 96, 64, {60, 30}}};
+  V4l2Options options = Options();
+  options.width_px = 1440;
+  options.height_px = 1080;
+  const auto source = Open(camera, options);
+  EXPECT_EQ(source.code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(source.status().message(),
+              HasSubstr("does not offer 1440x1080; it offers YUYV 64x48 (25 Hz), MJPG 96x64 (60, 30 Hz)"));
+
+  options = Options();
+  options.rate_hz = 50;
+  EXPECT_THAT(Open(camera, options).status().message(), HasSubstr("at 50 Hz"));
+  options.rate_hz = 0;
+  options.format = V4L2_PIX_FMT_NV12;
+  EXPECT_THAT(Open(camera, options).status().message(), HasSubstr("NV12 64x48"));
+  EXPECT_EQ(camera.num_opened, 0);
+}
+
+TEST(V4l2Source, DriversThatDoNotListSizesOrRatesAreTakenAtTheirWord) {
+  ScriptedCamera camera;
+  camera.has_sizes = camera.says_rate = false;
+  V4l2Options options = Options();
+  options.width_px = 64;
+  options.height_px = 48;
+  const auto source = MustOpen(camera, options);
+  EXPECT_EQ(Indices(*source, 3), (std::vector<int>{0, 1, 2}));
+}
+
+TEST(V4l2Source, WhatCannotBeReadIsRefusedByName) {
+  ScriptedCamera camera;
+  camera.capabilities = V4L2_CAP_VIDEO_CAPTURE_MPLANE | V4L2_CAP_STREAMING;
+  EXPECT_THAT(Open(camera).status().message(), HasSubstr("several planes"));
+  camera.capabilities = V4L2_CAP_META_CAPTURE | V4L2_CAP_STREAMING;
+  EXPECT_THAT(Open(camera).status().message(), HasSubstr("does not capture pictures"));
+  camera.capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_READWRITE;
+  EXPECT_THAT(Open(camera).status().message(), HasSubstr("no mapped buffers"));
+}
+
+TEST(V4l2Source, ACameraIsFoundByAPartOfItsName) {
+  ScriptedCamera camera;
+  V4l2Options options;
+  options.device = "tower";
+  EXPECT_NE(MustOpen(camera, options), nullptr);
+  options.device = "microscope";
+  const auto source = Open(camera, options);
+  EXPECT_EQ(source.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(source.status().message(), HasSubstr("'microscope'"));
+  EXPECT_THAT(source.status().message(), HasSubstr("/dev/video0 'Tower Camera'"));
+}
+
+TEST(V4l2Source, InputsAreChosenByNameOrNumber) {
+  ScriptedCamera camera;
+  camera.inputs = {"HDMI", "SDI 1"};
+  V4l2Options options = Options();
+  options.input = "SDI 1";
+  MustOpen(camera, options);
+  EXPECT_EQ(camera.set_input, 1);
+  options.input = "0";
+  MustOpen(camera, options);
+  EXPECT_EQ(camera.set_input, 0);
+  options.input = "DVI";
+  EXPECT_THAT(Open(camera, options).status().message(), HasSubstr("no input 'DVI'; there are 0 'HDMI', 1 'SDI 1'"));
+}
+
+TEST(V4l2Source, AReceiverFollowsItsSignalAndSaysWhenThereIsNone) {
+  ScriptedCamera camera;
+  camera.inputs = {"HDMI"};
+  camera.has_timings = true;
+  camera.says_rate = false;
+  camera.timings_error = -ENOLINK;
+  EXPECT_EQ(Open(camera).code(), StatusCode::kUnavailable);
+  EXPECT_THAT(Open(camera).status().message(), HasSubstr("no signal on input 'HDMI'"));
+  camera.timings_error = 0;
+  EXPECT_THAT(MustOpen(camera)->Describe(), HasSubstr("at 50 Hz"));
+}
+
+// Interlaced pictures.
+
+TEST(V4l2Source, InterlacedPicturesAreRefusedWithAWayOut) {
+  for (const std::uint32_t field : {V4L2_FIELD_INTERLACED, V4L2_FIELD_SEQ_TB, V4L2_FIELD_ALTERNATE, V4L2_FIELD_TOP}) {
+    ScriptedCamera camera;
+    camera.field = field;
+    const auto source = Open(camera);
+    EXPECT_EQ(source.code(), StatusCode::kInvalidArgument) << field;
+    EXPECT_THAT(source.status().message(), HasSubstr("field=top or field=bottom"));
+  }
+  ScriptedCamera camera;
+  V4l2Options options = Options();
+  options.field = FieldChoice::kTop;
+  EXPECT_THAT(Open(camera, options).status().message(), HasSubstr("go together with halving"));
+  SequenceOptions sequence;
+  sequence.halve = true;
+  EXPECT_THAT(Open(camera, options, sequence).status().message(), HasSubstr("progressive"));
+}
+
+TEST(V4l2Source, OfAnInterlacedPictureTheChosenRowsAreUsed) {
+  SequenceOptions sequence;
+  sequence.halve = true;
+  for (const std::uint32_t fourcc : {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_NV12}) {
+    for (const std::uint32_t field : {V4L2_FIELD_INTERLACED, V4L2_FIELD_SEQ_TB, V4L2_FIELD_SEQ_BT}) {
+      for (const FieldChoice choice : {FieldChoice::kTop, FieldChoice::kBottom}) {
+        ScriptedCamera camera;
+        camera.modes.front().fourcc = fourcc;
+        camera.field = field;
+        camera.extra_pitch_bytes = 16;
+        V4l2Options options = Options();
+        options.field = choice;
+        const auto source = MustOpen(camera, options, sequence);
+        const Result<Frame> frame = source->Next(kNoDeadline);
+        ASSERT_TRUE(frame.ok());
+        ASSERT_EQ(frame->image.width, 32);
+        ASSERT_EQ(frame->image.height, 24);
+        const int row = choice == FieldChoice::kTop ? 0 : 1;
+        for (int y = 0; y < 24; ++y) {
+          const int expected = (camera.Luma(0, 20, 2 * y + row) + camera.Luma(0, 21, 2 * y + row) + 1) / 2;
+          ASSERT_EQ(frame->image.row(y)[10], expected) << "row " << y << " field " << field;
+        }
+      }
+    }
+  }
+}
+
+TEST(V4l2Source, OfFieldsThatComeOneByOneTheOthersAreLeftOut) {
+  ScriptedCamera camera;
+  camera.field = V4L2_FIELD_ALTERNATE;
+  camera.modes.front().height_px = 24;
+  camera.modes.front().rates_hz = {50};
+  V4l2Options options = Options();
+  options.field = FieldChoice::kBottom;
+  SequenceOptions sequence;
+  sequence.halve = true;
+  const auto source = MustOpen(camera, options, sequence);
+  const Result<Frame> frame = source->Next(kNoDeadline);
+  ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+  EXPECT_EQ(frame->image.height, 24);
+  EXPECT_EQ(source->calibration().height_px, 24);
+  EXPECT_EQ(source->counters().num_left_out, 1u);
+}
+
+// Pixels.
+
+TEST(V4l2Source, PicturesAreGivenOutWhereTheCameraWroteThem) {
+  const std::pair<std::uint32_t, PixelFormat> kFormats[] = {{V4L2_PIX_FMT_YUYV, PixelFormat::kYuyv},
+                                                            {V4L2_PIX_FMT_UYVY, PixelFormat::kUyvy},
+                                                            {V4L2_PIX_FMT_GREY, PixelFormat::kGrey8},
+                                                            {V4L2_PIX_FMT_NV12, PixelFormat::kNv12}};
+  for (const auto& [fourcc, format] : kFormats) {
+    ScriptedCamera camera;
+    camera.modes.front().fourcc = fourcc;
+    camera.extra_pitch_bytes = 8;
+    const auto source = MustOpen(camera);
+    for (std::uint32_t i = 0; i < 6; ++i) {
+      const Result<Frame> frame = source->Next(kNoDeadline);
+      ASSERT_TRUE(frame.ok());
+      ASSERT_EQ(frame->image.format, format);
+      EXPECT_EQ(LumaAt(frame->image, 63, 47), camera.Luma(i, 63, 47));
+    }
+  }
+}
+
+TEST(V4l2Source, RegionsAreCutOutAndTheCalibrationFollows) {
+  TempFolder folder;
+  ASSERT_TRUE(
+      WriteCalibration(folder.Path("whole.yaml"), {CameraModelKind::kKannalaBrandt, 64, 48, 60, 60, 30, 20}).ok());
+  ASSERT_TRUE(
+      WriteCalibration(folder.Path("region.yaml"), {CameraModelKind::kKannalaBrandt, 40, 30, 60, 60, 18, 17}).ok());
+  for (const std::uint32_t fourcc : {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_NV12}) {
+    ScriptedCamera camera;
+    camera.modes.front().fourcc = fourcc;
+    V4l2Options options = Options();
+    options.region = {12, 3, 40, 30};
+    SequenceOptions sequence;
+    for (const char* file : {"whole.yaml", "region.yaml"}) {
+      sequence.calibration_path = folder.Path(file);
+      const auto source = MustOpen(camera, options, sequence);
+      EXPECT_EQ(source->calibration().cx, 18);
+      EXPECT_EQ(source->calibration().cy, 17);
+      EXPECT_EQ(source->calibration().width_px, 40);
+      const Result<Frame> frame = source->Next(kNoDeadline);
+      ASSERT_TRUE(frame.ok());
+      EXPECT_EQ(frame->image.width, 40);
+      EXPECT_EQ(frame->image.height, 30);
+      EXPECT_EQ(LumaAt(frame->image, 5, 7), camera.Luma(0, 17, 10));
+    }
+    sequence.halve = true;
+    const auto source = MustOpen(camera, options, sequence);
+    EXPECT_EQ(source->calibration().cx, (18 + 0.5) / 2 - 0.5);
+    const Result<Frame> frame = source->Next(kNoDeadline);
+    ASSERT_TRUE(frame.ok());
+    ASSERT_EQ(frame->image.width, 20);
+    const int sum = camera.Luma(0, 14, 5) + camera.Luma(0, 15, 5) + camera.Luma(0, 14, 6) + camera.Luma(0, 15, 6);
+    EXPECT_EQ(frame->image.row(1)[1], (sum + 2) / 4);
+  }
+}
+
+TEST(V4l2Source, RegionsThatDoNotFitAreRefused) {
+  ScriptedCamera camera;
+  V4l2Options options = Options();
+  options.region = {30, 0, 40, 30};
+  EXPECT_THAT(Open(camera, options).status().message(),
+              HasSubstr("40x30+30+0 does not lie inside the picture of 64x48"));
+  options.region = {1, 0, 40, 30};
+  EXPECT_THAT(Open(camera, options).status().message(), HasSubstr("must be even"));
+}
+
+TEST(V4l2Source, ACalibrationOfAnotherSizeIsRefused) {
+  TempFolder folder;
+  ASSERT_TRUE(WriteCalibration(folder.Path("c.yaml"), {CameraModelKind::kKannalaBrandt, 40, 30, 60, 60, 20, 15}).ok());
+  ScriptedCamera camera;
+  V4l2Options options = Options();
+  options.width_px = 64;
+  options.height_px = 48;
+  SequenceOptions sequence;
+  sequence.calibration_path = folder.Path("c.yaml");
+  EXPECT_THAT(Open(camera, options, sequence).status().message(),
+              HasSubstr("c.yaml: the calibration is for 40x30, the camera's pictures are 64x48"));
+}
+
+TEST(V4l2Source, MjpegIsDecodedAndGivenOutAsItCame) {
+  ScriptedCamera camera;
+  camera.modes.front().fourcc = V4L2_PIX_FMT_MJPEG;
+  Image grey(64, 48, PixelFormat::kGrey8);
+  for (int y = 0; y < 48; ++y) std::fill_n(grey.row(y), 64, static_cast<std::uint8_t>(100 + y));
+  ASSERT_TRUE(capture::internal::EncodeJpeg(grey.view(), 95, &camera.jpeg).ok());
+  const auto source = MustOpen(camera);
+  const Result<Frame> frame = source->Next(kNoDeadline);
+  ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+  EXPECT_NEAR(frame->image.row(20)[30], 120, 2);
+  EXPECT_EQ(source->encoded().size(), camera.jpeg.size());
+
+  camera.jpeg[camera.jpeg.size() / 2] ^= 0xff;
+  camera.jpeg.resize(camera.jpeg.size() / 2);
+  const auto damaged = MustOpen(camera);
+  EXPECT_EQ(damaged->Next(kNoDeadline).code(), StatusCode::kDataLoss);
+  EXPECT_EQ(damaged->counters().num_damaged, 1u);
+}
+
+// Time and numbers.
+
+TEST(V4l2Source, TimeStampsAreTheKernels) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  const TimePoint begin = camera.now;
+  for (int i = 1; i <= 5; ++i) {
+    const Result<Frame> frame = source->Next(kNoDeadline);
+    ASSERT_TRUE(frame.ok());
+    EXPECT_EQ(frame->timestamp, begin + i * milliseconds(40));
+    camera.Sleep(milliseconds(7));  // the reader is slow, the stamps are not
+  }
+}
+
+TEST(V4l2Source, WithoutAKernelStampTheTimeOfTheDequeueCounts) {
+  ScriptedCamera camera;
+  for (std::uint32_t i = 0; i < 9; ++i) camera.faults[i].is_unstamped = true;
+  const auto source = MustOpen(camera);
+  const Result<Frame> frame = source->Next(kNoDeadline);
+  ASSERT_TRUE(frame.ok());
+  EXPECT_EQ(frame->timestamp, camera.now);
+  EXPECT_EQ(source->counters().num_unstamped, 1u);
+}
+
+TEST(V4l2Source, LostPicturesAreGapsInTheNumbers) {
+  ScriptedCamera camera;
+  camera.faults[2].is_lost = camera.faults[3].is_lost = true;
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 4), (std::vector<int>{0, 1, 4, 5}));
+  EXPECT_EQ(source->counters().num_lost, 2u);
+}
+
+TEST(V4l2Source, FastCamerasAreThinnedOutTo25Hz) {
+  ScriptedCamera camera;
+  camera.modes.front().rates_hz = {50};
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(source->calibration().rate_hz, 25);
+  TimePoint before;
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    const Result<Frame> frame = source->Next(kNoDeadline);
+    ASSERT_TRUE(frame.ok());
+    EXPECT_EQ(frame->index, i);
+    if (i > 0) {
+      EXPECT_EQ(frame->timestamp - before, milliseconds(40));
+    }
+    before = frame->timestamp;
+  }
+  EXPECT_EQ(source->counters().num_left_out, 19u);
+}
+
+TEST(V4l2Source, OfOddRatesTheMeanIs25Hz) {
+  for (const double rate : {30.0, 60.0, 59.94}) {
+    ScriptedCamera camera;
+    camera.modes.front().rates_hz = {rate};
+    const auto source = MustOpen(camera);
+    Result<Frame> first = source->Next(kNoDeadline);
+    ASSERT_TRUE(first.ok());
+    Result<Frame> frame = first;
+    for (int i = 0; i < 250; ++i) frame = source->Next(kNoDeadline);
+    ASSERT_TRUE(frame.ok());
+    EXPECT_EQ(frame->index, 250u) << rate;
+    EXPECT_NEAR(ToSeconds(frame->timestamp - first->timestamp), 10.0, 0.04) << rate;
+  }
+}
+
+TEST(V4l2Source, OfFastCamerasALostPictureIsReplacedByItsNeighbour) {
+  ScriptedCamera camera;
+  camera.modes.front().rates_hz = {50};
+  camera.faults[4].is_lost = true;                               // of frame 2; picture 5 takes its place
+  camera.faults[8].has_error_flag = true;                        // of frame 4; likewise
+  camera.faults[12].is_lost = camera.faults[13].is_lost = true;  // all of frame 6
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 8), (std::vector<int>{0, 1, 2, 3, 4, 5, 7, 8}));
+}
+
+TEST(V4l2Source, AReaderThatWasAwayGetsTheNewestPicture) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 1), (std::vector<int>{0}));
+  camera.Sleep(milliseconds(120));
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{3, 4}));
+  EXPECT_EQ(source->counters().num_stale, 2u);
+
+  ScriptedCamera other;
+  V4l2Options options = Options();
+  options.skip_stale = false;
+  const auto recorder = MustOpen(other, options);
+  EXPECT_EQ(Indices(*recorder, 1), (std::vector<int>{0}));
+  other.Sleep(milliseconds(120));
+  EXPECT_EQ(Indices(*recorder, 4), (std::vector<int>{1, 2, 3, 4}));
+}
+
+// What goes wrong.
+
+TEST(V4l2Source, DamagedPicturesAreReportedAndPassedOver) {
+  ScriptedCamera camera;
+  camera.faults[1].has_error_flag = true;
+  camera.faults[3].is_short = true;
+  camera.faults[5].stamp_shift = -milliseconds(100);
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 7), (std::vector<int>{0, -1, 2, -1, 4, -1, 6}));
+  EXPECT_EQ(source->counters().num_damaged, 3u);
+  EXPECT_EQ(source->counters().num_lost, 0u);
+}
+
+TEST(V4l2Source, NextNeverWaitsLongerThanItSays) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  camera.is_silent = true;
+  TimePoint begin = camera.now;
+  EXPECT_EQ(source->Next(begin + milliseconds(100)).code(), StatusCode::kDeadlineExceeded);
+  EXPECT_EQ(camera.now, begin + milliseconds(100));
+  begin = camera.now;
+  EXPECT_EQ(source->Next(kNoDeadline).code(), StatusCode::kDeadlineExceeded);
+  EXPECT_EQ(camera.now, begin + seconds(1));
+  EXPECT_EQ(source->counters().num_timeouts, 2u);
+
+  camera.is_present = false;
+  begin = camera.now;
+  for (int i = 0; i < 20; ++i) EXPECT_EQ(source->Next(camera.now + milliseconds(10)).code(), StatusCode::kUnavailable);
+  EXPECT_LE(camera.now - begin, milliseconds(200));
+}
+
+TEST(V4l2Source, ASignalThatComesBackGoesOn) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{0, 1}));
+  camera.is_silent = true;
+  EXPECT_EQ(source->Next(kNoDeadline).code(), StatusCode::kDeadlineExceeded);
+  camera.is_silent = false;
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{2, 3}));
+  EXPECT_EQ(camera.num_streams, 1);
+}
+
+TEST(V4l2Source, AfterLongSilenceTheStreamIsBegunAgain) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 1), (std::vector<int>{0}));
+  camera.is_silent = true;
+  for (int i = 0; i < 4; ++i) EXPECT_FALSE(source->Next(kNoDeadline).ok());
+  camera.is_silent = false;
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{1, 2}));
+  EXPECT_EQ(camera.num_streams, 2);
+  EXPECT_EQ(source->counters().num_restarts, 1u);
+}
+
+TEST(V4l2Source, ACameraThatIsPulledOutAndPutBackGoesOn) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{0, 1}));
+  camera.is_present = false;
+  const Result<Frame> gone = source->Next(kNoDeadline);
+  EXPECT_EQ(gone.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(gone.status().message(), HasSubstr("/dev/video0"));
+  EXPECT_EQ(camera.num_opened, 0) << "an open descriptor keeps the name of the node from being used again";
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(source->Next(kNoDeadline).code(), StatusCode::kUnavailable);
+  const TimePoint back = camera.now;
+  camera.is_present = true;
+  Result<Frame> frame = source->Next(kNoDeadline);
+  ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+  EXPECT_EQ(frame->index, 2u);
+  EXPECT_LE(camera.now - back, milliseconds(300));
+  EXPECT_EQ(source->counters().num_restarts, 1u);
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{3, 4}));
+}
+
+TEST(V4l2Source, FatalErrorsOfTheStreamAreSurvived) {
+  for (const int error : {-EIO, -ENODEV, -EINVAL, -EPIPE}) {
+    ScriptedCamera camera;
+    camera.faults[2].dequeue_error = error;
+    const auto source = MustOpen(camera);
+    EXPECT_EQ(Indices(*source, 5), (std::vector<int>{0, 1, -1, 2, 3})) << error;
+    EXPECT_EQ(source->counters().num_restarts, 1u);
+  }
+}
+
+TEST(V4l2Source, WhenTheSignalChangesTheStreamIsBegunAgain) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 1), (std::vector<int>{0}));
+  camera.has_source_change = true;
+  EXPECT_EQ(Indices(*source, 3), (std::vector<int>{-1, 1, 2}));
+  EXPECT_EQ(camera.num_streams, 2);
+}
+
+TEST(V4l2Source, ACameraThatComesBackDifferentStaysAway) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 1), (std::vector<int>{0}));
+  camera.is_present = false;
+  EXPECT_FALSE(source->Next(kNoDeadline).ok());
+  camera.is_present = true;
+  camera.modes = {{V4L2_PIX_FMT_YUYV, 96, 64, {25}}};
+  const Result<Frame> other = source->Next(kNoDeadline);
+  EXPECT_EQ(other.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(other.status().message(), HasSubstr("does not offer 64x48"));
+  camera.modes = {{V4L2_PIX_FMT_GREY, 64, 48, {25}}};
+  EXPECT_TRUE(source->Next(kNoDeadline).ok());
+}
+
+TEST(V4l2Source, ACameraMayComeLater) {
+  ScriptedCamera camera;
+  camera.is_present = false;
+  EXPECT_EQ(Open(camera).code(), StatusCode::kUnavailable);
+  V4l2Options options = Options();
+  options.may_come_later = true;
+  EXPECT_THAT(Open(camera, options).status().message(), HasSubstr("give size=WxH"));
+  options.width_px = 64;
+  options.height_px = 48;
+  const auto source = MustOpen(camera, options);
+  EXPECT_EQ(source->calibration().width_px, 64);
+  EXPECT_EQ(source->Next(kNoDeadline).code(), StatusCode::kUnavailable);
+  camera.is_present = true;
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{0, 1}));
+}
+
+// Every call that the source makes fails once, in every way that a driver may fail.
+TEST(V4l2Source, WhicheverCallFailsNothingLeaksAndFramesComeBack) {
+  int num_calls = 0;
+  {
+    ScriptedCamera camera;
+    const auto source = MustOpen(camera);
+    Indices(*source, 4);
+    num_calls = camera.num_calls;
+  }
+  ASSERT_GT(num_calls, 30);
+  for (const int error : {-EIO, -ENODEV, -EBUSY, -EINVAL, -ENOTTY, -EACCES}) {
+    for (int call = 0; call < num_calls; ++call) {
+      ScriptedCamera camera;
+      camera.failing_call = call;
+      camera.failure = error;
+      {
+        Result<std::unique_ptr<V4l2Source>> source = Open(camera);
+        if (source.ok()) {
+          int num_frames = 0;
+          for (int i = 0; i < 12; ++i) num_frames += (*source)->Next(kNoDeadline).ok();
+          EXPECT_GE(num_frames, 9) << "call " << call << " error " << error;
+        } else {
+          EXPECT_FALSE(source.status().message().empty());
+        }
+      }
+      ASSERT_EQ(camera.num_opened, 0) << "call " << call;
+      ASSERT_EQ(camera.num_maps, 0) << "call " << call;
+      ASSERT_FALSE(camera.is_streaming());
+    }
+  }
+}
+
+}  // namespace
+}  // namespace haustra::test

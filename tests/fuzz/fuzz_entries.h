@@ -1,0 +1,17 @@
+// Parsers of bytes from outside, each as a function of any bytes. What must never happen stops the process; what is
+// taken must be sound.
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+namespace haustra::test {
+
+void FuzzConfig(std::span<const std::uint8_t> bytes);       // configuration files and --set
+void FuzzCalibration(std::span<const std::uint8_t> bytes);  // all formats
+void FuzzTrajectory(std::span<const std::uint8_t> bytes);   // ground truth: TUM, EuRoC, C3VD
+void FuzzImage(std::span<const std::uint8_t> bytes);        // PNG, JPEG
+void FuzzVideo(std::span<const std::uint8_t> bytes);        // headers and frames of recordings
+void FuzzCameraSpec(std::span<const std::uint8_t> bytes);   // v4l2:...
+
+}  // namespace haustra::test

@@ -1,0 +1,160 @@
+#include "tools/capture/sequence_recorder.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <system_error>
+#include <utility>
+
+#include "capture/calibration_reader.h"
+#include "capture/codec/image_codec.h"
+#include "capture/image_transform.h"
+#include "capture/yuv.h"
+#include "platform/file_sink.h"
+
+namespace haustra {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kJpegQuality = 95;
+
+Status WriteBytes(const std::string& path, std::span<const std::uint8_t> bytes) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  return file.good() ? Status::Ok() : Unavailable(path + ": cannot be written");
+}
+
+// With the plane of colour, where there is one.
+void CopyAll(const ImageView& image, Image* copy) {
+  if (image.format != PixelFormat::kNv12) {
+    CopyImage(image, copy);
+    return;
+  }
+  // Colour is stored as JPEG and PNG have it anyway.
+  ToBgr(image, copy);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<SequenceRecorder>> SequenceRecorder::Create(const std::string& folder, const Options& options) {
+  std::error_code error;
+  if (fs::exists(folder, error) && !fs::is_empty(folder, error)) {
+    return FailedPrecondition(folder + ": is there and not empty; a recording needs a folder of its own");
+  }
+  fs::create_directories(fs::path(folder) / "frames", error);
+  if (error) return Unavailable(folder + ": cannot be made: " + error.message());
+  fs::permissions(folder, fs::perms::owner_all, error);
+  if (error) return Unavailable(folder + ": its rights cannot be set: " + error.message());
+  return std::unique_ptr<SequenceRecorder>(new SequenceRecorder(folder, options));
+}
+
+SequenceRecorder::SequenceRecorder(std::string folder, const Options& options)
+    : folder_(std::move(folder)), options_(options) {
+  for (int i = 0; i < options.num_buffers; ++i) free_.push_back(std::make_unique<Slot>());
+  const unsigned num_cores = std::max(1u, std::thread::hardware_concurrency());
+  const unsigned num_threads = options.num_threads > 0 ? static_cast<unsigned>(options.num_threads) : num_cores;
+  for (unsigned i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Encode(); });
+}
+
+SequenceRecorder::~SequenceRecorder() { StopThreads(); }
+
+void SequenceRecorder::StopThreads() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_stopping_ = true;
+  }
+  has_work_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+  threads_.clear();
+}
+
+bool SequenceRecorder::Add(const Frame& frame, std::span<const std::uint8_t> encoded) {
+  std::unique_ptr<Slot> slot;
+  {
+    const std::lock_guard lock(mutex_);
+    if (free_.empty() || !status_.ok()) {
+      ++num_left_out_;
+      return false;
+    }
+    slot = std::move(free_.back());
+    free_.pop_back();
+  }
+  slot->index = frame.index;
+  slot->timestamp = frame.timestamp;
+  slot->encoded.assign(encoded.begin(), encoded.end());
+  if (encoded.empty()) CopyAll(frame.image, &slot->image);
+  {
+    const std::lock_guard lock(mutex_);
+    waiting_.push_back(std::move(slot));
+  }
+  has_work_.notify_one();
+  return true;
+}
+
+Status SequenceRecorder::status() const {
+  const std::lock_guard lock(mutex_);
+  return status_;
+}
+
+void SequenceRecorder::Encode() {
+  Image colour;
+  std::unique_lock lock(mutex_);
+  while (true) {
+    has_work_.wait(lock, [this] { return is_stopping_ || !waiting_.empty(); });
+    if (waiting_.empty()) return;
+    std::unique_ptr<Slot> slot = std::move(waiting_.front());
+    waiting_.erase(waiting_.begin());
+    lock.unlock();
+    const Status status = WriteFrame(*slot, &colour);
+    lock.lock();
+    if (status.ok()) written_.push_back({slot->index, slot->timestamp});
+    if (status_.ok()) status_ = status;
+    free_.push_back(std::move(slot));
+  }
+}
+
+Status SequenceRecorder::WriteFrame(const Slot& slot, Image* colour) const {
+  const bool is_jpeg = options_.store == Store::kJpeg || !slot.encoded.empty();
+  char name[32];
+  std::snprintf(name, sizeof(name), "%06u.%s", slot.index, is_jpeg ? "jpg" : "png");
+  const std::string path = (fs::path(folder_) / "frames" / name).string();
+  Status status;
+  if (!slot.encoded.empty()) {
+    status = WriteBytes(path, slot.encoded);
+  } else {
+    ImageView image = slot.image.view();
+    if (image.format != PixelFormat::kGrey8 && image.format != PixelFormat::kBgr8) {
+      ToBgr(image, colour);
+      image = colour->view();
+    }
+    status = is_jpeg ? WriteJpeg(path, image, kJpegQuality) : WritePng(path, image);
+  }
+  // Half a frame is no frame.
+  std::error_code ignored;
+  if (!status.ok()) fs::remove(path, ignored);
+  return status;
+}
+
+Result<SequenceRecorder::Summary> SequenceRecorder::Finish(const CameraCalibration* calibration, ImageView mask) {
+  StopThreads();
+  std::sort(written_.begin(), written_.end(), [](const Written& a, const Written& b) { return a.index < b.index; });
+  HAUSTRA_ASSIGN(FileSink times, FileSink::Create((fs::path(folder_) / "times.txt").string()));
+  for (const Written& frame : written_) {
+    const auto ns = static_cast<long long>((frame.timestamp - written_.front().timestamp).count());
+    char line[48];
+    std::snprintf(line, sizeof(line), "%lld.%09lld\n", ns / 1'000'000'000, ns % 1'000'000'000);
+    HAUSTRA_TRY(times.Write(line));
+  }
+  HAUSTRA_TRY(times.Commit());
+  if (calibration != nullptr) {
+    HAUSTRA_TRY(WriteCalibration((fs::path(folder_) / "calib.yaml").string(), *calibration));
+  }
+  if (!mask.is_empty()) HAUSTRA_TRY(WritePng((fs::path(folder_) / "mask.png").string(), mask));
+  HAUSTRA_TRY(status_);
+  return Summary{static_cast<std::uint32_t>(written_.size()), num_left_out_};
+}
+
+}  // namespace haustra

@@ -55,13 +55,26 @@ sources="$(apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(COMPONENT)' 
 # mmdebstrap wants an empty folder; the marker goes back at once.
 rm -f -- "$sysroot/$marker"
 mmdebstrap --mode="$([ "$(id -u)" -eq 0 ] && echo root || echo unshare)" --variant=extract --architectures=arm64 \
-  --include="$(IFS=,; echo "${packages[*]}")" --aptopt='APT::Install-Recommends "false"' \
+  --include="$(IFS=,; echo "${packages[*]}")" --aptopt='APT::Install-Recommends "false"' --skip=cleanup/apt \
   bookworm "$sysroot" - <<< "$sources" ||
   { touch -- "$sysroot/$marker"; fail "mmdebstrap failed; its message stands above"; }
 touch -- "$sysroot/$marker"
 
 libraries="$sysroot/usr/lib/$triplet"
 [ -d "$libraries" ] || fail "$libraries is missing: the packages did not unpack"
+# Nothing was installed, so dpkg knows of nothing. The list of licences of a bundle (tools/packaging/papers.py) asks it which
+# package a library comes from, and in which version.
+database="$sysroot/var/lib/dpkg"
+mkdir -p -- "$database/info"
+: > "$database/status"
+echo 1 > "$database/info/format"
+for archive in "$sysroot"/var/cache/apt/archives/*.deb; do
+  name="$(dpkg-deb -f "$archive" Package)"
+  if [ "$(dpkg-deb -f "$archive" Multi-Arch)" = same ]; then name="$name:arm64"; fi
+  dpkg-deb -f "$archive" | sed '/^Package: /a Status: install ok installed' >> "$database/status"
+  echo >> "$database/status"
+  dpkg-deb --fsys-tarfile "$archive" | tar -t | sed 's#^\./#/#; s#/$##; /^$/d' > "$database/info/$name.list"
+done
 # What install scripts do through alternatives: one BLAS and LAPACK.
 for library in "$libraries"/openblas-pthread/lib*; do
   ln -sfn -- "openblas-pthread/${library##*/}" "$libraries/${library##*/}"
@@ -75,7 +88,8 @@ done
 # So would the libraries that Debian's CMake files of Ceres name absolutely.
 sed -i "s#\([;\"]\)/usr/lib/$triplet/#\1\${_IMPORT_PREFIX}/lib/$triplet/#g" "$libraries"/cmake/Ceres/CeresTargets*.cmake
 # Not needed to build or to run.
-for folder in usr/share/doc usr/share/man usr/share/locale usr/share/info usr/share/lintian var; do
+for folder in usr/share/man usr/share/locale usr/share/info usr/share/lintian var/cache var/lib/apt; do
   rm -rf --one-file-system -- "${sysroot:?}/$folder"
 done
+find "$sysroot/usr/share/doc" -xdev -type f ! -name copyright -delete
 echo "sysroot: $sysroot ($(du -sh -- "$sysroot" | cut -f1))"

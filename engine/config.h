@@ -3,10 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "engine/merging/merging_config.h"
 #include "engine/place/place_config.h"
+#include "engine/scheduler/scheduler_config.h"
 #include "hal/core/status.h"
+#include "hal/realtime_config.h"
 
 namespace haustra {
 
@@ -102,13 +105,28 @@ struct MappingConfig {
   int min_map_keyframes = 4;         // a map with fewer is dropped when it is lost [2, 100]
 };
 
-// Capacities, fixed at start-up.
+// Capacities, fixed at start-up. Defaults are those of the profile medium; platform/config/memory_profiles.cc has the
+// others and the reasons. What happens when a pool is full: engine/atlas/atlas.h and engine/mapping/evictor.h.
+// Fixed by the layout of the data, not by the configuration: observations of a point (kMaxObservations), keyframes of a
+// snapshot (kMaxLocalKeyframes), reframings on record (kMaxReframings).
 struct MemoryConfig {
-  int max_keyframes = 1500;      // over all maps (paper: 1 196 after a whole procedure) [16, 100000]
-  int max_map_points = 180000;   // over all maps (paper: 129 538) [1000, 10000000]
-  int max_maps = 256;            // [2, 10000]
-  int max_keyframe_ids = 20000;  // keyframes ever made in one run, culled ones included [100, 10000000]
-  int max_local_points = 8000;   // of a snapshot [500, 100000]
+  std::string profile = "medium";  // small, medium, large: sets all keys of this section that are not given
+  int max_keyframes = 1500;        // over all maps (paper: 1 196 after a whole procedure) [16, 100000]
+  int max_map_points = 180000;     // over all maps (paper: 129 538) [1000, 10000000]
+  int max_maps = 256;              // [2, 10000]
+  int max_keyframe_ids = 40000;    // keyframes ever made in one run, culled ones included [100, 10000000]
+  int max_local_points = 8000;     // of a snapshot [500, 100000]
+  // The tracker asks for a keyframe only when the mapper is idle, but for one in need; more would be stale work [2,
+  // 32].
+  int max_proposals = 3;
+  // Beside those of the keyframes and of an initialisation: current and last frame, proposals, sets of culled keyframes
+  // that a snapshot may still name [16, 1000].
+  int spare_feature_sets = 32;
+  int max_map_events = 1024;      // not yet read by the session; newer ones are lost then [16, 100000]
+  int max_late_poses = 1024;      // likewise; a lost one leaves its frame without a pose [16, 100000]
+  int small_map_keyframes = 8;    // an inactive map up to this size may go as a whole [2, 1000]
+  double max_host_mb = 1500.0;    // of the plan, 0: no limit [0, 1000000]
+  double max_device_mb = 1000.0;  // likewise [0, 1000000]
 };
 
 struct EngineConfig {
@@ -122,6 +140,8 @@ struct EngineConfig {
   PlaceConfig place;
   MergingConfig merging;
   MemoryConfig memory;
+  SchedulerConfig scheduler;
+  RealTimeConfig rt;  // the platform reads it; here so that a program has one configuration
   std::uint64_t seed = 1;
 };
 

@@ -5,11 +5,8 @@
 namespace haustra {
 namespace {
 
-// The tracker asks for a keyframe only when the mapper is idle, but for one in need; more would be stale work.
-constexpr int kMaxProposals = 3;
-// Beside those of the keyframes: current and last frame, reference view, proposals, retired ones; and the frames that
-// an initialisation keeps, here and in a proposal that waits.
-constexpr int kSpareFeatureSets = 32;
+// An initialisation keeps the frames between its views, and so does a proposal that waits.
+constexpr int kInitialisations = 2;
 
 }  // namespace
 
@@ -18,8 +15,8 @@ VisionPlan Engine::PlanFor(const EngineConfig& config, const CameraCalibration& 
   plan.max_width_px = calibration.width_px;
   plan.max_height_px = calibration.height_px;
   plan.max_features = config.features.max;
-  plan.max_feature_sets =
-      config.memory.max_keyframes + kSpareFeatureSets + 2 * config.initialisation.max_reference_age_frames;
+  plan.max_feature_sets = config.memory.max_keyframes + config.memory.spare_feature_sets +
+                          kInitialisations * config.initialisation.max_reference_age_frames;
   plan.max_match_list = std::max(config.memory.max_local_points, config.features.max);
   return plan;
 }
@@ -36,14 +33,39 @@ ExtractOptions Engine::ExtractOptionsFor(const EngineConfig& config) {
   return options;
 }
 
+MemoryPlan Engine::PlanMemory(const EngineConfig& config) {
+  MemoryPlan plan = Mapper::PlanMemory(config);
+  plan.Append(TrackingLink::PlanMemory(config.memory.max_proposals, config.features.max,
+                                       config.initialisation.max_reference_age_frames, config.memory.max_local_points));
+  plan.Append(Tracker::PlanMemory(config));
+  return plan;
+}
+
 Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode,
                const Clock* clock, double scene_share, const Vocabulary* vocabulary)
     : config_(config),
       camera_(camera),
-      link_(kMaxProposals, config.features.max, config.initialisation.max_reference_age_frames,
-            config.memory.max_local_points),
-      mapper_(config_, camera_, device, link_, clock, mode == Mode::kRealTime, vocabulary),
-      tracker_(config_, camera_, device, link_, scene_share) {}
+      arena_(PlanMemory(config).bytes(MemoryPlace::kHostArena)),
+      link_(config.memory.max_proposals, config.features.max, config.initialisation.max_reference_age_frames,
+            config.memory.max_local_points, &arena_),
+      mapper_(config_, camera_, GateFor(device, mode, clock), link_, clock, mode == Mode::kRealTime, vocabulary,
+              &arena_),
+      tracker_(config_, camera_, device, link_, clock, scene_share, &arena_) {}
+
+// The device that the mapper works with.
+VisionDevice& Engine::GateFor(VisionDevice& device, Mode mode, const Clock* clock) {
+  const bool has_gap = mode == Mode::kRealTime && clock != nullptr && config_.scheduler.background_gap;
+  if (!has_gap || !device.is_accelerator()) return device;
+  gate_.emplace(*clock, config_.scheduler.quantile);
+  return gated_device_.emplace(device, *gate_, *clock);
+}
+
+FrameResult Engine::Track(const Frame& frame, TimePoint deadline, TimePoint next_due) {
+  if (gate_) gate_->FrameBegins();
+  const FrameResult result = tracker_.Track(frame, deadline);
+  if (gate_) gate_->FrameEnds(next_due);
+  return result;
+}
 
 Status Engine::LoadAtlas(std::span<const std::uint8_t> file) {
   HAUSTRA_ASSIGN(const SavedAtlas saved, ReadAtlas(file));

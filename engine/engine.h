@@ -11,12 +11,15 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
 #include "engine/mapping/mapper.h"
+#include "engine/scheduler/background_gate.h"
+#include "engine/scheduler/gated_vision_device.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/tracker.h"
 #include "hal/clock.h"
@@ -31,10 +34,13 @@ class Engine {
   // What the vision device must be planned for.
   static VisionPlan PlanFor(const EngineConfig& config, const CameraCalibration& calibration);
   static ExtractOptions ExtractOptionsFor(const EngineConfig& config);
+  // What an engine of this configuration takes on the host, pool by pool; the vision device has its own plan.
+  static MemoryPlan PlanMemory(const EngineConfig& config);
 
-  // `device` is planned by PlanFor and outlives the engine. `clock` (may be null) times the stages of the mapper, and
-  // in real-time mode boxes its work. Takes all its memory here.
-  // scene_share: part of the image's area inside the scope's window (static mask), (0, 1].
+  // `device` is planned by PlanFor and outlives the engine. `clock` (may be null) times the stages of tracker and
+  // mapper; in real-time mode it boxes the mapper's work and tells the tracker what it has time for. Takes all its
+  // memory here: one arena for the pools, and workspaces on the heap. Throws std::bad_alloc; CheckFits(PlanMemory)
+  // tells beforehand. scene_share: part of the image's area inside the scope's window (static mask), (0, 1].
   // `vocabulary` fits the configuration and outlives the engine; null unless config.place.retrieval asks for one
   // (engine/place/make_retrieval.h).
   Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode, const Clock* clock,
@@ -48,8 +54,12 @@ class Engine {
   // All maps, for LoadAtlas. Mapping thread between two steps, or any when both have stopped. Errors of the sink.
   Status SaveAtlas(ByteSink& sink) const { return mapper_.SaveAtlas(sink); }
 
-  // Tracking thread. rt-safe.
-  FrameResult Track(const Frame& frame, TimePoint deadline) { return tracker_.Track(frame, deadline); }
+  // Tracking thread. rt-safe. deadline: when the pose must be there (engine/scheduler), kNoDeadline in sequential mode.
+  // next_due: when the next frame is expected; the mapper keeps an accelerator free for it. The frame's pixels stay
+  // until MayReleaseFrame.
+  FrameResult Track(const Frame& frame, TimePoint deadline, TimePoint next_due = kNoDeadline);
+  // False: the device still reads the last frame at `until`. Always true without a deadline.
+  bool MayReleaseFrame(TimePoint until) { return tracker_.MayReleaseFrame(until); }
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp) {
     return tracker_.SkipDamaged(frame_index, timestamp);
   }
@@ -60,6 +70,13 @@ class Engine {
   // Mapping thread, or any when both have stopped.
   const Atlas& atlas() const { return mapper_.atlas(); }
   const MapperCounters& mapper_counters() const { return mapper_.counters(); }
+  // Any thread.
+  PoolUse pool_use() const { return mapper_.pool_use(); }
+  const EvictionCounters& evictions() const { return mapper_.evictions(); }
+  const MemoryArena& arena() const { return arena_; }
+  std::uint64_t max_proposals() const { return link_.proposals.capacity(); }
+  // Proposals that found the ring full. Exact when both threads have stopped.
+  std::uint64_t num_proposals_refused() const { return link_.proposals.num_dropped(); }
   SpscRing<MapEvent>& map_events() { return mapper_.events(); }
   SpscRing<LatePose>& late_poses() { return mapper_.late_poses(); }
   // The pose of a frame in the map that it belongs to now. False when it was never tracked or its map was dropped.
@@ -69,9 +86,15 @@ class Engine {
   const EngineConfig& config() const { return config_; }
 
  private:
+  VisionDevice& GateFor(VisionDevice& device, Mode mode, const Clock* clock);
+
   EngineConfig config_;
   CameraModel camera_;
+  MemoryArena arena_;  // of everything below
   TrackingLink link_;
+  // Real-time mode on an accelerator only.
+  std::optional<BackgroundGate> gate_;
+  std::optional<GatedVisionDevice> gated_device_;
   Mapper mapper_;
   Tracker tracker_;
 };

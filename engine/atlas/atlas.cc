@@ -4,13 +4,36 @@
 
 namespace haustra {
 
-Atlas::Atlas(const Capacity& capacity)
-    : keyframes_(static_cast<std::uint32_t>(capacity.max_keyframes)),
-      points_(static_cast<std::uint32_t>(capacity.max_map_points)),
-      maps_(static_cast<std::uint32_t>(capacity.max_maps)),
-      traces_(static_cast<std::size_t>(capacity.max_keyframe_ids)),
+Atlas::Atlas(const Capacity& capacity, std::pmr::memory_resource* memory)
+    : keyframes_(static_cast<std::uint32_t>(capacity.max_keyframes), memory, capacity.max_features, memory),
+      points_(static_cast<std::uint32_t>(capacity.max_map_points), memory),
+      maps_(static_cast<std::uint32_t>(capacity.max_maps), memory, capacity.max_keyframes, memory),
+      traces_(static_cast<std::size_t>(capacity.max_keyframe_ids), memory),
       max_features_(capacity.max_features),
-      shared_counts_(static_cast<std::size_t>(capacity.max_keyframes), 0) {}
+      shared_counts_(static_cast<std::size_t>(capacity.max_keyframes), 0, memory) {}
+
+MemoryPlan Atlas::PlanMemory(const Capacity& capacity) {
+  const auto num_keyframes = static_cast<std::size_t>(capacity.max_keyframes);
+  const auto num_points = static_cast<std::size_t>(capacity.max_map_points);
+  const auto num_maps = static_cast<std::size_t>(capacity.max_maps);
+  const auto num_ids = static_cast<std::size_t>(capacity.max_keyframe_ids);
+  const std::size_t of_keyframe =
+      FrameFeatures::BytesFor(capacity.max_features) + MemoryArena::BytesFor<MapPointHandle>(capacity.max_features);
+  MemoryPlan plan;
+  const auto add = [&plan](const char* pool, std::size_t count, std::size_t bytes, const char* sized_by) {
+    plan.Add(MemoryPlace::kHostArena, pool, count, bytes, sized_by);
+  };
+  add("keyframes", num_keyframes,
+      decltype(keyframes_)::BytesFor(num_keyframes) + num_keyframes * of_keyframe +
+          MemoryArena::BytesFor<int>(num_keyframes),
+      "memory.max_keyframes x features.max");
+  add("map points", num_points, decltype(points_)::BytesFor(num_points), "memory.max_map_points");
+  add("maps", num_maps,
+      decltype(maps_)::BytesFor(num_maps) + num_maps * MemoryArena::BytesFor<KeyframeHandle>(num_keyframes),
+      "memory.max_maps x memory.max_keyframes");
+  add("keyframe traces", num_ids, MemoryArena::BytesFor<KeyframeTrace>(num_ids), "memory.max_keyframe_ids");
+  return plan;
+}
 
 Atlas::Capacity Atlas::capacity() const {
   return {static_cast<int>(keyframes_.capacity()), static_cast<int>(points_.capacity()),
@@ -21,8 +44,12 @@ MapHandle Atlas::InsertMap(MapId id) {
   const MapHandle handle = maps_.Insert();
   if (!handle) return handle;
   Map& map = maps_.At(handle);
-  map = Map{};
   map.id = id;
+  map.status = MapStatus::kActive;
+  map.merged_into = kNoId;
+  map.is_loaded = false;
+  map.keyframes.clear();  // keeps its memory
+  map.num_points = 0;
   return handle;
 }
 
@@ -47,6 +74,12 @@ void Atlas::DropMap(MapHandle handle, std::vector<FeatureSetHandle>* released) {
   map.status = MapStatus::kDropped;
 }
 
+void Atlas::ForgetMap(MapHandle handle) {
+  const Map& map = maps_.At(handle);
+  HAUSTRA_CHECK(map.status == MapStatus::kDropped || map.status == MapStatus::kMerged);
+  maps_.Release(handle);
+}
+
 KeyframeHandle Atlas::AddKeyframe(MapHandle map, std::uint32_t frame_index, TimePoint timestamp,
                                   const SE3& cam_from_map, const FrameFeatures& features) {
   if (next_keyframe_id_ >= traces_.size()) return {};
@@ -63,10 +96,6 @@ KeyframeHandle Atlas::InsertKeyframe(MapHandle map, KeyframeId id, std::uint32_t
   const KeyframeHandle handle = keyframes_.Insert();
   if (!handle) return handle;
   Keyframe& keyframe = keyframes_.At(handle);
-  if (keyframe.points.empty()) {
-    keyframe.features = FrameFeatures(max_features_);
-    keyframe.points.resize(static_cast<std::size_t>(max_features_));
-  }
   keyframe.id = id;
   keyframe.session = session;
   keyframe.frame_index = frame_index;
@@ -103,7 +132,7 @@ FeatureSetHandle Atlas::RemoveKeyframe(KeyframeHandle handle, KeyframeHandle sta
   trace.stand_in = other.id;
   trace.cam_from_stand_in = keyframe.cam_from_map * other.cam_from_map.Inverse();
   trace.stand_in_scale = traces_[other.id].scale;
-  std::vector<KeyframeHandle>& list = maps_.At(keyframe.map).keyframes;
+  auto& list = maps_.At(keyframe.map).keyframes;
   list.erase(std::find(list.begin(), list.end(), handle));
   const FeatureSetHandle set = keyframe.features.set;
   keyframes_.Release(handle);

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory_resource>
 #include <span>
 #include <vector>
 
@@ -14,12 +15,19 @@
 #include "engine/atlas/handles.h"
 #include "engine/geometry/sim3.h"
 #include "hal/core/fixed_vector.h"
+#include "hal/core/memory_plan.h"
 #include "hal/core/slot_pool.h"
 #include "hal/core/time.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
 
+// Pools and what happens when they are full:
+//   keyframes, map points, maps   Add and Create return an invalid handle; the mapper makes room before it asks
+//                                 (engine/mapping/evictor.h) and counts what it could not have
+//   observations of a point       a further one is refused and counted (num_refused_observations)
+//   keyframe traces               AddKeyframe returns an invalid handle: ids are never used again within a run
+// A handle whose entity has gone is stale: Get* answers nullptr, and every other use stops the process, in every build.
 struct Observation {
   KeyframeHandle keyframe;
   std::int32_t feature_idx = -1;
@@ -41,6 +49,10 @@ struct MapPoint {
 };
 
 struct Keyframe {
+  Keyframe() = default;
+  Keyframe(int max_features, std::pmr::memory_resource* memory)
+      : features(max_features, memory), points(static_cast<std::size_t>(max_features), memory) {}
+
   KeyframeId id = 0;
   // Number of the run that made it. Frame index and time stamp are unique within one session only.
   std::uint32_t session = 0;
@@ -49,19 +61,25 @@ struct Keyframe {
   MapHandle map;
   SE3 cam_from_map;
   FrameFeatures features;
-  std::vector<MapPointHandle> points;  // one a feature, invalid where there is none
+  std::pmr::vector<MapPointHandle> points;  // one a feature, invalid where there is none
   int num_points = 0;
 };
 
 enum class MapStatus : std::uint8_t { kActive, kStored, kMerged, kDropped };
 
-// Stays in the table for the whole run; only active and stored maps hold keyframes.
+// Stays in the table when it is dropped or merged, until the table is full (ForgetMap); only active and stored maps
+// hold keyframes.
 struct Map {
+  Map() = default;
+  Map(int max_keyframes, std::pmr::memory_resource* memory) : keyframes(memory) {
+    keyframes.reserve(static_cast<std::size_t>(max_keyframes));
+  }
+
   MapId id = 0;
   MapStatus status = MapStatus::kActive;
   MapId merged_into = kNoId;
-  bool is_loaded = false;                 // came out of a file
-  std::vector<KeyframeHandle> keyframes;  // in order of insertion
+  bool is_loaded = false;                      // came out of a file
+  std::pmr::vector<KeyframeHandle> keyframes;  // in order of insertion
   int num_points = 0;
 };
 
@@ -104,7 +122,10 @@ class Atlas {
     std::uint32_t session = 0;
   };
 
-  explicit Atlas(const Capacity& capacity);
+  // Takes all its memory here.
+  explicit Atlas(const Capacity& capacity, std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+  // A line a pool; the sum is what construction takes from an arena.
+  static MemoryPlan PlanMemory(const Capacity& capacity);
 
   Capacity capacity() const;
   Counters counters() const { return {next_keyframe_id_, next_point_id_, next_map_id_, session_}; }
@@ -115,6 +136,8 @@ class Atlas {
   MapHandle CreateMap();
   // Removes all keyframes and points of the map; feature sets of its keyframes are appended to `released`.
   void DropMap(MapHandle map, std::vector<FeatureSetHandle>* released);
+  // Takes a map that was dropped or merged out of the table, so that another one can be made. Its id is not used again.
+  void ForgetMap(MapHandle map);
   Map& map(MapHandle handle) { return maps_.At(handle); }
   const Map& map(MapHandle handle) const { return maps_.At(handle); }
   const SlotPool<Map, MapTag>& maps() const { return maps_; }
@@ -200,14 +223,14 @@ class Atlas {
   SlotPool<Keyframe, KeyframeTag> keyframes_;
   SlotPool<MapPoint, MapPointTag> points_;
   SlotPool<Map, MapTag> maps_;
-  std::vector<KeyframeTrace> traces_;  // by keyframe id
+  std::pmr::vector<KeyframeTrace> traces_;  // by keyframe id
   int max_features_;
   KeyframeId next_keyframe_id_ = 0;
   std::uint32_t next_point_id_ = 0;
   MapId next_map_id_ = 0;
   std::uint32_t session_ = 0;
   std::uint64_t num_refused_observations_ = 0;
-  mutable std::vector<int> shared_counts_;  // workspace of FindCovisible, by keyframe slot
+  mutable std::pmr::vector<int> shared_counts_;  // workspace of FindCovisible, by keyframe slot
 };
 
 }  // namespace haustra

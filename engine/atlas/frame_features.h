@@ -3,10 +3,12 @@
 #pragma once
 
 #include <array>
+#include <memory_resource>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "hal/core/memory_arena.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
@@ -17,12 +19,17 @@ inline Eigen::Vector3d ToVector(const Bearing& b) { return Eigen::Vector3d(b[0],
 
 struct FrameFeatures {
   FrameFeatures() = default;
-  explicit FrameFeatures(int max_features) : keypoints(max_features), bearings(max_features) {}
+  explicit FrameFeatures(int max_features, std::pmr::memory_resource* memory = std::pmr::get_default_resource())
+      : keypoints(max_features, memory), bearings(max_features, memory) {}
+  // What one takes from its arena.
+  static std::size_t BytesFor(int max_features) {
+    return MemoryArena::BytesFor<Keypoint>(max_features) + MemoryArena::BytesFor<Bearing>(max_features);
+  }
 
   FeatureSetHandle set;
   std::int32_t num = 0;
-  std::vector<Keypoint> keypoints;  // [0, num)
-  std::vector<Bearing> bearings;    // [0, num), camera coordinates
+  std::pmr::vector<Keypoint> keypoints;  // [0, num)
+  std::pmr::vector<Bearing> bearings;    // [0, num), camera coordinates
 
   Eigen::Vector2d pixel(int i) const { return {keypoints[i].x_px, keypoints[i].y_px}; }
   Eigen::Vector3d bearing(int i) const { return ToVector(bearings[i]); }

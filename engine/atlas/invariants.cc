@@ -32,7 +32,7 @@ Status CheckPoint(const Atlas& atlas, MapPointHandle handle, const MapPoint& poi
 Status CheckKeyframe(const Atlas& atlas, KeyframeHandle handle, const Keyframe& keyframe) {
   const std::string name = "keyframe " + std::to_string(keyframe.id) + ": ";
   if (!atlas.maps().Contains(keyframe.map)) return Internal(name + "its map is gone");
-  const std::vector<KeyframeHandle>& list = atlas.map(keyframe.map).keyframes;
+  const auto& list = atlas.map(keyframe.map).keyframes;
   if (std::count(list.begin(), list.end(), handle) != 1) return Internal(name + "is not once in its map's list");
   int num_points = 0;
   for (int i = 0; i < keyframe.features.num; ++i) {

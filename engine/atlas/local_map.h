@@ -56,7 +56,10 @@ struct FoundFrame {
 
 struct LocalMap {
   LocalMap() = default;
-  explicit LocalMap(int max_points) : points(static_cast<std::size_t>(max_points)) {}
+  explicit LocalMap(int max_points, std::pmr::memory_resource* memory = std::pmr::get_default_resource())
+      : points(static_cast<std::size_t>(max_points), memory) {}
+  // What one takes from its arena.
+  static std::size_t BytesFor(int max_points) { return MemoryArena::BytesFor<LocalPoint>(max_points); }
 
   std::uint64_t version = 0;  // 0: nothing published yet
   MapId map_id = kNoId;
@@ -66,7 +69,7 @@ struct LocalMap {
   FoundFrame found_frame;                                    // the last one
   FixedVector<LocalKeyframe, kMaxLocalKeyframes> keyframes;  // the newest first
   int num_points = 0;
-  std::vector<LocalPoint> points;                     // [0, num_points), in order of handle.index
+  std::pmr::vector<LocalPoint> points;                // [0, num_points), in order of handle.index
   FixedVector<Reframing, kMaxReframings> reframings;  // the latest ones, oldest first
 
   // Position of the point in `points`, -1: not in this snapshot.

@@ -26,6 +26,8 @@ class AbsolutePoseRansac {
   };
 
   explicit AbsolutePoseRansac(int max_matches);
+  // Taken at construction.
+  static constexpr std::size_t kBytesPerMatch = sizeof(double) + sizeof(std::uint8_t);
 
   // bearings[i]         unit vector in the camera
   // points_in_world[i]  the point it may show, any unit

@@ -35,6 +35,8 @@ class TwoViewRansac {
   };
 
   explicit TwoViewRansac(int max_matches);
+  // Taken at construction.
+  static constexpr std::size_t kBytesPerMatch = 2 * sizeof(double) + sizeof(std::uint8_t) + sizeof(Eigen::Vector3d);
 
   // bearings_a[i], bearings_b[i]  unit vectors of one point in the two cameras
   // tolerance_rad[i]              smallest joint turn of both bearings (root of the sum of squares) that would make

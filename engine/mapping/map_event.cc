@@ -8,6 +8,7 @@ std::string_view ToString(MapEventKind kind) {
     case MapEventKind::kMapRefused: return "map_refused";
     case MapEventKind::kMapDropped: return "map_dropped";
     case MapEventKind::kMapStored: return "map_stored";
+    case MapEventKind::kMapEvicted: return "map_evicted";
     case MapEventKind::kMerged: return "merged";
     case MapEventKind::kLoopClosed: return "loop_closed";
     case MapEventKind::kMergeRejected: return "merge_rejected";

@@ -21,6 +21,7 @@ enum class MapEventKind : std::uint8_t {
   kMergeRejected,
   kFrameFound,     // a frame that tracking had lost, in the map named
   kFrameNotFound,  // a candidate for one that was turned down
+  kMapEvicted,     // a stored map that had to make room
 };
 
 std::string_view ToString(MapEventKind kind);

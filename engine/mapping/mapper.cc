@@ -14,8 +14,14 @@ namespace {
 constexpr int kFoundingIterations = 20;
 // A slice of bundle adjustment that leaves this much of the cost has little left to do.
 constexpr double kSettledShare = 0.995;
-constexpr std::size_t kMaxEvents = 1024;
-constexpr std::size_t kMaxLatePoses = 1024;
+
+// What the stages of mapping hold beside the atlas: marks and positions by slot, lists that grow to what a window
+// needs.
+constexpr std::size_t kWorkspacePerPoint = 24;
+constexpr std::size_t kWorkspacePerKeyframe = 256;
+constexpr std::size_t kWorkspacePerFeature = 4096;
+// Ceres, the windows and the founding bundles; the soak run shows the peak.
+constexpr std::size_t kSolverBytes = 96'000'000;
 
 Atlas::Capacity CapacityOf(const EngineConfig& config) {
   return {config.memory.max_keyframes, config.memory.max_map_points, config.memory.max_maps,
@@ -25,14 +31,14 @@ Atlas::Capacity CapacityOf(const EngineConfig& config) {
 }  // namespace
 
 Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-               const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary)
+               const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary, std::pmr::memory_resource* memory)
     : config_(config),
       camera_(camera),
       device_(device),
       link_(link),
       clock_(clock),
       is_time_boxed_(is_time_boxed && clock != nullptr),
-      atlas_(CapacityOf(config)),
+      atlas_(CapacityOf(config), memory),
       builder_(config.memory.max_keyframes, config.memory.max_map_points),
       creator_(config, camera, device),
       fuser_(config, camera, device),
@@ -42,14 +48,38 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       relocaliser_(config, config.place.relocalisation, config.place.retrieval, camera, device, *retrieval_),
       recogniser_(config, config.place, camera, device, *retrieval_),
       merger_(config, config.merging, camera, device),
-      events_(kMaxEvents),
-      late_poses_(kMaxLatePoses),
+      evictor_(
+          config, atlas_, *retrieval_, [this](FeatureSetHandle set) { Retire(set); },
+          [this](MapHandle map) { ReportEviction(map); }),
+      events_(static_cast<std::size_t>(config.memory.max_map_events), memory),
+      late_poses_(static_cast<std::size_t>(config.memory.max_late_poses), memory),
       is_candidate_(static_cast<std::size_t>(config.memory.max_map_points), 0) {}
+
+MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
+  const auto num_events = static_cast<std::size_t>(config.memory.max_map_events);
+  const auto num_poses = static_cast<std::size_t>(config.memory.max_late_poses);
+  const auto num_keyframes = static_cast<std::size_t>(config.memory.max_keyframes);
+  MemoryPlan plan = Atlas::PlanMemory(CapacityOf(config));
+  plan.Add(MemoryPlace::kHostArena, "map events", num_events, decltype(events_)::BytesFor(num_events),
+           "memory.max_map_events");
+  plan.Add(MemoryPlace::kHostArena, "late poses", num_poses, decltype(late_poses_)::BytesFor(num_poses),
+           "memory.max_late_poses");
+  plan.Add(MemoryPlace::kHost, "retrieval", num_keyframes, RetrievalBytes(config),
+           "memory.max_keyframes x retrieval.max_descriptors");
+  plan.Add(MemoryPlace::kHost, "mapping workspace", 1,
+           static_cast<std::uint64_t>(config.memory.max_map_points) * kWorkspacePerPoint +
+               num_keyframes * kWorkspacePerKeyframe +
+               static_cast<std::uint64_t>(config.features.max) * kWorkspacePerFeature,
+           "memory.max_map_points, memory.max_keyframes, features.max; at most");
+  plan.Add(MemoryPlace::kHost, "solver", 1, kSolverBytes, "mapping.window_keyframes; measured bound");
+  return plan;
+}
 
 bool Mapper::Step() {
   ReleaseRetired();
   const KeyframeProposal* proposal = link_.proposals.Front();
   if (proposal == nullptr) return Settle();
+  current_view_ = &proposal->view;
   switch (proposal->kind) {
     case ProposalKind::kKeyframe: InsertKeyframe(*proposal); break;
     case ProposalKind::kFounding: FoundMap(*proposal); break;
@@ -81,8 +111,14 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
   }
   RetireActiveMap(proposal.view);
   settling_rounds_ = 0;
-  active_ = atlas_.CreateMap();
+  active_ = MapHandle{};
+  newest_ = KeyframeHandle{};
+  // Whatever else is missing is seen below.
+  (void)evictor_.MakeKeyframeRoom(2, newest_);
+  (void)evictor_.MakePointRoom(proposal.num_pairs, newest_);
+  if (evictor_.MakeMapRoom()) active_ = atlas_.CreateMap();
   if (!active_) {
+    ++counters_.num_maps_refused;
     RefuseFounding(proposal);
     return;
   }
@@ -99,7 +135,7 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
   newest_ =
       atlas_.AddKeyframe(active_, proposal.view.frame_index, proposal.view.timestamp, second, proposal.view.features);
   if (!reference || !newest_) {
-    ++counters_.num_keyframes_refused;
+    CountRefusedKeyframe();
     std::vector<FeatureSetHandle> sets;
     atlas_.DropMap(active_, &sets);
     active_ = MapHandle{};
@@ -279,10 +315,12 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
     return;
   }
   const TimePoint start = Now();
+  (void)evictor_.MakeKeyframeRoom(1, newest_);
+  (void)evictor_.MakePointRoom(config_.features.max, newest_);
   const KeyframeHandle handle = atlas_.AddKeyframe(active_, proposal.view.frame_index, proposal.view.timestamp,
                                                    cam_from_map, proposal.view.features);
   if (!handle) {
-    ++counters_.num_keyframes_refused;
+    CountRefusedKeyframe();
     Retire(proposal.view.features.set);
     return;
   }
@@ -374,7 +412,7 @@ void Mapper::CullPoints() {
 
 void Mapper::CullKeyframes(KeyframeHandle newest) {
   atlas_.FindCovisible(newest, config_.mapping.min_shared_points, &covisible_);
-  const std::vector<KeyframeHandle>& all = atlas_.map(active_).keyframes;
+  const auto& all = atlas_.map(active_).keyframes;
   for (const Covisible& covisible : covisible_) {
     // The first keyframe holds the frame of reference, the last but one is what the tracker came from.
     if (covisible.keyframe == all.front() || all.size() < 4 || covisible.keyframe == all[all.size() - 2]) continue;
@@ -504,7 +542,7 @@ void Mapper::Reframe(const Reframing& reframing) {
     reframings_.SwapErase(reframings_.size() - 1);
   }
   HAUSTRA_CHECK(reframings_.PushBack(reframing));
-  reframings_[reframings_.size() - 1].sequence = ++num_reframings_;
+  reframings_[reframings_.size() - 1].sequence = ++counters_.num_reframings;
 }
 
 // After a join, when there is nothing else to do: what the seam made known spreads over the map around it, a slice of
@@ -532,6 +570,12 @@ bool Mapper::Settle() {
   return true;
 }
 
+PoolUse Mapper::pool_use() const {
+  return {keyframes_in_use_.load(std::memory_order_relaxed), points_in_use_.load(std::memory_order_relaxed),
+          maps_in_use_.load(std::memory_order_relaxed), ids_in_use_.load(std::memory_order_relaxed),
+          static_cast<std::uint32_t>(device_.num_free_feature_sets())};
+}
+
 void Mapper::Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal) {
   LocalMap& snapshot = link_.snapshots.WriteSlot();
   snapshot.version = ++version_;
@@ -548,6 +592,10 @@ void Mapper::Publish(std::uint64_t founding_proposal, std::uint64_t refused_prop
     snapshot.num_points = 0;
   }
   link_.snapshots.Publish();
+  keyframes_in_use_.store(atlas_.keyframes().size(), std::memory_order_relaxed);
+  points_in_use_.store(atlas_.points().size(), std::memory_order_relaxed);
+  maps_in_use_.store(atlas_.maps().size(), std::memory_order_relaxed);
+  ids_in_use_.store(atlas_.num_keyframe_ids(), std::memory_order_relaxed);
 }
 
 void Mapper::ReleaseRetired() {
@@ -562,6 +610,15 @@ void Mapper::ReleaseRetired() {
   }
   retired_.resize(kept);
 }
+
+void Mapper::CountRefusedKeyframe() {
+  ++counters_.num_keyframes_refused;
+  if (atlas_.num_keyframe_ids() >= static_cast<KeyframeId>(atlas_.capacity().max_keyframe_ids)) {
+    ++counters_.num_keyframe_ids_refused;
+  }
+}
+
+void Mapper::ReportEviction(MapHandle map) { Report(MapEventKind::kMapEvicted, *current_view_, map); }
 
 void Mapper::Report(MapEventKind kind, const ProposedView& view, MapHandle map) {
   MapEvent event;

@@ -1,11 +1,14 @@
 // The one writer of the atlas (system.md 7): takes proposals from the tracker, founds maps, inserts keyframes, makes,
 // joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal
 // that changed something. Looks for lost frames in all maps and makes the map that shows one the active one.
+// Full pools: evictor.h; full rings: the newest event, late pose or proposal is lost and counted by its ring.
 // thread-bound(mapping). Uses the heap (Ceres), inside bounds set by the window.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
+#include <memory_resource>
 #include <vector>
 
 #include "engine/atlas/atlas.h"
@@ -14,6 +17,7 @@
 #include "engine/config.h"
 #include "engine/io/byte_sink.h"
 #include "engine/io/saved_atlas.h"
+#include "engine/mapping/evictor.h"
 #include "engine/mapping/late_placement.h"
 #include "engine/mapping/local_bundle.h"
 #include "engine/mapping/map_event.h"
@@ -33,15 +37,27 @@ namespace haustra {
 struct MapperCounters {
   std::uint64_t num_keyframes = 0;
   std::uint64_t num_keyframes_culled = 0;
-  std::uint64_t num_keyframes_refused = 0;  // pool full
+  std::uint64_t num_keyframes_refused = 0;     // pool full, and nothing in it might go
+  std::uint64_t num_keyframe_ids_refused = 0;  // of these, because all ids had been given
+  std::uint64_t num_maps_refused = 0;          // foundings for which the table of maps had no room
   std::uint64_t num_points_created = 0;
   std::uint64_t num_points_culled = 0;
   std::uint64_t num_points_fused = 0;
   std::uint64_t num_foundings_refused = 0;
-  std::uint64_t num_placeless = 0;  // frames without a pose whose place was looked for
+  std::uint64_t num_placeless = 0;   // frames without a pose whose place was looked for
+  std::uint64_t num_reframings = 0;  // times that a map was moved: the epoch of what is published
   // Time spent, for the stage table; only measured when a clock is given.
   Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, place_time{0}, merge_time{0};
   Duration relocalisation_time{0}, settle_time{0};
+};
+
+// How many entries of each pool are in use.
+struct PoolUse {
+  std::uint32_t keyframes = 0;
+  std::uint32_t map_points = 0;
+  std::uint32_t maps = 0;
+  std::uint32_t keyframe_ids = 0;
+  std::uint32_t free_feature_sets = 0;
 };
 
 class Mapper {
@@ -49,7 +65,10 @@ class Mapper {
   // `vocabulary` may be null unless config.place.retrieval asks for one (make_retrieval.h); it outlives the mapper.
   // `clock` may be null: then nothing is timed and bundle adjustment is bounded by iterations alone (sequential mode).
   Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-         const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary);
+         const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary,
+         std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+  // Lines of the atlas and the rings, which are taken from `memory`, and of what mapping keeps on the heap.
+  static MemoryPlan PlanMemory(const EngineConfig& config);
 
   // Works on the oldest proposal. False when there is none.
   bool Step();
@@ -62,6 +81,9 @@ class Mapper {
 
   const Atlas& atlas() const { return atlas_; }
   const MapperCounters& counters() const { return counters_; }
+  // As of the last snapshot. thread-safe; each figure for itself.
+  PoolUse pool_use() const;
+  const EvictionCounters& evictions() const { return evictor_.counters(); }
   // Events since the last call, oldest first; the same thread as Step, or after the mapping thread has ended.
   SpscRing<MapEvent>& events() { return events_; }
   // Poses of frames that were answered before their map stood; read like events.
@@ -88,6 +110,8 @@ class Mapper {
   void Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal);
   void Retire(FeatureSetHandle set) { retired_.push_back({version_ + 1, set}); }
   void ReleaseRetired();
+  void CountRefusedKeyframe();
+  void ReportEviction(MapHandle map);
   void Report(MapEventKind kind, const ProposedView& view, MapHandle map);
   TimePoint Now() const { return clock_ == nullptr ? TimePoint{} : clock_->Now(); }
 
@@ -107,18 +131,24 @@ class Mapper {
   Relocaliser relocaliser_;
   PlaceRecogniser recogniser_;
   Merger merger_;
+  Evictor evictor_;
   SpscRing<MapEvent> events_;
   SpscRing<LatePose> late_poses_;
   MapperCounters counters_;
+
+  std::atomic<std::uint32_t> keyframes_in_use_{0};
+  std::atomic<std::uint32_t> points_in_use_{0};
+  std::atomic<std::uint32_t> maps_in_use_{0};
+  std::atomic<std::uint32_t> ids_in_use_{0};
 
   MapHandle active_;
   KeyframeHandle newest_;
   std::uint64_t version_ = 0;
   std::uint64_t founding_proposal_ = 0;
   FixedVector<Reframing, kMaxReframings> reframings_;  // the latest ones, oldest first
-  std::uint64_t num_reframings_ = 0;
-  int settling_rounds_ = 0;  // left after the last join
+  int settling_rounds_ = 0;                            // left after the last join
   FoundFrame found_frame_;
+  const ProposedView* current_view_ = nullptr;  // of the proposal being worked on
   CommonArea area_;
   PlaceReport place_report_;
   std::vector<RelocalisationCounts> relocalisations_tried_;

@@ -68,7 +68,8 @@ void Merger::Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimeP
   const MapHandle older = a_is_older ? map_a : map_b;
   const MapHandle younger = a_is_older ? map_b : map_a;
   outcome->absorbed_map_id = atlas->map(younger).id;
-  moved_ = atlas->map(younger).keyframes;
+  const auto& younger_keyframes = atlas->map(younger).keyframes;
+  moved_.assign(younger_keyframes.begin(), younger_keyframes.end());
   atlas->TransformMap(younger, a_is_older ? plan.b_from_a.Inverse() : plan.b_from_a);
   // Covisibility before fusion: the graph holds the younger map together, the weld ties it to the older one.
   graph_.Capture(*atlas, moved_);
@@ -110,7 +111,8 @@ void Merger::Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimeP
 }
 
 void Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome) {
-  moved_ = atlas->map(atlas->keyframe(plan.keyframe_a).map).keyframes;
+  const auto& all = atlas->map(atlas->keyframe(plan.keyframe_a).map).keyframes;
+  moved_.assign(all.begin(), all.end());
   graph_.Capture(*atlas, moved_);
   for (const KeyframeHandle handle : window_a_) graph_.SetCorrection(handle, plan.b_from_a, false);
   // A keyframe in both windows stands where the map stood.

@@ -13,6 +13,13 @@ ExhaustiveRetrieval::ExhaustiveRetrieval(const EngineConfig& config, const Retri
   for (Slot& slot : slots_) slot.matches.resize(static_cast<std::size_t>(retrieval.max_descriptors));
 }
 
+std::size_t ExhaustiveRetrieval::BytesFor(const EngineConfig& config) {
+  const auto num_keyframes = static_cast<std::size_t>(config.memory.max_keyframes);
+  const auto num_descriptors = static_cast<std::size_t>(config.place.retrieval.max_descriptors);
+  return num_keyframes * (sizeof(Entry) + sizeof(std::size_t) + num_descriptors * sizeof(std::int32_t)) +
+         kBatch * (sizeof(Slot) + num_descriptors * sizeof(Match));
+}
+
 Status ExhaustiveRetrieval::Add(const Atlas& atlas, KeyframeHandle keyframe) {
   if (atlas.GetKeyframe(keyframe) == nullptr) return InvalidArgument("retrieval: the keyframe is not in the atlas");
   if (entries_.size() >= static_cast<std::size_t>(config_.memory.max_keyframes)) {

@@ -17,6 +17,9 @@ class ExhaustiveRetrieval final : public KeyframeRetrieval {
   // The configurations and the device outlive it. `memory` gives the number of keyframes.
   ExhaustiveRetrieval(const EngineConfig& config, const RetrievalConfig& retrieval, VisionDevice& device);
 
+  // At most, when all keyframes are there.
+  static std::size_t BytesFor(const EngineConfig& config);
+
   Status Add(const Atlas& atlas, KeyframeHandle keyframe) override;
   void Remove(KeyframeHandle keyframe) override;
   Status Query(const Atlas& atlas, const RetrievalQuery& query, std::vector<RetrievalCandidate>* out) override;

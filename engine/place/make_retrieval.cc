@@ -17,6 +17,11 @@ std::unique_ptr<KeyframeRetrieval> MakeRetrieval(const EngineConfig& config, Vis
   return std::make_unique<VocabularyRetrieval>(config, retrieval, device, *vocabulary);
 }
 
+std::size_t RetrievalBytes(const EngineConfig& config) {
+  return NeedsVocabulary(config.place.retrieval) ? VocabularyRetrieval::BytesFor(config)
+                                                 : ExhaustiveRetrieval::BytesFor(config);
+}
+
 Status CheckVocabulary(const EngineConfig& config, const Vocabulary& vocabulary) {
   const auto name = [](bool root_sift) { return std::string(root_sift ? "RootSIFT" : "SIFT"); };
   if (vocabulary.tree().root_sift != config.features.root_sift) {

@@ -14,6 +14,9 @@ namespace haustra {
 std::unique_ptr<KeyframeRetrieval> MakeRetrieval(const EngineConfig& config, VisionDevice& device,
                                                  const Vocabulary* vocabulary);
 
+// What it will hold on the heap, at most; the vocabulary itself is not counted.
+std::size_t RetrievalBytes(const EngineConfig& config);
+
 bool NeedsVocabulary(const RetrievalConfig& retrieval);
 
 // kFailedPrecondition: made for descriptors of another kind than features.root_sift says.

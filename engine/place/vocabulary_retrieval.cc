@@ -24,6 +24,15 @@ VocabularyRetrieval::VocabularyRetrieval(const EngineConfig& config, const Retri
   bag_.reserve(max_words_);
 }
 
+std::size_t VocabularyRetrieval::BytesFor(const EngineConfig& config) {
+  const auto num_keyframes = static_cast<std::size_t>(config.memory.max_keyframes);
+  const auto num_features = static_cast<std::size_t>(config.features.max);
+  const auto num_words = std::min(static_cast<std::size_t>(config.place.retrieval.max_descriptors), num_features);
+  return num_keyframes * (sizeof(Slot) + num_words * sizeof(Entry) + sizeof(std::uint32_t) + sizeof(std::int32_t)) +
+         num_features * (kDescriptorBytes + sizeof(std::int32_t)) +
+         num_words * (sizeof(std::int32_t) + sizeof(WordShare));
+}
+
 Status VocabularyRetrieval::FindWords(FeatureSetHandle set, std::span<const std::int32_t> features) {
   bag_.clear();
   words_.clear();

@@ -27,6 +27,9 @@ class VocabularyRetrieval final : public KeyframeRetrieval {
   VocabularyRetrieval(const EngineConfig& config, const RetrievalConfig& retrieval, VisionDevice& device,
                       const Vocabulary& vocabulary);
 
+  // Taken at construction, but for a word's first entry (4 bytes a word of the vocabulary).
+  static std::size_t BytesFor(const EngineConfig& config);
+
   // The words are those of the keyframe's strongest features, with or without a map point; read from the device here,
   // once. kCapacityExceeded: as many keyframes as there is room for. Errors of the device: the keyframe is not added.
   Status Add(const Atlas& atlas, KeyframeHandle keyframe) override;

@@ -16,6 +16,7 @@ std::string_view ToString(TrackingReason reason) {
     case TrackingReason::kTracked: return "tracked";
     case TrackingReason::kRecovered: return "recovered";
     case TrackingReason::kRelocalised: return "relocalised";
+    case TrackingReason::kPredicted: return "predicted";
     case TrackingReason::kDamagedFrame: return "damaged_frame";
     case TrackingReason::kFewFeatures: return "few_features";
     case TrackingReason::kFewMatches: return "few_matches";
@@ -28,6 +29,7 @@ std::string_view ToString(TrackingReason reason) {
     case TrackingReason::kLowSpread: return "low_spread";
     case TrackingReason::kMapProposed: return "map_proposed";
     case TrackingReason::kAwaitingMap: return "awaiting_map";
+    case TrackingReason::kNoTime: return "no_time";
   }
   return "unknown";
 }

@@ -6,6 +6,7 @@
 
 #include "engine/atlas/handles.h"
 #include "engine/geometry/se3.h"
+#include "engine/scheduler/frame_budget.h"
 #include "hal/core/time.h"
 
 namespace haustra {
@@ -17,6 +18,7 @@ enum class TrackingReason : std::uint8_t {
   kTracked,             // guided search around the prediction
   kRecovered,           // brute force against the local map while tracking
   kRelocalised,         // brute force against the last map after a loss
+  kPredicted,           // not measured: there was no time, and the scope is taken to keep its course
   kDamagedFrame,        // the frame could not be read or extracted
   kFewFeatures,         // the picture shows too little (occlusion, blur)
   kFewMatches,          // hardly anything of the map was found
@@ -29,6 +31,7 @@ enum class TrackingReason : std::uint8_t {
   kLowSpread,           // initialisation: the points cover too little of the image
   kMapProposed,         // initialisation: two views were handed to the mapper
   kAwaitingMap,         // initialisation: the mapper has not answered yet
+  kNoTime,              // the deadline left no time to look
 };
 
 std::string_view ToString(TrackingState state);
@@ -42,6 +45,8 @@ struct FrameResult {
   // While tracking: pose in the map that is active now, and relative to a keyframe, so that the final pose can be had
   // from Engine::Resolve when the map has been optimised, merged or moved since.
   MapId map_id = kNoId;
+  // Reframings (local_map.h) so far. Two poses compare only when map and epoch agree.
+  std::uint64_t map_epoch = 0;
   SE3 cam_from_map;
   KeyframeId reference_keyframe = kNoId;
   SE3 cam_from_reference;
@@ -52,6 +57,10 @@ struct FrameResult {
   int num_expected = 0;     // established points of the map that should have been seen
   int num_established = 0;  // those that were
   bool is_keyframe = false;
+  // Real-time mode: how far down the ladder the frame went to keep its deadline, and what its stages took (0 without a
+  // clock).
+  Rung rung = Rung::kFull;
+  StageTimes times{};
 };
 
 }  // namespace haustra

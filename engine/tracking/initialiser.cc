@@ -6,6 +6,7 @@
 
 #include "engine/geometry/ellipse_spread.h"
 #include "engine/geometry/rotation_fit.h"
+#include "engine/tracking/reserve_touched.h"
 
 namespace haustra {
 namespace {
@@ -17,25 +18,32 @@ constexpr double kMinPointParallax = 0.15 * kDegree;
 
 }  // namespace
 
-Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device,
-                         double scene_share)
+Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, LaneWait& lane,
+                         double scene_share, std::pmr::memory_resource* memory)
     : config_(config),
       camera_(camera),
       device_(device),
+      lane_(lane),
+      window_{static_cast<float>(config.initialisation.max_disparity_x_px),
+              static_cast<float>(config.initialisation.max_disparity_y_px)},
       scene_share_(scene_share),
       ransac_(config.features.max),
       rng_(config.seed, 1),
-      reference_(config.features.max),
-      pairs_(static_cast<std::size_t>(config.features.max)),
-      between_(static_cast<std::size_t>(config.initialisation.max_reference_age_frames),
-               ProposedView(config.features.max)),
+      reference_(config.features.max, memory),
+      pairs_(static_cast<std::size_t>(config.features.max), memory),
+      between_(MakeViews(config.initialisation.max_reference_age_frames, config.features.max, memory)),
       matches_(static_cast<std::size_t>(config.features.max)) {
-  bearings_a_.reserve(matches_.size());
-  bearings_b_.reserve(matches_.size());
-  tolerance_.reserve(matches_.size());
-  parallax_.reserve(matches_.size());
-  residual_.reserve(matches_.size());
-  pixels_.reserve(matches_.size());
+  ReserveTouched(&bearings_a_, matches_.size());
+  ReserveTouched(&bearings_b_, matches_.size());
+  ReserveTouched(&tolerance_, matches_.size());
+  ReserveTouched(&parallax_, matches_.size());
+  ReserveTouched(&residual_, matches_.size());
+  ReserveTouched(&pixels_, matches_.size());
+}
+
+std::size_t Initialiser::BytesFor(int max_features, int max_between) {
+  return FrameFeatures::BytesFor(max_features) + MemoryArena::BytesFor<FoundingPair>(max_features) +
+         BytesForViews(max_between, max_features);
 }
 
 void Initialiser::Reset() {
@@ -81,17 +89,15 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
   const InitialisationConfig& options = config_.initialisation;
   num_matches_ = num_inliers_ = num_pairs_ = 0;
 
-  const DisparityWindow window{static_cast<float>(options.max_disparity_x_px),
-                               static_cast<float>(options.max_disparity_y_px)};
   MatchRequest request;
   request.query = DescriptorList::Whole(reference_.features.set);
   request.train = DescriptorList::Whole(view.features.set);
   request.options = {static_cast<float>(config_.matching.min_similarity), static_cast<float>(options.brute_force_ratio),
                      true};
-  request.disparity = &window;
+  request.disparity = &window_;
   request.matches = matches_;
   request.num_matches = &num_matches_;
-  if (!MatchAndWait(device_, Lane::kTracking, request, deadline).ok()) return TrackingReason::kFewMatches;
+  if (!lane_.Match(request, deadline).ok()) return TrackingReason::kFewMatches;
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
   if (view.frame_index - reference_.frame_index > static_cast<std::uint32_t>(options.max_reference_age_frames)) {
     return TrackingReason::kFewMatches;

@@ -11,6 +11,7 @@
 #include "engine/config.h"
 #include "engine/geometry/rng.h"
 #include "engine/geometry/two_view.h"
+#include "engine/scheduler/lane_wait.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/keyframe_proposal.h"
 #include "hal/vision_device.h"
@@ -21,7 +22,11 @@ class Initialiser {
  public:
   // scene_share: part of the image's area inside the scope's window, (0, 1]: spread is measured against what can be
   // seen.
-  Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, double scene_share);
+  // `lane` outlives this. What goes into proposals is taken from `memory`, which must be that of the proposals.
+  Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, LaneWait& lane,
+              double scene_share, std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+  // What construction takes from an arena.
+  static std::size_t BytesFor(int max_features, int max_between);
 
   // Forgets the reference view.
   void Reset();
@@ -30,7 +35,8 @@ class Initialiser {
   // Takes the view as the new reference, with its feature set.
   void SetReference(const ProposedView& view);
 
-  // Compares the view with the reference. kMapProposed: MoveInto() gives what founds the map.
+  // Compares the view with the reference; means nothing when the lane has a request pending afterwards: then there was
+  // no time. kMapProposed: MoveInto() gives what founds the map.
   TrackingReason Try(const ProposedView& view, TimePoint deadline);
   // After Try: the reference has little in common with what is seen now, or is too old; the caller should renew it.
   bool is_worn_out() const { return is_worn_out_; }
@@ -50,6 +56,8 @@ class Initialiser {
   const EngineConfig& config_;
   const CameraModel& camera_;
   VisionDevice& device_;
+  LaneWait& lane_;
+  const DisparityWindow window_;
   const double scene_share_;
   TrackingReason Compare(const ProposedView& view, TimePoint deadline);
 
@@ -63,9 +71,9 @@ class Initialiser {
   int num_matches_ = 0;
   int num_inliers_ = 0;
   std::int32_t num_pairs_ = 0;
-  std::vector<FoundingPair> pairs_;
+  std::pmr::vector<FoundingPair> pairs_;
   std::size_t num_between_ = 0;
-  std::vector<ProposedView> between_;
+  std::pmr::vector<ProposedView> between_;
   std::vector<Match> matches_;
   std::vector<Eigen::Vector3d> bearings_a_;
   std::vector<Eigen::Vector3d> bearings_b_;

@@ -4,6 +4,18 @@
 
 namespace haustra {
 
+std::pmr::vector<ProposedView> MakeViews(int count, int max_features, std::pmr::memory_resource* memory) {
+  std::pmr::vector<ProposedView> views(memory);
+  views.reserve(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) views.emplace_back(max_features, memory);
+  return views;
+}
+
+std::size_t BytesForViews(int count, int max_features) {
+  return MemoryArena::BytesFor<ProposedView>(static_cast<std::size_t>(count)) +
+         static_cast<std::size_t>(count) * FrameFeatures::BytesFor(max_features);
+}
+
 void CopyView(const ProposedView& from, ProposedView* to) {
   to->frame_index = from.frame_index;
   to->timestamp = from.timestamp;

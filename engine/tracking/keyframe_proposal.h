@@ -22,12 +22,17 @@ struct FoundingPair {
 
 struct ProposedView {
   ProposedView() = default;
-  explicit ProposedView(int max_features) : features(max_features) {}
+  explicit ProposedView(int max_features, std::pmr::memory_resource* memory = std::pmr::get_default_resource())
+      : features(max_features, memory) {}
 
   std::uint32_t frame_index = 0;
   TimePoint timestamp;
   FrameFeatures features;
 };
+
+// `count` views in one block, each with room for `max_features`.
+std::pmr::vector<ProposedView> MakeViews(int count, int max_features, std::pmr::memory_resource* memory);
+std::size_t BytesForViews(int count, int max_features);
 
 // Copies frame number, time, feature set and features into a view of the same capacity; allocates nothing.
 void CopyView(const ProposedView& from, ProposedView* to);
@@ -41,12 +46,18 @@ enum class ProposalKind : std::uint8_t {
 struct KeyframeProposal {
   KeyframeProposal() = default;
   // max_between: frames between the views of a founding that can be carried.
-  KeyframeProposal(int max_features, int max_between)
-      : view(max_features),
-        points(static_cast<std::size_t>(max_features)),
-        reference(max_features),
-        pairs(static_cast<std::size_t>(max_features)),
-        between(static_cast<std::size_t>(max_between), ProposedView(max_features)) {}
+  KeyframeProposal(int max_features, int max_between,
+                   std::pmr::memory_resource* memory = std::pmr::get_default_resource())
+      : view(max_features, memory),
+        points(static_cast<std::size_t>(max_features), memory),
+        reference(max_features, memory),
+        pairs(static_cast<std::size_t>(max_features), memory),
+        between(MakeViews(max_between, max_features, memory)) {}
+  // What one takes from its arena.
+  static std::size_t BytesFor(int max_features, int max_between) {
+    return MemoryArena::BytesFor<MapPointHandle>(max_features) + MemoryArena::BytesFor<FoundingPair>(max_features) +
+           2 * FrameFeatures::BytesFor(max_features) + BytesForViews(max_between, max_features);
+  }
 
   ProposalKind kind = ProposalKind::kKeyframe;
   ProposedView view;
@@ -55,18 +66,18 @@ struct KeyframeProposal {
   // A keyframe of an existing map: its pose and the points that its features were found to show.
   MapId map_id = kNoId;
   SE3 cam_from_map;
-  std::uint64_t reframing_done = 0;    // the last reframing (local_map.h) that the pose has been through
-  std::vector<MapPointHandle> points;  // [0, view.features.num)
+  std::uint64_t reframing_done = 0;         // the last reframing (local_map.h) that the pose has been through
+  std::pmr::vector<MapPointHandle> points;  // [0, view.features.num)
 
   // A new map: the other view, the motion between them with a baseline of one, and the triangulated pairs.
   std::uint64_t founding_id = 0;
   ProposedView reference;
   SE3 cam_from_reference;
   std::int32_t num_pairs = 0;
-  std::vector<FoundingPair> pairs;
+  std::pmr::vector<FoundingPair> pairs;
   // The frames between the two views, oldest first: they are placed when the map stands.
   std::int32_t num_between = 0;
-  std::vector<ProposedView> between;
+  std::pmr::vector<ProposedView> between;
 };
 
 }  // namespace haustra

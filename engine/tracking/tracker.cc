@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "engine/tracking/reserve_touched.h"
+
 namespace haustra {
 namespace {
 
@@ -27,35 +29,73 @@ constexpr int kMaxPredictedFrames = 3;
 }  // namespace
 
 Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-                 double scene_share)
+                 const Clock* clock, double scene_share, std::pmr::memory_resource* memory)
     : config_(config),
       camera_(camera),
       device_(device),
       link_(link),
-      initialiser_(config, camera, device, scene_share),
+      budget_(config.scheduler, clock),
+      lane_(device),
+      initialiser_(config, camera, device, lane_, scene_share, memory),
       absolute_pose_(config.features.max),
       rng_(config.seed, 2),
-      current_(config.features.max),
-      last_(config.features.max) {
+      current_(config.features.max, memory),
+      last_(config.features.max, memory) {
   const auto num_features = static_cast<std::size_t>(config.features.max);
   const auto num_points = static_cast<std::size_t>(config.memory.max_local_points);
-  matches_.reserve(num_features);
-  last_matches_.reserve(num_features);
-  queries_.reserve(num_points);
-  query_points_.reserve(num_points);
+  ReserveTouched(&matches_, num_features);
+  ReserveTouched(&last_matches_, num_features);
+  ReserveTouched(&queries_, std::max(num_points, num_features));
+  ReserveTouched(&query_points_, std::max(num_points, num_features));
   found_.resize(std::max(num_points, num_features));
   allowed_.resize(num_features);
   is_matched_point_.resize(num_points);
-  observations_.reserve(num_features);
+  ReserveTouched(&observations_, num_features);
   inliers_.resize(num_features);
-  refs_.reserve(num_points);
-  bearings_.reserve(num_features);
-  points_.reserve(num_features);
-  tolerance_.reserve(num_features);
-  depths_.reserve(num_features);
+  ReserveTouched(&refs_, num_points);
+  ReserveTouched(&bearings_, num_features);
+  ReserveTouched(&points_, num_features);
+  ReserveTouched(&tolerance_, num_features);
+  ReserveTouched(&depths_, num_features);
+}
+
+MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
+  const auto features = static_cast<std::size_t>(config.features.max);
+  const auto points = static_cast<std::size_t>(config.memory.max_local_points);
+  const std::size_t views = 2 * FrameFeatures::BytesFor(config.features.max) +
+                            Initialiser::BytesFor(config.features.max, config.initialisation.max_reference_age_frames);
+  // matches_, last_matches_, allowed_, observations_, inliers_, bearings_, points_, tolerance_, depths_; the robust
+  // estimators and what is compared in the initialiser.
+  const std::size_t of_feature = sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
+                                 2 * sizeof(Eigen::Vector3d) + 2 * sizeof(double) + AbsolutePoseRansac::kBytesPerMatch +
+                                 TwoViewRansac::kBytesPerMatch + sizeof(Match) + 2 * sizeof(Eigen::Vector3d) +
+                                 3 * sizeof(double) + sizeof(Eigen::Vector2d);
+  const std::size_t longest = std::max(features, points);
+  const std::size_t workspace = features * of_feature + points * (1 + sizeof(DescriptorRef)) +
+                                longest * (sizeof(GuidedQuery) + sizeof(std::int32_t) + sizeof(Match));
+  MemoryPlan plan;
+  plan.Add(MemoryPlace::kHostArena, "frames of tracking",
+           static_cast<std::uint64_t>(3 + config.initialisation.max_reference_age_frames), views,
+           "features.max x initialisation.max_reference_age_frames");
+  plan.Add(MemoryPlace::kHost, "tracking workspace", 1, workspace, "features.max, memory.max_local_points");
+  return plan;
+}
+
+MemoryPlan TrackingLink::PlanMemory(int num_proposals, int max_features, int max_between, int max_local_points) {
+  const auto ring = static_cast<std::size_t>(num_proposals);
+  MemoryPlan plan;
+  plan.Add(MemoryPlace::kHostArena, "proposals", ring,
+           decltype(proposals)::BytesFor(ring) +
+               decltype(proposals)::NumSlots(ring) * KeyframeProposal::BytesFor(max_features, max_between),
+           "memory.max_proposals x features.max x initialisation.max_reference_age_frames");
+  plan.Add(MemoryPlace::kHostArena, "snapshots", decltype(snapshots)::kNumSlots,
+           decltype(snapshots)::BytesFor() + decltype(snapshots)::kNumSlots * LocalMap::BytesFor(max_local_points),
+           "memory.max_local_points");
+  return plan;
 }
 
 Tracker::~Tracker() {
+  lane_.Drain(kNoDeadline);
   initialiser_.Reset();
   if (owns_last_set_) device_.ReleaseFeatureSet(last_.set);
 }
@@ -73,52 +113,71 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   FrameResult result;
   result.frame_index = frame.index;
   result.timestamp = frame.timestamp;
-  ReadSnapshot();
-  matches_.clear();
-  if (!Extract(frame, deadline)) {
-    SetLost();
-    result.reason = TrackingReason::kDamagedFrame;
-  } else if (current_.features.num < kMinFeatures) {
-    SetLost();
-    result.reason = TrackingReason::kFewFeatures;
-  } else if (state_ == TrackingState::kTracking) {
-    TrackMap(deadline, &result);
+  budget_.BeginFrame(deadline, state_ == TrackingState::kTracking);
+  has_no_time_ = !lane_.Drain(budget_.wait_deadline());
+  current_.frame_index = frame.index;
+  current_.features.set = FeatureSetHandle{};
+  current_.features.num = 0;
+  if (!has_no_time_) Measure(frame, &result);
+  has_no_time_ = has_no_time_ || lane_.has_pending();
+  result.num_features = current_.features.num;
+  if (has_no_time_) {
+    AnswerWithoutMeasurement(&result);
+    EndUnmeasuredFrame();
   } else {
-    FindMap(deadline, &result);
+    num_predicted_ = 0;
+    if (state_ == TrackingState::kTracking) {
+      FillPose(&result);
+      if (IsClearView()) {
+        LearnUsualShare();
+        num_unclear_ = 0;
+        ConsiderKeyframe(&result);
+      }
+    }
+    EndFrame();
   }
   result.state = state_;
-  result.num_features = current_.features.num;
-  if (state_ == TrackingState::kTracking) {
-    FillPose(&result);
-    if (IsClearView()) {
-      LearnUsualShare();
-      num_unclear_ = 0;
-      ConsiderKeyframe(&result);
-    }
-  }
-  EndFrame();
-  link_.version_done.store(local_map().version, std::memory_order_release);
+  // What a request under way refers to is still in use.
+  if (!lane_.has_pending()) link_.version_done.store(local_map().version, std::memory_order_release);
+  budget_.EndFrame();
+  result.rung = budget_.rung();
+  result.times = budget_.times();
   return result;
 }
 
-bool Tracker::Extract(const Frame& frame, TimePoint deadline) {
-  current_.frame_index = frame.index;
+void Tracker::Measure(const Frame& frame, FrameResult* result) {
+  ReadSnapshot();
+  matches_.clear();
+  if (!Extract(frame)) {
+    if (lane_.has_pending()) return;
+    SetLost();
+    result->reason = TrackingReason::kDamagedFrame;
+  } else if (current_.features.num < kMinFeatures) {
+    SetLost();
+    result->reason = TrackingReason::kFewFeatures;
+  } else if (state_ == TrackingState::kTracking) {
+    TrackMap(result);
+  } else {
+    FindMap(result);
+  }
+}
+
+bool Tracker::Extract(const Frame& frame) {
+  const bool has_fewer = budget_.has_fewer_features();
+  const FrameBudget::Timer timer(budget_, has_fewer ? Stage::kExtractReduced : Stage::kExtract);
   current_.timestamp = frame.timestamp;
-  current_.features.num = 0;
   current_is_proposed_ = false;
   const Result<FeatureSetHandle> set = device_.CreateFeatureSet();
-  if (!set.ok()) {
-    current_.features.set = FeatureSetHandle{};
-    return false;
-  }
+  if (!set.ok()) return false;
   current_.features.set = *set;
   ExtractRequest request;
   request.image = frame.image;
   request.set = *set;
   request.keypoints = current_.features.keypoints;
   request.num_keypoints = &current_.features.num;
-  if (!ExtractAndWait(device_, Lane::kTracking, request, deadline).ok()) {
-    current_.features.num = 0;
+  if (has_fewer) request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.max);
+  if (!lane_.Extract(request, budget_.wait_deadline()).ok()) {
+    if (!lane_.has_pending()) current_.features.num = 0;
     return false;
   }
   for (int i = 0; i < current_.features.num; ++i) {
@@ -129,6 +188,38 @@ bool Tracker::Extract(const Frame& frame, TimePoint deadline) {
                                      static_cast<float>(bearing.z())};
   }
   return true;
+}
+
+// The scope keeps its course, and the map its shape.
+void Tracker::AnswerWithoutMeasurement(FrameResult* result) {
+  budget_.StepDown(Rung::kPredicted);
+  matches_.clear();
+  result->reason = TrackingReason::kNoTime;
+  if (state_ != TrackingState::kTracking) return;
+  if (++num_predicted_ > config_.scheduler.max_predicted_frames || local_map().keyframes.empty()) {
+    SetLost();
+    return;
+  }
+  const auto& keyframes = local_map().keyframes;
+  const auto* reference =
+      std::find_if(keyframes.begin(), keyframes.end(), [&](const LocalKeyframe& k) { return k.id == last_reference_; });
+  if (reference == keyframes.end()) reference = keyframes.begin();
+  const SE3 predicted = Predict();
+  result->reason = TrackingReason::kPredicted;
+  result->map_id = map_id_;
+  result->cam_from_map = predicted;
+  result->reference_keyframe = reference->id;
+  result->cam_from_reference = predicted * reference->cam_from_map.Inverse();
+  result->reference_scale = reference->scale;
+}
+
+// Where the scope should be now, from its last measured pose and velocity.
+SE3 Tracker::Predict() const {
+  SE3 predicted = last_pose_;
+  if (!has_velocity_) return predicted;
+  const int gap = static_cast<int>(current_.frame_index - last_pose_frame_);
+  for (int i = 0; i < std::min(gap, kMaxPredictedFrames); ++i) predicted = velocity_ * predicted;
+  return predicted;
 }
 
 void Tracker::ReadSnapshot() {
@@ -152,26 +243,20 @@ void Tracker::SetLost() {
   matches_.clear();
 }
 
-void Tracker::TrackMap(TimePoint deadline, FrameResult* result) {
-  SE3 predicted = last_pose_;
-  const int gap = static_cast<int>(current_.frame_index - last_pose_frame_);
-  if (has_velocity_) {
-    for (int i = 0; i < std::min(gap, kMaxPredictedFrames); ++i) predicted = velocity_ * predicted;
-  }
-  const double wide = config_.tracking.motion_radius_px * config_.tracking.wide_radius_factor;
+void Tracker::TrackMap(FrameResult* result) {
+  const SE3 predicted = Predict();
   result->reason = TrackingReason::kTracked;
   bool has_pose = false;
   if (has_last_) {
-    has_pose = SearchLastFrame(predicted, config_.tracking.motion_radius_px, deadline) ||
-               SearchLastFrame(predicted, wide, deadline) || SearchLastFrame(last_pose_, wide, deadline);
+    has_pose = SearchAroundPrediction(predicted);
   } else {
     pose_ = predicted;
     matches_.clear();
-    has_pose = SearchLocalMap(wide, deadline) && OptimiseMatches();
+    has_pose = FitLocalMap(config_.tracking.motion_radius_px * config_.tracking.wide_radius_factor);
   }
   if (has_pose) {
     KeepInliers();
-    has_pose = SearchLocalMap(0.0, deadline) && OptimiseMatches();
+    has_pose = FitLocalMap(0.0);
     result->num_matches = static_cast<int>(matches_.size());
     KeepInliers();
     has_pose = has_pose && static_cast<int>(matches_.size()) >= config_.tracking.min_inliers;
@@ -183,12 +268,14 @@ void Tracker::TrackMap(TimePoint deadline, FrameResult* result) {
   } else {
     result->reason = TrackingReason::kFewMatches;
   }
-  if (!has_pose && config_.tracking.brute_force_recovery && RecoverPose(deadline)) {
+  if (has_no_time_ || lane_.has_pending()) return;
+  if (!has_pose && config_.tracking.brute_force_recovery && budget_.MayRecover(false) && RecoverPose()) {
     has_pose = true;
     has_velocity_ = false;
     result->reason = TrackingReason::kRecovered;
     result->num_matches = static_cast<int>(matches_.size());
   }
+  if (lane_.has_pending()) return;
   if (has_pose && !IsClearView() && (++num_unclear_ > config_.tracking.max_unclear_frames || !SeesShare(kBlindShare))) {
     has_pose = false;
     result->reason = TrackingReason::kUnclearView;
@@ -196,11 +283,11 @@ void Tracker::TrackMap(TimePoint deadline, FrameResult* result) {
   if (!has_pose) SetLost();
 }
 
-void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
+void Tracker::FindMap(FrameResult* result) {
   if (awaited_founding_ != 0) {
     if (local_map().founding_proposal == awaited_founding_) {
       Adopt();
-      TrackMap(deadline, result);
+      TrackMap(result);
       return;
     }
     if (local_map().refused_proposal != awaited_founding_) {
@@ -209,9 +296,9 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
     }
     awaited_founding_ = 0;
   }
-  if (AdoptFoundFrame(deadline, result)) return;
+  if (AdoptFoundFrame(result) || has_no_time_ || lane_.has_pending()) return;
   // While the mapper looks for a frame of ours its answer may change the map: then that is what counts.
-  if (config_.tracking.brute_force_recovery && had_map_ && !is_asking_ && RecoverPose(deadline)) {
+  if (config_.tracking.brute_force_recovery && had_map_ && !is_asking_ && budget_.MayRecover(true) && RecoverPose()) {
     initialiser_.Reset();
     state_ = TrackingState::kTracking;
     has_velocity_ = false;
@@ -219,6 +306,7 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
     result->num_matches = static_cast<int>(matches_.size());
     return;
   }
+  if (lane_.has_pending()) return;
   matches_.clear();
   AskForPlace();
   if (!initialiser_.has_reference()) {
@@ -227,7 +315,11 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
     result->reason = TrackingReason::kNoReference;
     return;
   }
-  result->reason = initialiser_.Try(current_, deadline);
+  {
+    const FrameBudget::Timer timer(budget_, Stage::kInitialise);
+    result->reason = initialiser_.Try(current_, budget_.wait_deadline());
+  }
+  if (lane_.has_pending()) return;
   result->num_matches = initialiser_.num_matches();
   result->num_inliers = initialiser_.num_inliers();
   if (result->reason == TrackingReason::kMapProposed) {
@@ -243,16 +335,18 @@ void Tracker::FindMap(TimePoint deadline, FrameResult* result) {
 // The mapper has made the map: continue from its second founding view.
 void Tracker::Adopt() {
   awaited_founding_ = 0;
+  usual_share_ = 0.0;
   ContinueFrom(local_map().keyframes[0].cam_from_map, founding_frame_);
 }
 
 // The mapper has found an earlier frame in one of the maps: true when this one can be tracked from there.
-bool Tracker::AdoptFoundFrame(TimePoint deadline, FrameResult* result) {
+bool Tracker::AdoptFoundFrame(FrameResult* result) {
   const FoundFrame& found = local_map().found_frame;
   if (found.sequence == relocalisation_done_) return false;
   relocalisation_done_ = found.sequence;
+  // What is usual stays: a frame that was found through a film of water must not make a poor view the rule.
   ContinueFrom(found.cam_from_map, found.frame_index);
-  TrackMap(deadline, result);
+  TrackMap(result);
   if (state_ != TrackingState::kTracking) return false;
   initialiser_.Reset();
   result->reason = TrackingReason::kRelocalised;
@@ -266,13 +360,31 @@ void Tracker::ContinueFrom(const SE3& pose, std::uint32_t frame_index) {
   map_id_ = local_map().map_id;
   last_pose_ = last_keyframe_pose_ = pose;
   last_pose_frame_ = last_keyframe_frame_ = frame_index;
-  usual_share_ = 0.0;
   has_velocity_ = false;
   if (has_last_ && owns_last_set_) device_.ReleaseFeatureSet(last_.set);
   has_last_ = owns_last_set_ = false;
 }
 
-bool Tracker::SearchLastFrame(const SE3& predicted, double radius_px, TimePoint deadline) {
+// Near the prediction first, then further away, then around the last pose, while there is time.
+bool Tracker::SearchAroundPrediction(const SE3& predicted) {
+  const FrameBudget::Timer timer(budget_, Stage::kMotion);
+  const double radius_px = config_.tracking.motion_radius_px;
+  const double wide_px = radius_px * config_.tracking.wide_radius_factor;
+  const std::pair<const SE3*, double> tries[] = {
+      {&predicted, radius_px}, {&predicted, wide_px}, {&last_pose_, wide_px}};
+  for (int i = 0; i < 3; ++i) {
+    // A frame that is late anyway is worth another try: what would be saved by giving up?
+    if (i > 0 && !budget_.is_over() && !budget_.CanAfford(Stage::kMotion)) {
+      has_no_time_ = true;
+      return false;
+    }
+    if (SearchLastFrame(*tries[i].first, tries[i].second)) return true;
+    if (lane_.has_pending()) return false;
+  }
+  return false;
+}
+
+bool Tracker::SearchLastFrame(const SE3& predicted, double radius_px) {
   pose_ = predicted;
   matches_.clear();
   queries_.clear();
@@ -293,12 +405,18 @@ bool Tracker::SearchLastFrame(const SE3& predicted, double radius_px, TimePoint 
     query_points_.push_back(point_idx);
   }
   std::fill_n(allowed_.begin(), current_.features.num, std::uint8_t{1});
-  if (!RunGuided(deadline)) return false;
+  if (!RunGuided()) return false;
   if (static_cast<int>(matches_.size()) < config_.tracking.min_motion_matches) return false;
   return OptimiseMatches();
 }
 
-bool Tracker::SearchLocalMap(double min_radius_px, TimePoint deadline) {
+bool Tracker::FitLocalMap(double min_radius_px) {
+  budget_.ReconsiderPoints();
+  const FrameBudget::Timer timer(budget_, budget_.has_fewer_points() ? Stage::kLocalMapReduced : Stage::kLocalMap);
+  return SearchLocalMap(min_radius_px) && OptimiseMatches();
+}
+
+bool Tracker::SearchLocalMap(double min_radius_px) {
   queries_.clear();
   query_points_.clear();
   std::fill_n(allowed_.begin(), current_.features.num, std::uint8_t{1});
@@ -312,7 +430,11 @@ bool Tracker::SearchLocalMap(double min_radius_px, TimePoint deadline) {
   const double tolerance = config_.matching.scale_tolerance;
   const double gate = std::sqrt(kChi2TwoDof);
   num_expected_ = 0;
+  // Fewer points: every n-th, others in the next frame.
+  const std::uint32_t step =
+      budget_.has_fewer_points() ? static_cast<std::uint32_t>(std::lround(1.0 / config_.scheduler.reduced_share)) : 1;
   for (int i = 0; i < local_map().num_points; ++i) {
+    if ((static_cast<std::uint32_t>(i) + current_.frame_index) % step != 0 && is_matched_point_[i] == 0) continue;
     const LocalPoint& point = local_map().points[i];
     const Eigen::Vector3d to_camera = centre - point.position;
     const double distance = to_camera.norm();
@@ -328,12 +450,11 @@ bool Tracker::SearchLocalMap(double min_radius_px, TimePoint deadline) {
                         static_cast<float>(scale / tolerance), static_cast<float>(scale * tolerance)});
     query_points_.push_back(i);
   }
-  return RunGuided(deadline);
+  return RunGuided();
 }
 
 // Appends what the queries find to matches_.
-bool Tracker::RunGuided(TimePoint deadline) {
-  std::int32_t num_found = 0;
+bool Tracker::RunGuided() {
   GuidedMatchRequest request;
   request.queries = queries_;
   request.train = current_.features.set;
@@ -341,9 +462,9 @@ bool Tracker::RunGuided(TimePoint deadline) {
   request.options = {static_cast<float>(config_.matching.min_similarity),
                      static_cast<float>(config_.matching.guided_ratio), false};
   request.matches = found_;
-  request.num_matches = &num_found;
-  if (!GuidedMatchAndWait(device_, Lane::kTracking, request, deadline).ok()) return false;
-  for (int i = 0; i < num_found; ++i) matches_.push_back({found_[i].train, query_points_[found_[i].query]});
+  request.num_matches = &num_found_;
+  if (!lane_.GuidedMatch(request, budget_.wait_deadline()).ok()) return false;
+  for (int i = 0; i < num_found_; ++i) matches_.push_back({found_[i].train, query_points_[found_[i].query]});
   return true;
 }
 
@@ -389,26 +510,26 @@ bool Tracker::IsPlausibleMotion(const SE3& predicted) const {
 }
 
 // Everything in the picture against everything in the snapshot; no prediction is needed.
-bool Tracker::SearchByBruteForce(TimePoint deadline) {
+bool Tracker::SearchByBruteForce() {
   matches_.clear();
   refs_.clear();
   for (int i = 0; i < local_map().num_points; ++i) refs_.push_back(local_map().points[i].descriptor);
   if (refs_.empty()) return false;
-  std::int32_t num_found = 0;
   MatchRequest request;
   request.query = DescriptorList::Whole(current_.features.set);
   request.train = DescriptorList::Gather(refs_);
   request.options = {static_cast<float>(config_.matching.min_similarity),
                      static_cast<float>(config_.matching.brute_force_ratio), true};
   request.matches = found_;
-  request.num_matches = &num_found;
-  if (!MatchAndWait(device_, Lane::kTracking, request, deadline).ok()) return false;
-  for (int i = 0; i < num_found; ++i) matches_.push_back({found_[i].query, found_[i].train});
+  request.num_matches = &num_found_;
+  if (!lane_.Match(request, budget_.wait_deadline()).ok()) return false;
+  for (int i = 0; i < num_found_; ++i) matches_.push_back({found_[i].query, found_[i].train});
   return true;
 }
 
-bool Tracker::RecoverPose(TimePoint deadline) {
-  if (!SearchByBruteForce(deadline)) return false;
+bool Tracker::RecoverPose() {
+  const FrameBudget::Timer timer(budget_, Stage::kRecovery);
+  if (!SearchByBruteForce()) return false;
   if (static_cast<int>(matches_.size()) < config_.tracking.min_inliers) return false;
   bearings_.clear();
   points_.clear();
@@ -429,7 +550,7 @@ bool Tracker::RecoverPose(TimePoint deadline) {
   KeepInliers();
   if (!OptimiseMatches()) return false;
   KeepInliers();
-  if (!SearchLocalMap(0.0, deadline) || !OptimiseMatches()) return false;
+  if (!SearchLocalMap(0.0) || !OptimiseMatches()) return false;
   KeepInliers();
   return static_cast<int>(matches_.size()) >= config_.tracking.min_recovery_inliers && IsClearView();
 }
@@ -444,9 +565,11 @@ int Tracker::NearestKeyframe() const {
   return static_cast<int>(std::max_element(votes.begin(), votes.end()) - votes.begin());
 }
 
-void Tracker::FillPose(FrameResult* result) const {
+void Tracker::FillPose(FrameResult* result) {
   const LocalKeyframe& reference = local_map().keyframes[NearestKeyframe()];
+  last_reference_ = reference.id;
   result->map_id = map_id_;
+  result->map_epoch = reframing_done_;
   result->cam_from_map = pose_;
   result->reference_keyframe = reference.id;
   result->cam_from_reference = pose_ * reference.cam_from_map.Inverse();
@@ -464,7 +587,8 @@ bool Tracker::SeesShare(double share_of_usual) const {
 bool Tracker::IsClearView() const { return SeesShare(kDegradedShare); }
 
 void Tracker::LearnUsualShare() {
-  if (num_expected_ < kMinExpected) return;
+  // With fewer features or points it is not what is usual.
+  if (num_expected_ < kMinExpected || budget_.rung() >= Rung::kFewerFeatures) return;
   const double share = static_cast<double>(num_established_) / num_expected_;
   usual_share_ = usual_share_ > 0.0 ? kUsualShareMemory * usual_share_ + (1.0 - kUsualShareMemory) * share : share;
 }
@@ -478,7 +602,9 @@ void Tracker::ConsiderKeyframe(FrameResult* result) {
   const LocalKeyframe& reference = local_map().keyframes[NearestKeyframe()];
   const double baseline = (pose_.InverseTranslation() - last_keyframe_pose_.InverseTranslation()).norm();
   const double parallax_deg = std::atan2(baseline, median_depth_) / kDegree;
-  const bool has_left_reference = num_established_ < options.min_tracked_ratio * reference.num_established;
+  const bool is_reduced = budget_.rung() >= Rung::kFewerFeatures;
+  const bool has_left_reference =
+      !is_reduced && num_established_ < options.min_tracked_ratio * reference.num_established;
   const bool is_thin = num_tracked < options.low_inliers;
   const bool has_moved = parallax_deg > options.min_parallax_deg;
   const bool is_late = spacing >= options.max_spacing_frames && parallax_deg > 0.25 * options.min_parallax_deg;
@@ -529,6 +655,12 @@ void Tracker::AskForPlace() {
   CopyView(current_, &slot->view);
   link_.num_pending.fetch_add(1, std::memory_order_acq_rel);
   link_.proposals.CommitPush();
+}
+
+// The last frame that was measured stays the last one.
+void Tracker::EndUnmeasuredFrame() {
+  if (current_.features.set.is_valid() && !current_is_proposed_) lane_.ReleaseFeatureSet(current_.features.set);
+  current_.features.set = FeatureSetHandle{};
 }
 
 // The current frame becomes the last one.

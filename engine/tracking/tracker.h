@@ -4,7 +4,9 @@
 //             too little found: brute force against the local map's descriptors, RANSAC, guided search, pose
 //   lost:     the same brute force against the last window, a request to find the frame in any map (the mapper
 //             answers with a snapshot of that place), and the initialisation of a new map, all on every frame
-// thread-bound(tracking); rt-safe after construction: no allocation, no lock, no wait but for the vision device.
+// A frame with a deadline walks down the ladder of engine/scheduler before it misses it; what the device has not
+// answered by then is left for the next frame to collect, and the pose is the prediction. thread-bound(tracking);
+// rt-safe after construction: no allocation, no lock, no wait but for the vision device.
 #pragma once
 
 #include <atomic>
@@ -18,6 +20,8 @@
 #include "engine/geometry/absolute_pose.h"
 #include "engine/geometry/rng.h"
 #include "engine/optim/pose_optimizer.h"
+#include "engine/scheduler/frame_budget.h"
+#include "engine/scheduler/lane_wait.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/initialiser.h"
 #include "engine/tracking/keyframe_proposal.h"
@@ -30,9 +34,12 @@ namespace haustra {
 
 // The only things that tracking and mapping share.
 struct TrackingLink {
-  TrackingLink(int num_proposals, int max_features, int max_between, int max_local_points)
-      : proposals(static_cast<std::size_t>(num_proposals), KeyframeProposal(max_features, max_between)),
-        snapshots(LocalMap(max_local_points)) {}
+  TrackingLink(int num_proposals, int max_features, int max_between, int max_local_points,
+               std::pmr::memory_resource* memory = std::pmr::get_default_resource())
+      : proposals(static_cast<std::size_t>(num_proposals), memory, max_features, max_between, memory),
+        snapshots(memory, max_local_points, memory) {}
+  // A line each for proposals and snapshots.
+  static MemoryPlan PlanMemory(int num_proposals, int max_features, int max_between, int max_local_points);
 
   SpscRing<KeyframeProposal> proposals;  // tracking to mapping
   LatestMailbox<LocalMap> snapshots;     // mapping to tracking
@@ -46,15 +53,21 @@ struct TrackingLink {
 
 class Tracker {
  public:
-  // scene_share: see Initialiser.
+  // scene_share: see Initialiser. clock: see FrameBudget.
   Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-          double scene_share);
+          const Clock* clock, double scene_share, std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+  // A line for the views that tracking keeps in the arena, one for its workspaces on the heap, both fixed at
+  // construction.
+  static MemoryPlan PlanMemory(const EngineConfig& config);
   ~Tracker();
   Tracker(const Tracker&) = delete;
   Tracker& operator=(const Tracker&) = delete;
 
-  // One frame; the deadline bounds the waits for the device. Never fails: what goes wrong is in the result.
+  // One frame, to be answered by the deadline (kNoDeadline: with all that can be had). Never fails: what goes wrong is
+  // in the result. The frame's pixels stay until MayReleaseFrame.
   FrameResult Track(const Frame& frame, TimePoint deadline);
+  // False: the device still reads the last frame after `deadline`. Always true after a frame without a deadline.
+  bool MayReleaseFrame(TimePoint deadline) { return lane_.Drain(deadline); }
   // A frame that could not be read: counts as lost, breaks nothing.
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp);
 
@@ -67,22 +80,27 @@ class Tracker {
     std::int32_t point_idx = -1;
   };
 
-  bool Extract(const Frame& frame, TimePoint deadline);
+  void Measure(const Frame& frame, FrameResult* result);
+  bool Extract(const Frame& frame);
   void ReadSnapshot();
-  void TrackMap(TimePoint deadline, FrameResult* result);
-  void FindMap(TimePoint deadline, FrameResult* result);
+  void TrackMap(FrameResult* result);
+  void FindMap(FrameResult* result);
   void Adopt();
-  bool AdoptFoundFrame(TimePoint deadline, FrameResult* result);
+  bool AdoptFoundFrame(FrameResult* result);
+  void AnswerWithoutMeasurement(FrameResult* result);
+  SE3 Predict() const;
   void ContinueFrom(const SE3& pose, std::uint32_t frame_index);
 
-  bool SearchLastFrame(const SE3& predicted, double radius_px, TimePoint deadline);
-  bool SearchLocalMap(double min_radius_px, TimePoint deadline);
-  bool SearchByBruteForce(TimePoint deadline);
-  bool RunGuided(TimePoint deadline);
+  bool SearchAroundPrediction(const SE3& predicted);
+  bool SearchLastFrame(const SE3& predicted, double radius_px);
+  bool FitLocalMap(double min_radius_px);
+  bool SearchLocalMap(double min_radius_px);
+  bool SearchByBruteForce();
+  bool RunGuided();
   bool OptimiseMatches();
   void KeepInliers();
   bool IsPlausibleMotion(const SE3& predicted) const;
-  bool RecoverPose(TimePoint deadline);
+  bool RecoverPose();
 
   bool SeesShare(double share_of_usual) const;
   bool IsClearView() const;
@@ -91,9 +109,10 @@ class Tracker {
   void ProposeKeyframe(FrameResult* result);
   void ProposeMap();
   void AskForPlace();
-  void FillPose(FrameResult* result) const;
+  void FillPose(FrameResult* result);
   int NearestKeyframe() const;
   void EndFrame();
+  void EndUnmeasuredFrame();
   void SetLost();
 
   const LocalMap& local_map() const { return link_.snapshots.ReadSlot(); }
@@ -102,6 +121,9 @@ class Tracker {
   const CameraModel& camera_;
   VisionDevice& device_;
   TrackingLink& link_;
+  FrameBudget budget_;
+  LaneWait lane_;
+  bool has_no_time_ = false;  // the frame is answered without a measurement
   Initialiser initialiser_;
   AbsolutePoseRansac absolute_pose_;
   Rng rng_;
@@ -132,12 +154,15 @@ class Tracker {
 
   std::uint32_t last_keyframe_frame_ = 0;
   SE3 last_keyframe_pose_;
-  bool current_is_proposed_ = false;  // its feature set has a new owner: mapper or initialiser
+  KeyframeId last_reference_ = kNoId;  // keyframe that the last pose was given relative to
+  int num_predicted_ = 0;              // frames in a row
+  bool current_is_proposed_ = false;   // its feature set has a new owner: mapper or initialiser
 
   // Workspaces.
   std::vector<GuidedQuery> queries_;
   std::vector<std::int32_t> query_points_;
   std::vector<Match> found_;
+  std::int32_t num_found_ = 0;
   std::vector<std::uint8_t> allowed_;
   std::vector<std::uint8_t> is_matched_point_;
   std::vector<PoseObservation> observations_;

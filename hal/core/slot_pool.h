@@ -7,11 +7,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <memory_resource>
 #include <utility>
 #include <vector>
 
 #include "hal/core/check.h"
 #include "hal/core/handle.h"
+#include "hal/core/memory_arena.h"
 
 namespace haustra {
 
@@ -20,10 +22,22 @@ class SlotPool {
  public:
   using HandleType = Handle<Tag>;
 
-  explicit SlotPool(std::uint32_t capacity) : values_(capacity), generations_(capacity, 0), used_(capacity, 0) {
+  // Every value is made from `args`; values that own memory take it from `memory` when they are told so there.
+  template <typename... Args>
+  explicit SlotPool(std::uint32_t capacity, std::pmr::memory_resource* memory = std::pmr::get_default_resource(),
+                    const Args&... args)
+      : values_(memory), generations_(capacity, 0, memory), used_(capacity, 0, memory), free_(memory) {
+    values_.reserve(capacity);
+    for (std::uint32_t i = 0; i < capacity; ++i) values_.emplace_back(args...);
     free_.reserve(capacity);
     for (std::uint32_t i = 0; i < capacity; ++i) free_.push_back(i);
     std::make_heap(free_.begin(), free_.end(), std::greater<>());
+  }
+
+  // What a pool takes from its arena, without memory that its values own.
+  static std::size_t BytesFor(std::size_t capacity) {
+    return MemoryArena::BytesFor<T>(capacity) + 2 * MemoryArena::BytesFor<std::uint32_t>(capacity) +
+           MemoryArena::BytesFor<std::uint8_t>(capacity);
   }
 
   // The slot's value keeps what its last user left: assign every field.
@@ -88,10 +102,10 @@ class SlotPool {
   std::uint64_t num_refused() const { return num_refused_; }
 
  private:
-  std::vector<T> values_;
-  std::vector<std::uint32_t> generations_;
-  std::vector<std::uint8_t> used_;
-  std::vector<std::uint32_t> free_;  // min-heap of free indices
+  std::pmr::vector<T> values_;
+  std::pmr::vector<std::uint32_t> generations_;
+  std::pmr::vector<std::uint8_t> used_;
+  std::pmr::vector<std::uint32_t> free_;  // min-heap of free indices
   std::uint32_t size_ = 0;
   std::uint32_t high_water_ = 0;
   std::uint64_t num_refused_ = 0;

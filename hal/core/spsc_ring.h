@@ -7,8 +7,11 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <memory_resource>
 #include <utility>
 #include <vector>
+
+#include "hal/core/memory_arena.h"
 
 namespace haustra {
 
@@ -17,6 +20,17 @@ class SpscRing {
  public:
   explicit SpscRing(std::size_t capacity) : slots_(capacity + 1) {}
   SpscRing(std::size_t capacity, const T& prototype) : slots_(capacity + 1, prototype) {}
+  // Every element is made from `args`; elements that own memory take it from `memory` when they are told so there.
+  template <typename... Args>
+  SpscRing(std::size_t capacity, std::pmr::memory_resource* memory, const Args&... args) : slots_(memory) {
+    slots_.reserve(capacity + 1);
+    for (std::size_t i = 0; i <= capacity; ++i) slots_.emplace_back(args...);
+  }
+
+  // Elements that exist in memory: one more than the capacity.
+  static constexpr std::size_t NumSlots(std::size_t capacity) { return capacity + 1; }
+  // What a ring takes from its arena, without memory that its elements own.
+  static constexpr std::size_t BytesFor(std::size_t capacity) { return MemoryArena::BytesFor<T>(NumSlots(capacity)); }
 
   // Producer. The slot to fill, or nullptr when the ring is full. Nothing is visible before CommitPush.
   T* BeginPush() {
@@ -66,7 +80,7 @@ class SpscRing {
  private:
   std::size_t Next(std::size_t i) const { return i + 1 == slots_.size() ? 0 : i + 1; }
 
-  std::vector<T> slots_;
+  std::pmr::vector<T> slots_;
   alignas(64) std::atomic<std::size_t> head_{0};
   alignas(64) std::atomic<std::size_t> tail_{0};
   std::atomic<std::uint64_t> num_dropped_{0};

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -54,6 +55,7 @@ ScriptedVisionDevice::ScriptedVisionDevice(const VisionPlan& plan, const Options
     lane.query.resize(longest);
     lane.train.resize(longest);
     lane.holder.resize(longest);
+    lane.responses.reserve(static_cast<std::size_t>(plan.max_features));
   }
 }
 
@@ -250,21 +252,35 @@ Status ScriptedVisionDevice::Wait(Ticket ticket, TimePoint deadline) {
 
 void ScriptedVisionDevice::Run(const Job& job, LaneState& lane) {
   switch (job.operation) {
-    case Operation::kExtract: RunExtract(job.extract); break;
+    case Operation::kExtract: RunExtract(job.extract, lane); break;
     case Operation::kMatch: RunMatch(job.match, lane); break;
     case Operation::kGuidedMatch: RunGuidedMatch(job.guided, lane); break;
     case Operation::kNumOperations: HAUSTRA_CHECK(false); break;
   }
 }
 
-void ScriptedVisionDevice::RunExtract(const ExtractRequest& request) {
+void ScriptedVisionDevice::RunExtract(const ExtractRequest& request, LaneState& lane) {
   FeatureSet* set = Find(request.set);
   HAUSTRA_CHECK(set != nullptr);
   const std::optional<std::uint32_t> frame_index = ReadFrameTag(request.image);
   const auto scripted = frame_index ? script_.find(*frame_index) : script_.end();
   set->num = 0;
   if (scripted != script_.end()) {
-    for (const ScriptedFeature& feature : scripted->second) {
+    const std::vector<ScriptedFeature>& features = scripted->second;
+    float weakest = 0.0f;
+    auto ties_left = static_cast<std::ptrdiff_t>(features.size());
+    if (request.max_features > 0 && static_cast<std::size_t>(request.max_features) < features.size()) {
+      lane.responses.clear();
+      for (const ScriptedFeature& feature : features) lane.responses.push_back(feature.keypoint.response);
+      const auto last = lane.responses.begin() + request.max_features - 1;
+      std::nth_element(lane.responses.begin(), last, lane.responses.end(), std::greater<>());
+      weakest = *last;
+      ties_left = request.max_features - std::count_if(lane.responses.begin(), lane.responses.end(),
+                                                       [weakest](float response) { return response > weakest; });
+    }
+    for (const ScriptedFeature& feature : features) {
+      if (feature.keypoint.response < weakest) continue;
+      if (feature.keypoint.response == weakest && --ties_left < 0) continue;
       if (IsMasked(feature.keypoint)) continue;
       request.keypoints[set->num] = feature.keypoint;
       set->features[set->num++] = feature;

@@ -98,12 +98,13 @@ class ScriptedVisionDevice final : public VisionDevice {
     std::vector<ScriptedEntry> query;
     std::vector<ScriptedEntry> train;
     std::vector<std::int32_t> holder;
+    std::vector<float> responses;
   };
 
   Status Begin(Operation operation, StatusCode* wait_failure);
   Result<Ticket> Push(Lane lane, const Job& job);
   void Run(const Job& job, LaneState& lane);
-  void RunExtract(const ExtractRequest& request);
+  void RunExtract(const ExtractRequest& request, LaneState& lane);
   void RunMatch(const MatchRequest& request, LaneState& lane);
   void RunGuidedMatch(const GuidedMatchRequest& request, LaneState& lane);
 

@@ -2,6 +2,9 @@
 
 #include <utility>
 
+#include "platform/config/memory_profiles.h"
+#include "platform/realtime/realtime_threads.h"
+
 namespace haustra {
 namespace {
 
@@ -322,12 +325,71 @@ ConfigField Memory(const char* key, ConfigRange range, const char* unit, const c
 }
 void AddMemory(Fields* out) {
   using C = MemoryConfig;
+  out->push_back(BindChoice<&EngineConfig::memory, &C::profile>(
+      "memory.profile", MemoryProfileNames(), "sets every key of this section that is not given itself", kRestart));
   out->push_back(Memory<&C::max_keyframes>("max_keyframes", {16, 100000}, "keyframes", "of all maps"));
   out->push_back(Memory<&C::max_map_points>("max_map_points", {1000, 10000000}, "points", "of all maps"));
   out->push_back(Memory<&C::max_maps>("max_maps", {2, 10000}, "maps", "of the atlas"));
   out->push_back(Memory<&C::max_keyframe_ids>("max_keyframe_ids", {100, 10000000}, "keyframes",
                                               "ever made in one run, culled ones included"));
   out->push_back(Memory<&C::max_local_points>("max_local_points", {500, 100000}, "points", "of a local map snapshot"));
+  out->push_back(
+      Memory<&C::max_proposals>("max_proposals", {2, 32}, "", "keyframes and maps that wait for the mapper"));
+  out->push_back(Memory<&C::spare_feature_sets>("spare_feature_sets", {16, 1000}, "sets", "beside the keyframes'"));
+  out->push_back(Memory<&C::max_map_events>("max_map_events", {16, 100000}, "events", "not yet read by the session"));
+  out->push_back(Memory<&C::max_late_poses>("max_late_poses", {16, 100000}, "poses", "not yet read by the session"));
+  out->push_back(Memory<&C::small_map_keyframes>("small_map_keyframes", {2, 1000}, "keyframes",
+                                                 "an inactive map up to this size may go as a whole to make room"));
+  out->push_back(Memory<&C::max_host_mb>("max_host_mb", {0, 1000000}, "MB", "limit of the host's plan, 0: none"));
+  out->push_back(Memory<&C::max_device_mb>("max_device_mb", {0, 1000000}, "MB", "limit of the device's plan, 0: none"));
+}
+
+template <auto kMember>
+ConfigField Scheduler(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::scheduler, kMember>(std::string("scheduler.") + key, range, unit, description,
+                                                      kRestart);
+}
+void AddScheduler(Fields* out) {
+  using C = SchedulerConfig;
+  out->push_back(Scheduler<&C::degrade>("degrade", {}, "", "off: every frame gets everything, however late it is"));
+  out->push_back(
+      Scheduler<&C::deadline_ms>("deadline_ms", {0, 1000}, "ms", "from capture to pose; 0: the period of the frames"));
+  out->push_back(Scheduler<&C::reserve_ms>("reserve_ms", {0, 100}, "ms",
+                                           "of it, kept for what comes after the last wait for the device"));
+  out->push_back(Scheduler<&C::quantile>("quantile", {0.5, 1}, "",
+                                         "of the last durations of a stage: the time that it is expected to take"));
+  out->push_back(Scheduler<&C::retry_frames>("retry_frames", {1, 1000}, "frames",
+                                             "until a refused stage is tried again; more when that fails"));
+  out->push_back(Scheduler<&C::reduced_share>("reduced_share", {0.1, 1}, "",
+                                              "of features and of local points, on the rungs that have fewer"));
+  out->push_back(Scheduler<&C::max_predicted_frames>("max_predicted_frames", {0, 100}, "frames",
+                                                     "in a row without a measurement, then lost"));
+  out->push_back(Scheduler<&C::background_gap>("background_gap", {}, "",
+                                               "mapping asks an accelerator for nothing while a frame is due"));
+}
+
+template <auto kMember>
+ConfigField RealTime(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::rt, kMember>(std::string("rt.") + key, range, unit, description, kRestart);
+}
+template <auto kMember>
+ConfigField RealTimeText(const char* key, const char* description) {
+  return BindText<&EngineConfig::rt, kMember>(std::string("rt.") + key, description, kRestart);
+}
+void AddRealTime(Fields* out) {
+  using C = RealTimeConfig;
+  out->push_back(RealTime<&C::enabled>("enabled", {}, "", "off: real-time mode with ordinary scheduling"));
+  out->push_back(RealTime<&C::require>("require", {}, "", "on: no start unless all of this section was granted"));
+  out->push_back(RealTime<&C::capture_priority>("capture_priority", {0, 99}, "", "of SCHED_FIFO; 0: ordinary"));
+  out->push_back(RealTime<&C::tracking_priority>("tracking_priority", {0, 99}, "", "of SCHED_FIFO; 0: ordinary"));
+  out->push_back(RealTime<&C::mapping_priority>("mapping_priority", {0, 99}, "",
+                                                "of SCHED_FIFO; 0: ordinary; merging runs on the same thread"));
+  out->push_back(RealTimeText<&C::capture_cpus>("capture_cpus", "processors, as in 3 or 0,2-5; empty: all"));
+  out->push_back(RealTimeText<&C::tracking_cpus>("tracking_cpus", "processors; empty: all"));
+  out->push_back(RealTimeText<&C::mapping_cpus>("mapping_cpus", "processors; empty: all"));
+  out->push_back(RealTime<&C::lock_memory>("lock_memory", {}, "", "no page leaves the memory, all are there at once"));
+  out->push_back(RealTime<&C::stack_prefault_kb>("stack_prefault_kb", {0, 1024}, "kB",
+                                                 "of each thread's stack, touched before its first frame"));
 }
 
 }  // namespace
@@ -349,6 +411,8 @@ std::vector<ConfigField> EngineConfigFields() {
   AddRelocalisation(&fields);
   AddMerging(&fields);
   AddMemory(&fields);
+  AddScheduler(&fields);
+  AddRealTime(&fields);
   return fields;
 }
 
@@ -375,14 +439,25 @@ Status CheckEngineConfig(const EngineConfig& config) {
     return FailedPrecondition("memory.max_keyframe_ids (" + std::to_string(config.memory.max_keyframe_ids) +
                               ") is below memory.max_keyframes (" + std::to_string(config.memory.max_keyframes) + ")");
   }
-  return Status::Ok();
+  return CheckRealTimeConfig(config.rt);
 }
 
 Result<ConfigStore<EngineConfig>> LoadEngineConfig(const std::string& path,
                                                    const std::vector<std::string>& assignments) {
+  const auto apply_all = [&](ConfigStore<EngineConfig>* store) -> Status {
+    if (!path.empty()) HAUSTRA_TRY(store->ApplyFile(path));
+    for (const std::string& assignment : assignments) HAUSTRA_TRY(store->ApplyAssignment(assignment));
+    return Status::Ok();
+  };
+  ConfigStore<EngineConfig> given(EngineConfigFields());
+  HAUSTRA_TRY(apply_all(&given));
+  // The profile comes first, wherever it is named, so that single keys override it.
   ConfigStore<EngineConfig> store(EngineConfigFields());
-  if (!path.empty()) HAUSTRA_TRY(store.ApplyFile(path));
-  for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
+  const std::string& profile = given.config().memory.profile;
+  if (given.origin("memory.profile").kind != ConfigOrigin::Kind::kDefault) {
+    HAUSTRA_TRY(store.ApplyText(MemoryProfileText(profile), "memory profile " + profile));
+  }
+  HAUSTRA_TRY(apply_all(&store));
   HAUSTRA_TRY(CheckEngineConfig(store.config()));
   return store;
 }

@@ -195,7 +195,7 @@ TEST(AtlasFile, AnyAtlasSurvivesTheRoundTrip) {
     std::vector<MapHandle> maps = {home.atlas.CreateMap()};
     for (int step = 0; step < 300; ++step) {
       const MapHandle map = maps[pick(maps.size())];
-      const std::vector<KeyframeHandle> keyframes = home.atlas.map(map).keyframes;
+      const auto keyframes = home.atlas.map(map).keyframes;
       const double choice = rng.Uniform();
       if (choice < 0.3 && home.atlas.keyframes().size() < 50) {
         home.AddKeyframe(map, static_cast<std::uint32_t>(step), RandomPose(rng, 1.0, 2.0));
@@ -246,6 +246,7 @@ TEST(AtlasFile, AnyAtlasSurvivesTheRoundTrip) {
 }
 
 TEST(AtlasFile, EveryDamagedByteIsFound) {
+  RecordProperty("req", "DMN-005");
   std::vector<std::uint8_t> file = BytesOf(SmallFile());
   for (std::size_t i = 0; i < file.size(); ++i) {
     for (const int pattern : {0x01, 0x80, 0xff}) {

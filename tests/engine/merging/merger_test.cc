@@ -208,6 +208,7 @@ TEST_F(MergerTest, StalePlanIsRefusedAndNothingTouched) {
 }
 
 TEST_F(MergerTest, ImpossibleScaleIsRefused) {
+  RecordProperty("req", "MRG-001");
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
   const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;

@@ -74,6 +74,7 @@ TEST_F(CommonAreaTest, PlacesApartHaveFewMatches) {
 }
 
 TEST_F(CommonAreaTest, AlikeWallOfOtherShapeHasLowMatchShare) {
+  RecordProperty("req", "MRG-001");
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddTwin(wall, 2500, 20.0, 0.3);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
@@ -86,6 +87,7 @@ TEST_F(CommonAreaTest, AlikeWallOfOtherShapeHasLowMatchShare) {
 }
 
 TEST_F(CommonAreaTest, TwinPlaceOfOneMapIsNoDrift) {
+  RecordProperty("req", "MRG-001");
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddTwin(wall, 2500, 8.0, 0.0);
   const int first = colon_.AddMap(&atlas_, 0.0, 11.0, 48, Sim3{}).first;

@@ -58,6 +58,7 @@ TEST_F(PlaceRecogniserTest, NewWallIsNotRecognised) {
 }
 
 TEST_F(PlaceRecogniserTest, TwoPlacesOfOneMapThatAgreeAreAmbiguous) {
+  RecordProperty("req", "MRG-001");
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddTwin(wall, 2500, 8.0, 0.0);
   colon_.AddMap(&atlas_, 0.0, 11.0, 48, Sim3{});

@@ -65,6 +65,7 @@ TEST_F(RelocaliserTest, UnknownWallHasNoCandidate) {
 }
 
 TEST_F(RelocaliserTest, AlikeWallOfOtherShapeIsRefused) {
+  RecordProperty("req", "MRG-001");
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddTwin(wall, 2500, 20.0, 0.45);
   colon_.AddMap(&atlas_, 0.0, 4.0, 16, kMapFromWorld);

@@ -193,6 +193,7 @@ TEST(System, ReferenceThatNoMotionExplainsIsRenewedSoon) {
 }
 
 TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {
+  RecordProperty("req", "TRK-001");
   Procedure procedure(SmallConfig());
   procedure.Move(0.0, 3.0, 75);
   procedure.Occlude(15);
@@ -249,6 +250,7 @@ TEST(System, EveryFeatureSetIsGivenBackButThoseOfKeyframes) {
 }
 
 TEST(System, MapBegunElsewhereIsMergedWhenTheScopeComesBack) {
+  RecordProperty("req", "MRG-002");
   Procedure procedure(SmallConfig());
   procedure.Move(0.0, 4.0, 100);
   procedure.Occlude(5);
@@ -256,6 +258,10 @@ TEST(System, MapBegunElsewhereIsMergedWhenTheScopeComesBack) {
   procedure.Run();
   EXPECT_EQ(procedure.NumEvents(MapEventKind::kMapCreated), 2);
   EXPECT_EQ(procedure.NumEvents(MapEventKind::kMerged), 1);
+  // Who compares poses sees that those before and after do not belong together.
+  std::uint64_t last_epoch = 0;
+  for (const FrameResult& result : procedure.results()) last_epoch = std::max(last_epoch, result.map_epoch);
+  EXPECT_GT(last_epoch, procedure.results()[50].map_epoch);
   const auto centres = procedure.FinalCentres();
   ASSERT_EQ(centres.size(), 1u);
   EXPECT_GE(centres.begin()->second.truth.size(), 230u);
@@ -264,6 +270,7 @@ TEST(System, MapBegunElsewhereIsMergedWhenTheScopeComesBack) {
 }
 
 TEST(System, PlacesThatShareNothingStayTwoMaps) {
+  RecordProperty("req", "MRG-001");
   Procedure procedure(SmallConfig());
   procedure.Move(0.0, 3.0, 75);
   procedure.Occlude(5);
@@ -285,6 +292,7 @@ TEST(System, FailedExtractionCostsItsFrameOnly) {
 }
 
 TEST(System, FullKeyframePoolRefusesKeyframesAndKeepsTracking) {
+  RecordProperty("req", "MEM-001");
   EngineConfig config = SmallConfig();
   config.memory.max_keyframes = 10;
   Procedure procedure(config);

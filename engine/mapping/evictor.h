@@ -1,0 +1,87 @@
+// What happens when a pool of the atlas is full. Room is made in this order, until there is enough:
+//   keyframes   1. the least useful keyframe of the inactive maps, as long as others see most of its points
+//               2. the same of the active map, but for the tracker's surroundings
+//               3. the smallest inactive map with at most memory.small_map_keyframes, as a whole
+//               4. the least useful keyframe of any map, but for the tracker's surroundings, whoever sees its points
+//               5. nothing is left that may go: the caller refuses the new keyframe
+//               1, 2 and 4 leave mapping.min_map_keyframes to every map
+//   map points  1. points of inactive maps with few observations, fewest first; 2. whole small inactive maps, as above;
+//               3. points of the active map with two observations, outside the tracker's surroundings; 4. refused
+//   maps        1. the table's entry of the oldest map that was dropped, then of the oldest that was merged (they hold
+//                  nothing but their place in the table); 2. the smallest inactive map with its entry; 3. refused
+// Useful is a keyframe whose points few others see: it is the number of its points with at most kFewViews observations,
+// ties: the older goes first. Frames that were tracked against a keyframe which goes are resolved through the neighbour
+// that shares most points with it, else the next in its map: a map that is thinned out loses no frame; one that is
+// dropped does. A batch goes at a time, so that the search is not made for every new keyframe.
+// Deterministic. thread-bound(mapping), between two steps of anything that holds handles.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "engine/atlas/atlas.h"
+#include "engine/config.h"
+#include "engine/place/retrieval.h"
+
+namespace haustra {
+
+struct EvictionCounters {
+  std::uint64_t num_keyframes = 0;    // one by one
+  std::uint64_t num_maps = 0;         // as a whole
+  std::uint64_t num_map_entries = 0;  // of the table, used again
+  std::uint64_t num_points = 0;       // one by one
+};
+
+class Evictor {
+ public:
+  // A point with more observations than this is established without any one of its keyframes.
+  static constexpr std::size_t kFewViews = 3;
+
+  // `release` takes the feature set of every keyframe that goes; `report` hears of every whole map before it goes.
+  // Everything named outlives it.
+  Evictor(const EngineConfig& config, Atlas& atlas, KeyframeRetrieval& retrieval,
+          std::function<void(FeatureSetHandle)> release, std::function<void(MapHandle)> report);
+
+  // Makes room for `wanted` entries; false when too little could go. `newest` (may be invalid) and the keyframes that
+  // share points with it stay.
+  bool MakeKeyframeRoom(int wanted, KeyframeHandle newest);
+  // At most a quarter of the pool.
+  bool MakePointRoom(int wanted, KeyframeHandle newest);
+  bool MakeMapRoom();
+
+  const EvictionCounters& counters() const { return counters_; }
+
+ private:
+  struct Candidate {
+    int num_own = 0;  // points that few others see
+    KeyframeId id = kNoId;
+    KeyframeHandle keyframe;
+    auto operator<=>(const Candidate&) const = default;
+  };
+
+  int NumFreeKeyframes() const;
+  int NumFreePoints() const;
+  void Protect(KeyframeHandle newest);
+  int NumOwnPoints(const Keyframe& keyframe) const;
+  bool IsInactive(const Map& map) const { return map.status == MapStatus::kStored; }
+  // Keyframes of maps that are inactive or not, of whose points at most `max_own_share` are their own.
+  enum class Which { kInactive, kActive, kAll };
+  void EvictKeyframes(int wanted, Which which, double max_own_share);
+  void EvictKeyframe(KeyframeHandle handle);
+  bool EvictSmallestMap(int max_keyframes);
+  void EvictPoints(int wanted, bool is_inactive, std::size_t max_views);
+
+  const EngineConfig& config_;
+  Atlas& atlas_;
+  KeyframeRetrieval& retrieval_;
+  std::function<void(FeatureSetHandle)> release_;
+  std::function<void(MapHandle)> report_;
+  EvictionCounters counters_;
+  std::vector<Candidate> heap_;
+  std::vector<std::uint8_t> is_protected_;  // by keyframe slot
+  std::vector<Covisible> covisible_;
+  std::vector<FeatureSetHandle> sets_;
+};
+
+}  // namespace haustra

@@ -1,0 +1,103 @@
+#include "engine/scheduler/frame_budget.h"
+
+#include <utility>
+
+namespace haustra {
+namespace {
+
+// A late frame's waits: longer than any healthy request, short enough for the thread to stay alive.
+constexpr Duration kLateWait = std::chrono::milliseconds(100);
+
+template <std::size_t... kIndices>
+std::array<StageExpectation, sizeof...(kIndices)> MakeExpectations(const SchedulerConfig& config,
+                                                                   std::index_sequence<kIndices...>) {
+  return {((void)kIndices, StageExpectation(config.quantile, config.retry_frames))...};
+}
+
+}  // namespace
+
+FrameBudget::FrameBudget(const SchedulerConfig& config, const Clock* clock)
+    : config_(config),
+      clock_(clock),
+      reserve_(static_cast<std::int64_t>(1e6 * config.reserve_ms)),
+      expected_(MakeExpectations(config, std::make_index_sequence<kNumStages>())) {}
+
+void FrameBudget::BeginFrame(TimePoint deadline, bool is_tracking) {
+  deadline_ = deadline;
+  rung_ = Rung::kFull;
+  times_ = {};
+  is_refused_ = {};
+  was_run_ = {};
+  has_fewer_features_ = has_fewer_points_ = false;
+  if (!is_limited()) return;
+  const Duration rest = remaining();
+  const Duration search = is_tracking ? expected(Stage::kMotion) : Duration{0};
+  const Duration full = is_tracking ? expected(Stage::kLocalMap) : Duration{0};
+  if (expected(Stage::kExtract) + search + full <= rest) return;
+  has_fewer_features_ = true;
+  Refuse(Stage::kExtract);
+  StepDown(Rung::kFewerFeatures);
+  if (!is_tracking || expected(Stage::kExtractReduced) + search + full <= rest) return;
+  has_fewer_points_ = true;
+  Refuse(Stage::kLocalMap);
+  StepDown(Rung::kFewerPoints);
+}
+
+void FrameBudget::ReconsiderPoints() {
+  if (!is_limited() || has_fewer_points_ || expected(Stage::kLocalMap) <= remaining()) return;
+  has_fewer_points_ = true;
+  Refuse(Stage::kLocalMap);
+  StepDown(Rung::kFewerPoints);
+}
+
+bool FrameBudget::CanAfford(Stage stage) {
+  if (!is_limited() || expected(stage) <= remaining()) return true;
+  Refuse(stage);
+  return false;
+}
+
+bool FrameBudget::MayRecover(bool is_lost) {
+  if (CanAfford(Stage::kRecovery) || (is_lost && num_recovery_refusals_ >= kMaxRefusals)) {
+    num_recovery_refusals_ = 0;
+    return true;
+  }
+  ++num_recovery_refusals_;
+  StepDown(Rung::kNoRecovery);
+  return false;
+}
+
+void FrameBudget::StepDown(Rung rung) {
+  if (rung > rung_) rung_ = rung;
+}
+
+TimePoint FrameBudget::wait_deadline() const {
+  if (clock_ == nullptr || deadline_ == kNoDeadline) return deadline_;
+  if (!config_.degrade) return kNoDeadline;
+  const TimePoint now = Now();
+  return now <= deadline_ ? deadline_ - reserve_ : now + kLateWait;
+}
+
+bool FrameBudget::is_over() const { return is_limited() && remaining() < Duration{0}; }
+
+Duration FrameBudget::remaining() const { return deadline_ - reserve_ - Now(); }
+
+void FrameBudget::Refuse(Stage stage) { is_refused_[static_cast<std::size_t>(stage)] = true; }
+
+void FrameBudget::Add(Stage stage, Duration duration) {
+  const auto i = static_cast<std::size_t>(stage);
+  times_[i] += duration;
+  was_run_[i] = true;
+}
+
+// One duration a frame, whatever it took to get it.
+void FrameBudget::EndFrame() {
+  for (std::size_t i = 0; i < expected_.size(); ++i) {
+    if (was_run_[i]) {
+      expected_[i].Add(times_[i]);
+    } else if (is_refused_[i]) {
+      expected_[i].Refused();
+    }
+  }
+}
+
+}  // namespace haustra

@@ -1,0 +1,23 @@
+// How a frame keeps its deadline (architecture.md, 'Bounded latency'). Real-time mode only: sequential mode has no
+// deadline. Plain data.
+#pragma once
+
+namespace haustra {
+
+struct SchedulerConfig {
+  bool degrade = true;       // off: every frame gets everything, however late it is (for comparison)
+  double deadline_ms = 0.0;  // from the capture of a frame to its pose; 0: the period of the frames [0, 1000]
+  // What comes after the last wait for the device: the pose, its publication, and a wake-up on a busy machine [0, 100].
+  double reserve_ms = 2.0;
+  // Of the last durations of a stage (frame_budget.h): the time that it is expected to take. Of 64 durations, 0.98 is
+  // the second largest: one outlier changes nothing, two do [0.5, 1].
+  double quantile = 0.98;
+  // Frames for which a stage that was refused is not tried again: a second. Twice as many each time that it is still as
+  // slow, up to sixteen times: a try costs its frame a rung [1, 1000].
+  int retry_frames = 25;
+  double reduced_share = 0.5;    // of features and of local points, on the rungs that have fewer [0.1, 1]
+  int max_predicted_frames = 5;  // in a row without a measurement: a scope does not keep its course longer [0, 100]
+  bool background_gap = true;    // mapping asks an accelerator for nothing while a frame is due
+};
+
+}  // namespace haustra

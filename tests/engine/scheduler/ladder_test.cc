@@ -1,0 +1,243 @@
+// The tracker on a device that takes time, on a clock that the test moves: rung by rung down, back up again, and never
+// a deadline missed by waiting.
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+#include "engine/engine.h"
+#include "hal/fakes/manual_clock.h"
+#include "hal/fakes/timed_vision_device.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra {
+namespace {
+
+using std::chrono::microseconds;
+using std::chrono::milliseconds;
+using test::kFramePeriod;
+using test::ScriptedColon;
+
+constexpr TimedVisionDevice::Model kFast{.extract = milliseconds(4),
+                                         .match = milliseconds(3),
+                                         .guided = milliseconds(1),
+                                         .per_feature = microseconds(10),
+                                         .per_query = microseconds(4)};
+
+struct Answer {
+  FrameResult result;
+  Duration latency{0};
+};
+
+// Frame after frame as a camera would bring them; mapping between them takes no time.
+class Camera {
+ public:
+  explicit Camera(int num_frames, bool degrade = true)
+      : device_(colon_.device(), clock_, [this](TimePoint time) { clock_.AdvanceTo(time); }) {
+    colon_.config().scheduler.degrade = degrade;
+    colon_.Move(0.0, 0.03 * num_frames, num_frames);
+    device_.SetModel(kFast);
+    engine_ = colon_.MakeEngine(Engine::Mode::kRealTime, device_, &clock_);
+  }
+
+  // One frame: at its time, or as soon as the last one is done; of several the newest.
+  Answer Next() {
+    EXPECT_TRUE(engine_->MayReleaseFrame(clock_.Now() + milliseconds(1000)));
+    Result<Frame> frame = colon_.source().Next(kNoDeadline);
+    while (frame.ok() && frame->timestamp + kFramePeriod <= clock_.Now()) frame = colon_.source().Next(kNoDeadline);
+    EXPECT_TRUE(frame.ok());
+    const TimePoint due = frame->timestamp;
+    clock_.AdvanceTo(due);
+    Answer answer;
+    answer.result = engine_->Track(*frame, due + kFramePeriod, due + kFramePeriod);
+    answer.latency = clock_.Now() - due;
+    // Maps are made at once: what the mapper asks of the device costs nothing here.
+    const TimedVisionDevice::Model model = model_;
+    device_.SetModel({});
+    while (engine_->MapStep()) {
+    }
+    device_.SetModel(model);
+    return answer;
+  }
+  std::vector<Answer> Next(int num) {
+    std::vector<Answer> answers;
+    for (int i = 0; i < num; ++i) answers.push_back(Next());
+    return answers;
+  }
+  void SetModel(const TimedVisionDevice::Model& model) {
+    model_ = model;
+    device_.SetModel(model);
+  }
+
+  ScriptedColon& colon() { return colon_; }
+  ManualClock& clock() { return clock_; }
+
+ private:
+  ScriptedColon colon_;
+  ManualClock clock_;
+  TimedVisionDevice device_;
+  TimedVisionDevice::Model model_ = kFast;
+  std::unique_ptr<Engine> engine_;
+};
+
+int Count(const std::vector<Answer>& answers, Rung rung) {
+  int count = 0;
+  for (const Answer& answer : answers) count += answer.result.rung == rung;
+  return count;
+}
+
+void ExpectInTime(const std::vector<Answer>& answers) {
+  for (const Answer& answer : answers) EXPECT_LE(answer.latency, kFramePeriod) << answer.result.frame_index;
+}
+
+TEST(Ladder, FastDeviceTracksWithEverything) {
+  Camera camera(150);
+  camera.Next(60);
+  const std::vector<Answer> answers = camera.Next(90);
+  EXPECT_EQ(Count(answers, Rung::kFull), 90);
+  for (const Answer& answer : answers) EXPECT_EQ(answer.result.state, TrackingState::kTracking);
+  ExpectInTime(answers);
+}
+
+TEST(Ladder, SlowerDeviceIsMetRungByRungAndLeftWhenItIsFastAgain) {
+  Camera camera(420);
+  camera.Next(100);
+  TimedVisionDevice::Model slow = kFast;
+
+  // Full extraction: 4 + 600 * 0.06 = 40 ms. Half the features: 22 ms.
+  slow.per_feature = microseconds(60);
+  camera.SetModel(slow);
+  const std::vector<Answer> fewer_features = camera.Next(40);
+  ExpectInTime(fewer_features);
+  EXPECT_LE(Count(fewer_features, Rung::kPredicted), 4) << "until it is known, and when it is tried again";
+  EXPECT_GE(Count(fewer_features, Rung::kFewerFeatures), 30);
+  for (const Answer& answer : fewer_features) {
+    EXPECT_EQ(answer.result.state, TrackingState::kTracking);
+    if (answer.result.rung != Rung::kFewerFeatures) continue;
+    EXPECT_LE(answer.result.num_features, 300) << answer.result.frame_index;
+  }
+
+  // The searches now take so long that the local map must shrink, too.
+  slow.per_query = microseconds(30);
+  camera.SetModel(slow);
+  const std::vector<Answer> fewer_points = camera.Next(80);
+  ExpectInTime(fewer_points);
+  EXPECT_GE(Count(fewer_points, Rung::kFewerPoints), 20);
+
+  camera.SetModel(kFast);
+  ExpectInTime(camera.Next(100));
+  const std::vector<Answer> again = camera.Next(60);
+  EXPECT_EQ(Count(again, Rung::kFull), 60);
+  ExpectInTime(again);
+}
+
+TEST(Ladder, StalledDeviceIsAnsweredWithPredictionsAndThenHonestlyWithLost) {
+  Camera camera(200);
+  const std::vector<Answer> before = camera.Next(100);
+  ASSERT_EQ(before.back().result.state, TrackingState::kTracking);
+  TimedVisionDevice::Model stalled = kFast;
+  stalled.extract = milliseconds(60);
+  camera.SetModel(stalled);
+  const std::vector<Answer> answers = camera.Next(8);
+  ExpectInTime(answers);
+  const int allowed = SchedulerConfig{}.max_predicted_frames;
+  for (int i = 0; i < 8; ++i) {
+    EXPECT_EQ(answers[i].result.rung, Rung::kPredicted) << i;
+    EXPECT_EQ(answers[i].result.reason, i < allowed ? TrackingReason::kPredicted : TrackingReason::kNoTime) << i;
+    EXPECT_EQ(answers[i].result.state, i < allowed ? TrackingState::kTracking : TrackingState::kLost) << i;
+    EXPECT_FALSE(answers[i].result.is_keyframe);
+  }
+}
+
+// The scope keeps its course, so the prediction is near the pose that would have been measured.
+TEST(Ladder, PredictedPoseLiesOnTheCourse) {
+  Camera camera(120), undisturbed(120);
+  camera.Next(100);
+  undisturbed.Next(100);
+  TimedVisionDevice::Model stalled = kFast;
+  stalled.extract = milliseconds(38);
+  camera.SetModel(stalled);
+  const Answer predicted = camera.Next();
+  const Answer measured = undisturbed.Next(), later = undisturbed.Next();
+  ASSERT_EQ(predicted.result.reason, TrackingReason::kPredicted);
+  ASSERT_EQ(measured.result.reason, TrackingReason::kTracked);
+  EXPECT_EQ(predicted.result.map_id, measured.result.map_id);
+  const auto centre = [](const Answer& answer) { return answer.result.cam_from_map.InverseTranslation(); };
+  const double step = (centre(later) - centre(measured)).norm();
+  EXPECT_LT((centre(predicted) - centre(measured)).norm(), 0.5 * step);
+  // Relative to a keyframe it says the same.
+  EXPECT_NE(predicted.result.reference_keyframe, kNoId);
+}
+
+TEST(Ladder, ShortStallCostsItsFrameAndNoMore) {
+  Camera camera(200);
+  camera.Next(100);
+  TimedVisionDevice::Model stalled = kFast;
+  stalled.extract = milliseconds(45);
+  camera.SetModel(stalled);
+  EXPECT_EQ(camera.Next().result.rung, Rung::kPredicted);
+  camera.SetModel(kFast);
+  const std::vector<Answer> answers = camera.Next(50);
+  EXPECT_GE(Count(answers, Rung::kFull), 48);
+  ExpectInTime(answers);
+  for (const Answer& answer : answers) EXPECT_EQ(answer.result.state, TrackingState::kTracking);
+}
+
+TEST(Ladder, SwitchedOffWaitsForEverything) {
+  Camera camera(110, false);
+  camera.Next(100);
+  TimedVisionDevice::Model stalled = kFast;
+  stalled.extract = milliseconds(60);
+  camera.SetModel(stalled);
+  const Answer answer = camera.Next();
+  EXPECT_EQ(answer.result.rung, Rung::kFull);
+  EXPECT_EQ(answer.result.reason, TrackingReason::kTracked);
+  EXPECT_GT(answer.latency, kFramePeriod);
+}
+
+// The same frames and the same times give the same answers to the bit, and without a deadline the clock changes
+// nothing.
+TEST(Ladder, SameTimesGiveTheSameAnswers) {
+  Camera a(150), b(150);
+  for (int i = 0; i < 150; ++i) {
+    if (i == 80) {
+      TimedVisionDevice::Model slow = kFast;
+      slow.per_feature = microseconds(60);
+      a.SetModel(slow);
+      b.SetModel(slow);
+    }
+    const Answer x = a.Next(), y = b.Next();
+    ASSERT_EQ(x.result.rung, y.result.rung);
+    ASSERT_EQ(x.latency, y.latency);
+    ASSERT_EQ(x.result.cam_from_map.translation, y.result.cam_from_map.translation);
+  }
+}
+
+TEST(Ladder, SequentialModeDoesNotKnowTheClock) {
+  std::vector<FrameResult> results[2];
+  for (int with_clock = 0; with_clock < 2; ++with_clock) {
+    ScriptedColon colon;
+    colon.Move(0.0, 3.0, 100);
+    ManualClock clock;
+    TimedVisionDevice device(colon.device(), clock, [&clock](TimePoint time) { clock.AdvanceTo(time); });
+    TimedVisionDevice::Model slow = kFast;
+    slow.extract = milliseconds(500);
+    device.SetModel(slow);
+    const auto engine = colon.MakeEngine(Engine::Mode::kSequential, device, with_clock == 1 ? &clock : nullptr);
+    for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+      results[with_clock].push_back(engine->Track(*frame, kNoDeadline));
+      while (engine->MapStep()) {
+      }
+    }
+  }
+  ASSERT_EQ(results[0].size(), results[1].size());
+  for (std::size_t i = 0; i < results[0].size(); ++i) {
+    EXPECT_EQ(results[0][i].rung, Rung::kFull);
+    EXPECT_EQ(results[0][i].reason, results[1][i].reason);
+    EXPECT_EQ(results[0][i].cam_from_map.translation, results[1][i].cam_from_map.translation);
+    EXPECT_EQ(results[0][i].cam_from_map.rotation.coeffs(), results[1][i].cam_from_map.rotation.coeffs());
+  }
+}
+
+}  // namespace
+}  // namespace haustra

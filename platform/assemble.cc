@@ -31,4 +31,15 @@ Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, 
   return InvalidArgument("vision device '" + std::string(name) + "': unknown; use 'cpu' or 'cuda'");
 }
 
+double SceneShare(const ImageView& mask) {
+  if (mask.is_empty()) return 1.0;
+  std::size_t inside = 0;
+  for (int y = 0; y < mask.height; ++y) {
+    inside +=
+        static_cast<std::size_t>(std::count_if(mask.row(y), mask.row(y) + mask.width, [](auto v) { return v > 127; }));
+  }
+  const double share = static_cast<double>(inside) / (static_cast<double>(mask.width) * mask.height);
+  return share > 0.0 ? share : 1.0;
+}
+
 }  // namespace haustra

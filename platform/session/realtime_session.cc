@@ -1,12 +1,15 @@
 #include <algorithm>
-#include <semaphore>
+#include <latch>
 #include <thread>
 #include <vector>
 
 #include "hal/core/mailbox.h"
 #include "hal/core/spsc_ring.h"
+#include "platform/realtime/realtime_threads.h"
+#include "platform/realtime/wake_signal.h"
 #include "platform/session/frame_pacer.h"
 #include "platform/session/session.h"
+#include "platform/session/thread_name.h"
 #include "platform/session/timed_map_step.h"
 
 namespace haustra {
@@ -14,11 +17,15 @@ namespace {
 
 using std::chrono::milliseconds;
 
+constexpr Duration kLongestWait = milliseconds(100);
+
 // A frame on its way from capture to tracking, with its pixels: three of these exist (mailbox).
 struct FrameSlot {
   std::vector<std::uint8_t> pixels;
   Frame frame;
   TimePoint due;
+  TimePoint capture_begin;
+  Duration capture{0};
   std::uint64_t sequence = 0;  // counts published frames from 1
   bool is_last = false;        // no frame: the source is over
 };
@@ -31,28 +38,52 @@ struct DamageNote {
 // State shared by the threads of one session.
 class RealTimeSession {
  public:
-  RealTimeSession(FrameSource& source, Engine& engine, const Clock& clock, double rate)
+  RealTimeSession(FrameSource& source, Engine& engine, const Clock& clock, const RealTimeOptions& options)
       : source_(source),
         engine_(engine),
         clock_(clock),
-        rate_(rate),
+        rate_(options.rate),
+        period_(PeriodOf(source.calibration().rate_hz, options.rate)),
+        budget_(BudgetOf(engine.config().scheduler.deadline_ms, period_)),
+        heartbeat_(options.heartbeat),
+        hooks_(options.hooks),
         frames_(EmptySlot(source.calibration())),
         outcomes_(4096),
         mapping_times_(4096),
         damage_(256) {}
 
-  Result<SessionSummary> Run(SessionObserver& observer, const std::atomic<bool>& stop) {
+  // `threads` is made when all the memory of session and engine has been taken.
+  Result<SessionSummary> Run(RealTimeThreads& threads, SessionObserver& observer, const std::atomic<bool>& stop) {
     const TimePoint start = clock_.Now();
-    std::thread mapping([this] { MapLoop(); });
-    std::thread tracking([this] { TrackLoop(); });
-    std::thread capture([this, &stop] { CaptureLoop(stop); });
-    while (!tracking_done_.load(std::memory_order_acquire)) {
+    heap_watch_ = observer.heap_watch();
+    // Each thread applies its settings; none begins before all were looked at.
+    std::latch applied(3);
+    std::latch decided(1);
+    bool may_begin = false;
+    const auto launch = [&](SessionThread thread, auto loop) {
+      return std::thread([&, thread, loop] {
+        threads.Apply(thread);
+        applied.count_down();
+        decided.wait();
+        if (may_begin) loop();
+      });
+    };
+    std::thread mapping = launch(SessionThread::kMapping, [this] { MapLoop(); });
+    std::thread tracking = launch(SessionThread::kTracking, [this] { TrackLoop(); });
+    std::thread capture = launch(SessionThread::kCapture, [this, &stop] { CaptureLoop(stop); });
+    applied.wait();
+    const Status granted = threads.Check();
+    may_begin = granted.ok();
+    if (may_begin) observer.OnStart(threads.report());
+    decided.count_down();
+    while (may_begin && !tracking_done_.load(std::memory_order_acquire)) {
       Report(observer);
       std::this_thread::sleep_for(milliseconds(10));
     }
     capture.join();
     tracking.join();
     mapping.join();
+    if (!may_begin) return granted;
     Report(observer);
     // Damaged frames after the last one that was tracked.
     ReportMissing(end_index_, end_time_, observer);
@@ -64,6 +95,13 @@ class RealTimeSession {
   }
 
  private:
+  static Duration PeriodOf(double rate_hz, double rate) {
+    return Duration(static_cast<std::int64_t>(1e9 / ((rate_hz > 0 ? rate_hz : 25.0) * rate)));
+  }
+  static Duration BudgetOf(double deadline_ms, Duration period) {
+    return deadline_ms > 0 ? Duration(static_cast<std::int64_t>(1e6 * deadline_ms)) : period;
+  }
+
   static FrameSlot EmptySlot(const CameraCalibration& camera) {
     FrameSlot slot;
     slot.pixels.resize(static_cast<std::size_t>(camera.width_px) * camera.height_px * 3);
@@ -71,17 +109,27 @@ class RealTimeSession {
   }
 
   void CaptureLoop(const std::atomic<bool>& stop) {
+    NameThisThread("capture");
     FrameNumbering numbering(source_.calibration().rate_hz);
     std::uint64_t num_published = 0;
     bool has_origin = false;
     TimePoint origin_video;
     TimePoint origin;
     while (!stop.load(std::memory_order_relaxed)) {
-      const Result<Frame> frame = source_.Next(kNoDeadline);
+      // A camera that brings nothing must not keep the session from ending, and one that has gone may come back.
+      const TimePoint asked = clock_.Now();
+      const Result<Frame> frame = source_.Next(asked + kLongestWait);
+      if (frame.code() == StatusCode::kDeadlineExceeded) continue;
+      if (frame.code() == StatusCode::kUnavailable && source_.num_frames() == 0) {
+        std::this_thread::sleep_for(milliseconds(10));
+        continue;
+      }
       if (frame.code() == StatusCode::kNotFound) break;
       if (frame.code() == StatusCode::kDataLoss) {
         const DamageNote note{numbering.Missing().frame_index, frame.status().message()};
-        while (!damage_.TryPush(note)) std::this_thread::sleep_for(milliseconds(1));
+        while (!damage_.TryPush(note) && !stop.load(std::memory_order_relaxed)) {
+          std::this_thread::sleep_for(milliseconds(1));
+        }
         continue;
       }
       if (!frame.ok()) {
@@ -103,16 +151,17 @@ class RealTimeSession {
       const double since_origin = static_cast<double>((frame->timestamp - origin_video).count()) / rate_;
       slot.due = origin + Duration(static_cast<std::int64_t>(since_origin));
       const TimePoint now = clock_.Now();
+      slot.capture_begin = asked;
+      slot.capture = now - asked;
       if (now > slot.due) {
         // Reading was late: the schedule moves, the frame is not blamed.
         origin += now - slot.due;
         slot.due = now;
-      } else {
-        std::this_thread::sleep_for(slot.due - now);
       }
+      slot.due = SleepUntil(slot.due, stop);
       frames_.Publish();
       ++num_published;
-      frame_ready_.release();
+      frame_ready_.Post();
     }
     video_time_ = numbering.video_time();
     end_index_ = numbering.end_index();
@@ -121,52 +170,75 @@ class RealTimeSession {
     while (num_taken_.load(std::memory_order_acquire) < num_published) std::this_thread::sleep_for(milliseconds(1));
     frames_.WriteSlot().is_last = true;
     frames_.Publish();
-    frame_ready_.release();
+    frame_ready_.Post();
+  }
+
+  // When the frame is published: earlier than due when the session is to end before.
+  TimePoint SleepUntil(TimePoint due, const std::atomic<bool>& stop) const {
+    for (TimePoint now = clock_.Now(); now < due; now = clock_.Now()) {
+      if (stop.load(std::memory_order_relaxed)) return now;
+      std::this_thread::sleep_for(std::min(due - now, kLongestWait));
+    }
+    return due;
   }
 
   static void CopyImage(const ImageView& image, FrameSlot* slot) {
     const std::ptrdiff_t row_bytes = static_cast<std::ptrdiff_t>(image.width) * BytesPerPixel(image.format);
-    for (int y = 0; y < image.height; ++y) {
+    for (int y = 0; y < MemoryRows(image.format, image.height); ++y) {
       std::copy_n(image.row(y), row_bytes, slot->pixels.data() + y * row_bytes);
     }
     slot->frame.image = {slot->pixels.data(), image.width, image.height, row_bytes, image.format};
   }
 
   void TrackLoop() {
+    NameThisThread("tracking");
     while (true) {
+      if (heartbeat_ != nullptr) heartbeat_->Beat(clock_.Now());
+      // The mailbox takes the slot back when a newer one is asked for.
+      if (!engine_.MayReleaseFrame(clock_.Now() + kIdle)) continue;
       if (!frames_.Refresh()) {
-        (void)frame_ready_.try_acquire_for(milliseconds(20));
+        (void)frame_ready_.WaitFor(kIdle);
         continue;
       }
       const FrameSlot& slot = frames_.ReadSlot();
       if (slot.is_last) break;
       num_taken_.store(slot.sequence, std::memory_order_release);
       FrameOutcome outcome;
-      const TimePoint begin = clock_.Now();
-      outcome.result = engine_.Track(slot.frame, kNoDeadline);
+      outcome.due = slot.due;
+      outcome.deadline = slot.due + budget_;
+      outcome.capture_begin = slot.capture_begin;
+      outcome.capture = slot.capture;
+      outcome.begin = clock_.Now();
+      const ThreadUseMeter meter(heap_watch_);
+      outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.due + period_);
+      outcome.use = meter.Read();
       const TimePoint end = clock_.Now();
-      outcome.processing = outcome.tracking = end - begin;
+      outcome.processing = outcome.tracking = end - outcome.begin;
       outcome.latency = end - slot.due;
+      outcome.is_late = end > outcome.deadline;
+      if (hooks_ != nullptr) hooks_->OnTracked(outcome);
       outcomes_.TryPush(outcome);
       newest_tracked_.store(outcome.result.frame_index, std::memory_order_relaxed);
-      map_work_.release();
+      map_work_.Post();
     }
     stop_mapping_.store(true, std::memory_order_release);
-    map_work_.release();
+    map_work_.Post();
     tracking_done_.store(true, std::memory_order_release);
   }
 
   void MapLoop() {
+    NameThisThread("mapping");
     while (true) {
+      if (hooks_ != nullptr) hooks_->BetweenMapSteps();
       const bool is_stopping = stop_mapping_.load(std::memory_order_acquire);
-      if (MappingTimes times; TimedMapStep(engine_, &times)) {
+      if (MappingTimes times; TimedMapStep(engine_, clock_, &times)) {
         times.frame_index = newest_tracked_.load(std::memory_order_relaxed);
         // A figure that finds no room is lost: the mapper does not wait for its observer.
         if (!times.is_empty()) mapping_times_.TryPush(times);
         continue;
       }
       if (is_stopping) break;
-      (void)map_work_.try_acquire_for(milliseconds(20));
+      (void)map_work_.WaitFor(kIdle);
     }
   }
 
@@ -206,13 +278,22 @@ class RealTimeSession {
     for (MapEvent event; engine_.map_events().TryPop(&event);) observer.OnMapEvent(event);
   }
 
+  // How long a thread waits for work before it looks around: heartbeat, end of the session.
+  static constexpr Duration kIdle = milliseconds(20);
+  static constexpr Duration kLongestWait = milliseconds(100);
+
   FrameSource& source_;
   Engine& engine_;
   const Clock& clock_;
   const double rate_;
+  const Duration period_;  // between two frames
+  const Duration budget_;  // from due time to deadline
+  Heartbeat* const heartbeat_;
+  SessionHooks* const hooks_;
+  const HeapWatch* heap_watch_ = nullptr;
   LatestMailbox<FrameSlot> frames_;
-  std::counting_semaphore<> frame_ready_{0};
-  std::counting_semaphore<> map_work_{0};
+  WakeSignal frame_ready_;
+  WakeSignal map_work_;
   SpscRing<FrameOutcome> outcomes_;
   SpscRing<MappingTimes> mapping_times_;
   SpscRing<DamageNote> damage_;
@@ -230,11 +311,21 @@ class RealTimeSession {
 
 }  // namespace
 
+Result<SessionSummary> RunRealTime(FrameSource& source, Engine& engine, const Clock& clock,
+                                   const RealTimeOptions& options, SessionObserver& observer,
+                                   const std::atomic<bool>& stop) {
+  if (!(options.rate > 0)) return InvalidArgument("rate must be above zero");
+  RealTimeSession session(source, engine, clock, options);
+  RealTimeThreads threads(options.rt, options.system != nullptr ? *options.system : LinuxThreadSystem());
+  return session.Run(threads, observer, stop);
+}
+
 Result<SessionSummary> RunRealTime(FrameSource& source, Engine& engine, const Clock& clock, double rate,
                                    SessionObserver& observer, const std::atomic<bool>& stop) {
-  if (!(rate > 0)) return InvalidArgument("rate must be above zero");
-  RealTimeSession session(source, engine, clock, rate);
-  return session.Run(observer, stop);
+  RealTimeOptions options;
+  options.rate = rate;
+  options.rt.enabled = false;
+  return RunRealTime(source, engine, clock, options, observer, stop);
 }
 
 }  // namespace haustra

@@ -24,9 +24,11 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     if (!frame.ok()) return frame.status();
     numbering.Seen(*frame);
     const TimePoint begin = clock.Now();
+    const ThreadUseMeter meter(observer.heap_watch());
     outcome.result = engine.Track(*frame, kNoDeadline);
+    outcome.use = meter.Read();
     outcome.tracking = clock.Now() - begin;
-    for (MappingTimes times; TimedMapStep(engine, &times);) {
+    for (MappingTimes times; TimedMapStep(engine, clock, &times);) {
       times.frame_index = outcome.result.frame_index;
       if (!times.is_empty()) observer.OnMapped(times);
     }

@@ -9,6 +9,11 @@
 #include "engine/engine.h"
 #include "hal/clock.h"
 #include "hal/frame_source.h"
+#include "hal/realtime_config.h"
+#include "platform/realtime/heartbeat.h"
+#include "platform/realtime/realtime_report.h"
+#include "platform/realtime/thread_system.h"
+#include "platform/session/thread_use.h"
 
 namespace haustra {
 
@@ -17,13 +22,22 @@ struct FrameOutcome {
   Duration processing{0};   // time spent on the frame, tracking and (sequential mode) mapping
   Duration tracking{0};     // of it, the time in tracking alone
   Duration latency{0};      // real time: from the moment the frame was due to the answer; sequential: processing
+  ThreadUse use;            // of the tracking thread, while it worked on the frame
   bool is_dropped = false;  // a newer frame came before this one was looked at
   bool is_damaged = false;  // the frame could not be read
+  // Real time only, of a frame that was tracked; times of the session's clock.
+  bool is_late = false;  // answered after its deadline
+  TimePoint due;         // when it was captured
+  TimePoint deadline;
+  TimePoint begin;  // of tracking; it ends at due + latency
+  TimePoint capture_begin;
+  Duration capture{0};  // reading and copying the frame, before it was due
 };
 
 // What the mapper spent on one keyframe, or on looking for a lost frame; 0 for a stage that did not take place.
 struct MappingTimes {
   std::uint32_t frame_index = 0;  // newest frame that was tracked when it was done
+  TimePoint start;                // the stages follow each other in this order
   Duration insert{0}, create{0}, fuse{0}, bundle{0}, cull{0}, place{0}, merge{0}, relocalisation{0};
 
   Duration mapping() const { return insert + create + fuse + bundle + cull; }
@@ -34,14 +48,29 @@ struct MappingTimes {
 class SessionObserver {
  public:
   virtual ~SessionObserver() = default;
+  // Once, before the first frame of a real-time session: what the system granted.
+  virtual void OnStart(const RealTimeReport&) {}
   virtual void OnFrame(const FrameOutcome& outcome) = 0;
   virtual void OnMapEvent(const MapEvent& event) = 0;
   // A frame that was answered before its map stood has a pose now.
   virtual void OnLatePose(const LatePose& pose) = 0;
   // Only when the engine was given a clock.
   virtual void OnMapped(const MappingTimes&) {}
+  // Asked once, at the start: who counts the tracking thread's use of the heap; null: nobody does.
+  virtual const HeapWatch* heap_watch() const { return nullptr; }
   // A frame that could not be read; the session goes on. `message` names the file.
   virtual void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) = 0;
+};
+
+// What a program does on the session's own threads.
+class SessionHooks {
+ public:
+  virtual ~SessionHooks() = default;
+  // Tracking thread, right after the answer. rt-safe.
+  virtual void OnTracked(const FrameOutcome&) {}
+  // Mapping thread, between two steps and many times a second while there is nothing to do: here the atlas may be read
+  // and saved. A new frame waits for no one; the next keyframe waits for this.
+  virtual void BetweenMapSteps() {}
 };
 
 struct SessionSummary {
@@ -54,9 +83,29 @@ struct SessionSummary {
 Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const Clock& clock, SessionObserver& observer,
                                      const std::atomic<bool>& stop);
 
-// Frames become due at their time stamps divided by `rate` (> 0; 1: the camera's own pace), each is dropped when a
-// newer one is due before tracking comes to it. Capture, tracking and mapping run on threads of their own, the observer
-// on the calling one. A source slower than its own rate delays the frames' due times: reading is not what is measured.
+struct RealTimeOptions {
+  double rate = 1.0;  // > 0; 1: the camera's own pace
+  RealTimeConfig rt;
+  // Beats on the tracking thread while the session runs; may be null. Outlives the session.
+  Heartbeat* heartbeat = nullptr;
+  SessionHooks* hooks = nullptr;  // may be null; outlives the session
+  // Null: this machine.
+  ThreadSystem* system = nullptr;
+};
+
+// Frames become due at their time stamps divided by `rate`, each is dropped when a newer one is due before tracking
+// comes to it. Capture, tracking and mapping run on threads of their own, the observer on the calling one. A source
+// slower than its own rate delays the frames' due times: reading is not what is measured.
+//
+// Each frame is to be answered within config.scheduler.deadline_ms of its due time (0: within a period of the frames,
+// at the session's rate). `stop`, set by any thread, ends the session within a fraction of a second: what was mapped
+// stays in the engine, and the status is Ok. Sessions may follow each other with the same engine and source.
+// kInvalidArgument: rate. kFailedPrecondition: rt.require is set and a privilege is missing. Errors of the source.
+Result<SessionSummary> RunRealTime(FrameSource& source, Engine& engine, const Clock& clock,
+                                   const RealTimeOptions& options, SessionObserver& observer,
+                                   const std::atomic<bool>& stop);
+
+// With ordinary scheduling.
 Result<SessionSummary> RunRealTime(FrameSource& source, Engine& engine, const Clock& clock, double rate,
                                    SessionObserver& observer, const std::atomic<bool>& stop);
 

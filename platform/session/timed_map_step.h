@@ -7,7 +7,8 @@
 namespace haustra {
 
 // As Engine::MapStep; `times` is filled when it returns true.
-inline bool TimedMapStep(Engine& engine, MappingTimes* times) {
+inline bool TimedMapStep(Engine& engine, const Clock& clock, MappingTimes* times) {
+  times->start = clock.Now();
   const MapperCounters before = engine.mapper_counters();
   if (!engine.MapStep()) return false;
   const MapperCounters& after = engine.mapper_counters();

@@ -29,14 +29,14 @@ constexpr int NumMembers() {
 
 TEST(EngineConfigTable, BindsEveryMember) {
   // A new section or a new member of a section makes one of these fail until it has its row.
-  EXPECT_EQ(NumMembers<EngineConfig>(), 11);
+  EXPECT_EQ(NumMembers<EngineConfig>(), 13);
   EXPECT_EQ(NumMembers<PlaceConfig>(), 4);
   const int expected = 1 + NumMembers<FeatureConfig>() + NumMembers<NoiseConfig>() + NumMembers<MatchingConfig>() +
                        NumMembers<InitialisationConfig>() + NumMembers<TrackingConfig>() +
                        NumMembers<KeyframeConfig>() + NumMembers<MappingConfig>() + NumMembers<MemoryConfig>() +
                        NumMembers<RetrievalConfig>() + NumMembers<CommonAreaConfig>() +
                        NumMembers<RecognitionConfig>() + NumMembers<RelocalisationConfig>() +
-                       NumMembers<MergingConfig>();
+                       NumMembers<MergingConfig>() + NumMembers<SchedulerConfig>() + NumMembers<RealTimeConfig>();
   EXPECT_EQ(static_cast<int>(EngineConfigFields().size()), expected);
 }
 
@@ -111,6 +111,8 @@ TEST(LoadEngineConfig, ContradictionsAreRefused) {
       {{"initialisation.min_points=500", "features.max=400"}, "no map could ever start"},
       {{"noise.k=0", "noise.sigma_0_px=0"}, "must have some noise"},
       {{"retrieval.kind=vocabulary"}, "retrieval.vocabulary names no file"},
+      {{"rt.tracking_cpus=2,x"}, "rt.tracking_cpus: '2,x': not a list of processors"},
+      {{"rt.require=true", "rt.enabled=false"}, "rt.enabled is off"},
       {{"memory.max_keyframe_ids=1000"}, "below memory.max_keyframes (1500)"},
   };
   for (const auto& c : cases) {

@@ -1,0 +1,30 @@
+// The other end of the control socket, for the command line and for tests. thread-bound(its owner).
+#pragma once
+
+#include <string>
+
+#include "hal/core/status.h"
+#include "hal/core/time.h"
+#include "platform/control/control_protocol.h"
+
+namespace haustra {
+
+class ControlClient {
+ public:
+  // kNotFound: there is no such socket, so no daemon; kUnavailable: no right to use it, or nobody listens.
+  static Result<ControlClient> Connect(const std::string& path);
+  ControlClient(ControlClient&& other) noexcept;
+  ControlClient& operator=(ControlClient&&) = delete;
+  ~ControlClient();
+
+  // Sends any bytes as one packet and waits for the answer. Errors: as ParseReply; kUnavailable: the daemon has gone or
+  // put this client out; kDeadlineExceeded.
+  Result<std::string> Ask(std::string_view packet, Duration limit);
+  Result<std::string> Ask(const ControlRequest& request, Duration limit) { return Ask(ToText(request), limit); }
+
+ private:
+  explicit ControlClient(int socket) : socket_(socket) {}
+  int socket_;
+};
+
+}  // namespace haustra

@@ -1,0 +1,48 @@
+// What is said on the control socket (Unix domain, SOCK_SEQPACKET): a request is one packet of printable ASCII, a word
+// and at most one argument, and each is answered by one packet, "ok\n" and a text, or "error WHAT\n".
+//
+//   status             the daemon and its procedure: "key value" lines
+//   metrics            counters and times in the text format of Prometheus
+//   begin [LABEL]      a new procedure with empty maps; LABEL is the tower's name for it
+//   resume             goes on with the procedure that a crash or power cut interrupted
+//   end [keep|wipe]    ends the procedure; what becomes of its data, if not what the configuration says
+//   save NAME          all maps into NAME.atlas in the folder for saved maps
+//
+// Labels and names: 1 to 64 letters, digits, '.', '_' or '-', the first a letter or digit, so that a name can never
+// be a path. reentrant.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "hal/core/status.h"
+
+namespace haustra {
+
+inline constexpr std::size_t kMaxRequestBytes = 128;
+inline constexpr std::size_t kMaxReplyBytes = std::size_t{1} << 16;
+inline constexpr std::size_t kMaxNameBytes = 64;
+
+enum class ControlCommand { kStatus, kMetrics, kBegin, kResume, kEnd, kSave };
+
+struct ControlRequest {
+  ControlCommand command = ControlCommand::kStatus;
+  std::string name;          // kBegin: the label, may be empty; kSave: never empty
+  std::optional<bool> keep;  // kEnd
+};
+
+bool IsControlName(std::string_view name);
+
+// kInvalidArgument: says what is wrong with it, in printable characters whatever came.
+Result<ControlRequest> ParseControlRequest(std::string_view packet);
+// ParseControlRequest gives the same request back.
+std::string ToText(const ControlRequest& request);
+
+// "ok\n" and the text, cut to kMaxReplyBytes; "error ...\n".
+std::string ReplyText(const Result<std::string>& reply);
+// The other way round. kFailedPrecondition: the daemon refused, with its reason; kDataLoss: not a reply.
+Result<std::string> ParseReply(std::string_view packet);
+
+}  // namespace haustra

@@ -1,0 +1,99 @@
+#include "platform/daemon/daemon_config.h"
+
+#include <cstddef>
+#include <type_traits>
+#include <utility>
+
+#include "platform/config/engine_config_table.h"
+
+namespace haustra {
+namespace {
+
+static_assert(std::is_standard_layout_v<DaemonConfig>, "a pointer to it is one to its first member");
+
+constexpr ConfigReload kLive = ConfigReload::kLive;
+constexpr ConfigReload kRestart = ConfigReload::kRestart;
+
+}  // namespace
+
+std::vector<ConfigField> DaemonConfigFields() {
+  using C = DaemonConfig;
+  std::vector<ConfigField> fields = EngineConfigFields();
+  const auto add = [&fields](ConfigField field) { fields.push_back(std::move(field)); };
+
+  add(BindText<&C::source, &SourceConfig::path>("source.path", "camera, folder of frames, data set or video",
+                                                kRestart));
+  add(BindText<&C::source, &SourceConfig::calibration>("source.calibration",
+                                                       "camera calibration; empty: what the source carries", kRestart));
+  add(BindText<&C::source, &SourceConfig::mask>(
+      "source.mask", "static mask, 255 inside the scope's window; empty: what the source carries", kRestart));
+  add(BindField<&C::source, &SourceConfig::every_nth>("source.every_nth", {1, 1000}, "frames",
+                                                      "only every n-th frame is used", kRestart));
+  add(BindField<&C::source, &SourceConfig::halve>("source.halve", {}, "", "2x2 pixels are averaged", kRestart));
+  add(BindField<&C::source, &SourceConfig::rate>("source.rate", {0.01, 100}, "",
+                                                 "pace of a recording relative to its camera's", kRestart));
+
+  add(BindChoice<&C::vision, &VisionConfig::device>("vision.device", {"cpu", "cuda"}, "what extracts and matches",
+                                                    kRestart));
+  add(BindField<&C::vision, &VisionConfig::threads>("vision.threads", {0, 256}, "threads",
+                                                    "of the CPU device; 0: one a core", kRestart));
+
+  add(BindField<&C::procedure, &ProcedureConfig::begin_at_start>(
+      "procedure.begin_at_start", {}, "", "a procedure begins with the service, not when the tower says so", kRestart));
+  add(BindField<&C::procedure, &ProcedureConfig::keep_data>("procedure.keep_data", {}, "",
+                                                            "the maps of a procedure are kept when it ends", kLive));
+  add(BindField<&C::procedure, &ProcedureConfig::resume_limit_s>(
+      "procedure.resume_limit_s", {0, 86400}, "s",
+      "age of the last checkpoint up to which an interrupted procedure goes on by itself", kRestart));
+
+  add(BindField<&C::checkpoint, &CheckpointConfig::interval_s>("checkpoint.interval_s", {0, 3600}, "s",
+                                                               "between two checkpoints; 0: only at the stop", kLive));
+
+  add(BindField<&C::publish, &PublishConfig::snapshot_interval_ms>("publish.snapshot_interval_ms", {50, 60000}, "ms",
+                                                                   "between two snapshots of the map", kLive));
+  add(BindText<&C::publish, &PublishConfig::group>(
+      "publish.group", "system group that may read poses and use the control socket; empty: the service's own",
+      kRestart));
+
+  add(BindField<&C::watchdog, &WatchdogConfig::tracking_limit_ms>(
+      "watchdog.tracking_limit_ms", {100, 600000}, "ms", "without a sign of life: the tracking thread hangs", kLive));
+  add(BindField<&C::watchdog, &WatchdogConfig::capture_limit_ms>(
+      "watchdog.capture_limit_ms", {100, 600000}, "ms", "without a sign of life: the capture thread hangs", kLive));
+  add(BindField<&C::watchdog, &WatchdogConfig::mapping_limit_ms>("watchdog.mapping_limit_ms", {1000, 600000}, "ms",
+                                                                 "in one step: the mapping thread hangs", kLive));
+
+  add(BindText<&C::files, &FilesConfig::state_folder>(
+      "files.state_folder", "for checkpoints and saved maps; empty: $STATE_DIRECTORY", kRestart));
+  add(BindText<&C::files, &FilesConfig::runtime_folder>(
+      "files.runtime_folder", "for poses and the control socket; empty: $RUNTIME_DIRECTORY", kRestart));
+
+  add(BindChoice<&C::log, &LogConfig::level>("log.level", {"error", "warning", "info", "debug"},
+                                             "least important record that is written", kLive));
+  return fields;
+}
+
+Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
+                                                   const std::vector<std::string>& assignments) {
+  ConfigStore<DaemonConfig> store(DaemonConfigFields());
+  if (!path.empty()) HAUSTRA_TRY(store.ApplyFile(path));
+  for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
+  HAUSTRA_TRY(CheckEngineConfig(store.config().engine));
+  return store;
+}
+
+ConfigChange ApplyLive(const DaemonConfig& running, const DaemonConfig& loaded) {
+  ConfigChange change{running, {}, {}};
+  for (const ConfigField& field : DaemonConfigFields()) {
+    const ConfigValue value = field.read(&loaded);
+    if (value == field.read(&running)) continue;
+    if (field.reload == ConfigReload::kLive) {
+      field.write(&change.config, value);
+      change.applied.push_back(field.key);
+    } else {
+      change.needs_restart.push_back(field.key);
+    }
+  }
+  return change;
+}
+
+}  // namespace haustra

@@ -1,0 +1,25 @@
+#include "platform/daemon/health.h"
+
+#include <cstdio>
+
+namespace haustra {
+
+std::string FindHang(const SignsOfLife& signs, TimePoint now, const WatchdogConfig& limits) {
+  const struct {
+    const char* name;
+    TimePoint last;
+    int limit_ms;
+  } threads[] = {{"tracking", signs.tracking, limits.tracking_limit_ms},
+                 {"capture", signs.capture, limits.capture_limit_ms},
+                 {"mapping", signs.mapping, limits.mapping_limit_ms}};
+  for (const auto& thread : threads) {
+    const Duration silence = now - thread.last;
+    if (silence <= std::chrono::milliseconds(thread.limit_ms)) continue;
+    char text[64];
+    std::snprintf(text, sizeof text, "%s thread hangs for %.1f s", thread.name, ToSeconds(silence));
+    return text;
+  }
+  return "";
+}
+
+}  // namespace haustra

@@ -1,0 +1,21 @@
+// Whether the threads of a session live, from when each was last heard of. The watchdog is fed only then, so a service
+// whose tracking hangs is restarted although its other threads are well.
+#pragma once
+
+#include <string>
+
+#include "hal/core/time.h"
+#include "platform/daemon/daemon_config.h"
+
+namespace haustra {
+
+struct SignsOfLife {
+  TimePoint tracking;  // beats many times a second, with or without frames
+  TimePoint capture;   // whenever the source answered: a frame, or that there is none
+  TimePoint mapping;   // between two steps
+};
+
+// Empty: all are well. Else which thread hangs, and since when: "tracking thread hangs for 1.2 s". reentrant.
+std::string FindHang(const SignsOfLife& signs, TimePoint now, const WatchdogConfig& limits);
+
+}  // namespace haustra

@@ -1,0 +1,218 @@
+#include "platform/daemon/procedure.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "platform/assemble.h"
+#include "platform/atlas_file.h"
+#include "platform/daemon/log.h"
+#include "platform/file_sink.h"
+#include "platform/publish/published_records.h"
+#include "platform/vocabulary_loader.h"
+
+namespace haustra {
+namespace {
+
+// Grows with everything that changes a map.
+std::uint64_t NumChanges(const MapperCounters& counters) {
+  return counters.num_keyframes + counters.num_keyframes_culled + counters.num_reframings;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config, std::unique_ptr<FrameSource> source,
+                                                      const Surroundings& surroundings) {
+  std::unique_ptr<Procedure> procedure(new Procedure(config, surroundings));
+  procedure->source_ = std::make_unique<SupervisedSource>(std::move(source), surroundings.clock);
+  const CameraCalibration& calibration = procedure->source_->calibration();
+  const ImageView mask = procedure->source_->static_mask();
+  HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
+  HAUSTRA_ASSIGN(procedure->device_,
+                 CreateVisionDevice(config.vision.device, config.engine, calibration, config.vision.threads));
+  HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
+  HAUSTRA_ASSIGN(procedure->vocabulary_, LoadVocabularyFor(config.engine));
+  procedure->engine_ = std::make_unique<Engine>(config.engine, camera, *procedure->device_, Engine::Mode::kRealTime,
+                                                &surroundings.clock, SceneShare(mask), procedure->vocabulary_.get());
+  return procedure;
+}
+
+Procedure::Procedure(const DaemonConfig& config, const Surroundings& surroundings)
+    : config_(config),
+      with_(surroundings),
+      snapshot_(std::make_unique<haustra_snapshot>()),
+      snapshot_interval_ns_(
+          std::chrono::nanoseconds(std::chrono::milliseconds(config.publish.snapshot_interval_ms)).count()) {
+  snapshot_points_.reserve(static_cast<std::size_t>(config.engine.memory.max_map_points));
+}
+
+Procedure::~Procedure() {
+  Stop();
+  // Jobs of the worker hold no part of this, but sinks of files that this one wrote.
+  with_.files.Finish();
+}
+
+Status Procedure::Load(const std::string& path) { return LoadAtlasFile(path, engine_.get()); }
+
+void Procedure::Start(std::uint64_t number, const ProcedureCounts& counts) {
+  number_ = number;
+  counts_ = counts;
+  counts_.has_frame = false;
+  counts_.maps = counts_.keyframes = counts_.points = 0;
+  source_->Begin();
+  const TimePoint now = with_.clock.Now();
+  tracking_beat_.Beat(now);
+  mapping_beat_.Beat(now);
+  thread_ = std::thread([this] { Run(); });
+}
+
+void Procedure::Run() {
+  RealTimeOptions options;
+  options.rate = config_.source.rate;
+  options.rt = config_.engine.rt;
+  options.heartbeat = &tracking_beat_;
+  options.hooks = this;
+  const Result<SessionSummary> summary = RunRealTime(*source_, *engine_, with_.clock, options, *this, stop_);
+  if (!stop_.load()) {
+    const std::lock_guard lock(mutex_);
+    ended_ = summary.ok() ? Internal("the session ended by itself") : summary.status();
+  }
+  with_.wake();
+}
+
+void Procedure::Stop() {
+  if (!thread_.joinable()) return;
+  stop_.store(true);
+  source_->RequestStop();
+  thread_.join();
+  // Nobody is left to take it.
+  std::optional<SaveRequest> request;
+  {
+    const std::lock_guard lock(mutex_);
+    request.swap(save_request_);
+  }
+  if (request) WriteMaps(std::move(*request));
+}
+
+std::optional<Status> Procedure::ended() const {
+  const std::lock_guard lock(mutex_);
+  return ended_;
+}
+
+SignsOfLife Procedure::signs() const { return {tracking_beat_.last(), source_->last_answer(), mapping_beat_.last()}; }
+
+ProcedureCounts Procedure::counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+void Procedure::Save(const std::string& path, Saved saved) {
+  SaveRequest request{path, std::move(saved)};
+  if (!is_running() || ended()) return WriteMaps(std::move(request));
+  {
+    const std::lock_guard lock(mutex_);
+    if (!save_request_) {
+      save_request_ = std::move(request);
+      return;
+    }
+  }
+  request.saved(Unavailable(path + ": another save has not finished"));
+}
+
+// Mapping thread, or the service thread when that has ended. The mapper waits only until the bytes are handed to the
+// system; that they are on the disk is the worker's business.
+void Procedure::WriteMaps(SaveRequest request) {
+  const TimePoint begin = with_.clock.Now();
+  has_changed_.store(false, std::memory_order_relaxed);
+  const auto failed = [&](Status status) {
+    has_changed_.store(true, std::memory_order_relaxed);
+    with_.files.Do([saved = std::move(request.saved), status = std::move(status)] { saved(status); });
+  };
+  Result<FileSink> created = FileSink::Create(request.path);
+  if (!created.ok()) return failed(created.status());
+  const auto sink = std::make_shared<FileSink>(std::move(*created));
+  if (const Status status = engine_->SaveAtlas(*sink); !status.ok()) return failed(status);
+  {
+    const std::lock_guard lock(mutex_);
+    counts_.checkpoint_pause = with_.clock.Now() - begin;
+  }
+  with_.files.Do([sink, saved = std::move(request.saved), this] {
+    const Status status = sink->Commit();
+    if (!status.ok()) has_changed_.store(true, std::memory_order_relaxed);
+    saved(status);
+  });
+}
+
+void Procedure::OnTracked(const FrameOutcome& outcome) {
+  const TimePoint now = with_.clock.Now();
+  with_.ring.PublishPose(PoseRecord(outcome.result, now - outcome.latency, now, number_));
+}
+
+void Procedure::BetweenMapSteps() {
+  const TimePoint now = with_.clock.Now();
+  mapping_beat_.Beat(now);
+  const std::uint64_t changes = NumChanges(engine_->mapper_counters());
+  if (changes != changes_seen_) {
+    changes_seen_ = changes;
+    has_changed_.store(true, std::memory_order_relaxed);
+  }
+  if (now >= next_snapshot_ && changes != published_changes_) {
+    published_changes_ = changes;
+    next_snapshot_ = now + Duration(snapshot_interval_ns_.load());
+    PublishSnapshot(now);
+  }
+  std::optional<SaveRequest> request;
+  {
+    const std::lock_guard lock(mutex_);
+    request.swap(save_request_);
+  }
+  if (request) WriteMaps(std::move(*request));
+}
+
+void Procedure::PublishSnapshot(TimePoint now) {
+  FillSnapshot(*engine_, now, number_, &snapshot_points_, snapshot_.get());
+  with_.ring.PublishSnapshot(*snapshot_);
+  const std::lock_guard lock(mutex_);
+  counts_.maps = snapshot_->num_maps;
+  counts_.keyframes = static_cast<std::uint32_t>(engine_->atlas().keyframes().size());
+  counts_.points = static_cast<std::uint32_t>(engine_->atlas().points().size());
+}
+
+// What the system refused of the real-time settings, once a procedure.
+void Procedure::OnStart(const RealTimeReport& report) {
+  for (const std::string& refusal : Refusals(report)) Log(LogLevel::kWarning, "realtime_refused", {{"what", refusal}});
+}
+
+void Procedure::OnFrame(const FrameOutcome& outcome) {
+  const std::lock_guard lock(mutex_);
+  if (outcome.is_dropped || outcome.is_damaged) {
+    ++(outcome.is_dropped ? counts_.frames_dropped : counts_.frames_damaged);
+    return;
+  }
+  ++counts_.frames[std::min<std::size_t>(static_cast<std::size_t>(outcome.result.state), kNumStates - 1)];
+  ++counts_.reasons[std::min<std::size_t>(static_cast<std::size_t>(outcome.result.reason), kNumReasons - 1)];
+  const double latency_s = ToSeconds(outcome.latency);
+  const auto bucket = std::lower_bound(kLatencyBounds_s.begin(), kLatencyBounds_s.end(), latency_s);
+  ++counts_.latency_buckets[static_cast<std::size_t>(bucket - kLatencyBounds_s.begin())];
+  counts_.latency_sum_s += latency_s;
+  counts_.has_frame = true;
+  counts_.last = outcome.result;
+  counts_.last_latency = outcome.latency;
+}
+
+void Procedure::OnMapEvent(const MapEvent& event) {
+  with_.ring.PublishEvent(EventRecord(event, with_.clock.Now(), number_));
+  Log(event.kind == MapEventKind::kFrameNotFound || event.kind == MapEventKind::kMergeRejected ? LogLevel::kDebug
+                                                                                               : LogLevel::kInfo,
+      ToString(event.kind),
+      {{"map", std::to_string(event.map_id)},
+       {"frame", std::to_string(event.frame_index)},
+       {"keyframes", std::to_string(event.num_keyframes)}});
+  const std::lock_guard lock(mutex_);
+  ++counts_.events[std::min<std::size_t>(static_cast<std::size_t>(event.kind), kNumEventKinds - 1)];
+}
+
+void Procedure::OnDamagedFrame(std::uint32_t frame_index, const std::string& message) {
+  Log(LogLevel::kWarning, "frame_damaged", {{"frame", std::to_string(frame_index)}, {"what", message}});
+}
+
+}  // namespace haustra

@@ -1,0 +1,115 @@
+// One procedure: an engine with its device and source, and the threads that run them. Made empty, with all its memory
+// taken, before the tower says begin; thrown away as a whole at the end, so that nothing of one patient can reach the
+// next.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "engine/engine.h"
+#include "hal/clock.h"
+#include "platform/daemon/daemon_config.h"
+#include "platform/daemon/file_worker.h"
+#include "platform/daemon/health.h"
+#include "platform/daemon/procedure_counts.h"
+#include "platform/daemon/supervised_source.h"
+#include "platform/publish/pose_ring_writer.h"
+#include "platform/session/session.h"
+
+namespace haustra {
+
+// Everything but what is marked is thread-bound(the service thread).
+class Procedure final : private SessionObserver, private SessionHooks {
+ public:
+  // What it works with; all outlive it.
+  struct Surroundings {
+    const Clock& clock;
+    PoseRingWriter& ring;
+    FileWorker& files;
+    std::function<void()> wake;  // something has come to an end: look again. Called on any thread.
+  };
+
+  // Takes all memory. Errors: those of the source, the camera model, the device, the vocabulary.
+  static Result<std::unique_ptr<Procedure>> Prepare(const DaemonConfig& config, std::unique_ptr<FrameSource> source,
+                                                    const Surroundings& surroundings);
+  // Stops. Memory is overwritten as it is freed (wipe_memory.h).
+  ~Procedure() override;
+
+  // Before Start: the maps of a file become stored maps.
+  Status Load(const std::string& path);
+  // Frames are looked at from now on; they are published under this number.
+  void Start(std::uint64_t number, const ProcedureCounts& counts);
+  // Ends the threads; the maps stay. Returns when they have ended.
+  void Stop();
+  bool is_running() const { return thread_.joinable(); }
+  // What ended the session by itself; nothing while it runs or when it was stopped.
+  std::optional<Status> ended() const;
+
+  using Saved = std::function<void(const Status&)>;
+  // All maps into a file, while the session runs or after it. `saved` is called on the file worker's thread when they
+  // are on the disk, or when that failed. A request that finds another one waiting fails at once (kUnavailable).
+  void Save(const std::string& path, Saved saved);
+
+  // Whether there is something new since the last save, and how long ago that was.
+  bool has_changed() const { return has_changed_.load(std::memory_order_relaxed); }
+  SignsOfLife signs() const;
+  SignalState signal() const { return source_->signal(); }
+  ProcedureCounts counts() const;
+  const Engine& engine() const { return *engine_; }
+  void SetSnapshotInterval(Duration interval) { snapshot_interval_ns_.store(interval.count()); }
+
+ private:
+  struct SaveRequest {
+    std::string path;
+    Saved saved;
+  };
+
+  Procedure(const DaemonConfig& config, const Surroundings& surroundings);
+
+  // Session thread.
+  void Run();
+  void OnStart(const RealTimeReport& report) override;
+  void OnFrame(const FrameOutcome& outcome) override;
+  void OnMapEvent(const MapEvent& event) override;
+  void OnLatePose(const LatePose&) override {}
+  void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override;
+  // Tracking thread.
+  void OnTracked(const FrameOutcome& outcome) override;
+  // Mapping thread.
+  void BetweenMapSteps() override;
+  void PublishSnapshot(TimePoint now);
+  void WriteMaps(SaveRequest request);
+
+  DaemonConfig config_;
+  Surroundings with_;
+  std::unique_ptr<SupervisedSource> source_;
+  std::unique_ptr<VisionDevice> device_;
+  std::unique_ptr<const Vocabulary> vocabulary_;
+  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<haustra_snapshot> snapshot_;
+  std::vector<haustra_point> snapshot_points_;
+  std::uint64_t number_ = 0;
+
+  std::thread thread_;
+  std::atomic<bool> stop_{false};
+  Heartbeat tracking_beat_;
+  Heartbeat mapping_beat_;
+  std::atomic<std::int64_t> snapshot_interval_ns_{0};
+  std::atomic<bool> has_changed_{false};
+  std::uint64_t changes_seen_ = 0;  // mapping thread: when has_changed_ was set last
+  TimePoint next_snapshot_;         // mapping thread
+  std::uint64_t published_changes_ = 0;
+
+  mutable std::mutex mutex_;  // never taken by the tracking thread
+  ProcedureCounts counts_;
+  std::optional<SaveRequest> save_request_;
+  std::optional<Status> ended_;
+};
+
+}  // namespace haustra

@@ -1,0 +1,192 @@
+#include "platform/daemon/procedure_store.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "platform/control/control_protocol.h"
+#include "platform/file_sink.h"
+
+namespace haustra {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kRecordHead = "haustra procedure 1\n";
+
+std::string ErrorText(int error) { return std::generic_category().message(error); }
+
+Duration BootTime() {
+  timespec now{};
+  ::clock_gettime(CLOCK_BOOTTIME, &now);
+  return std::chrono::seconds(now.tv_sec) + Duration(now.tv_nsec);
+}
+
+std::string BootId() {
+  std::ifstream file("/proc/sys/kernel/random/boot_id");
+  std::string id;
+  std::getline(file, id);
+  return id;
+}
+
+std::optional<std::string> ReadSmallFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return std::nullopt;
+  std::string text(4096, '\0');
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  return text;
+}
+
+void SyncFolder(const std::string& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return;
+  (void)::fsync(descriptor);
+  ::close(descriptor);
+}
+
+bool IsHalfWritten(const fs::path& path) { return path.filename().string().find(".partial-") != std::string::npos; }
+
+}  // namespace
+
+std::string ToText(const ProcedureRecord& record) {
+  return std::string(kRecordHead) + "label " + record.label + "\nboot " + record.boot_id + "\nwritten_at_ns " +
+         std::to_string(record.written_at.count()) + "\n";
+}
+
+Result<ProcedureRecord> ParseProcedureRecord(const std::string& text) {
+  if (!text.starts_with(kRecordHead)) return DataLoss("is not a record of a procedure");
+  std::string_view rest = std::string_view(text).substr(kRecordHead.size());
+  const auto take = [&rest](std::string_view key) -> std::optional<std::string> {
+    const std::size_t end = rest.find('\n');
+    if (end == std::string_view::npos || !rest.starts_with(key)) return std::nullopt;
+    std::string value(rest.substr(key.size(), end - key.size()));
+    rest.remove_prefix(end + 1);
+    return value;
+  };
+  const std::optional<std::string> label = take("label ");
+  if (!label || (!label->empty() && !IsControlName(*label))) return DataLoss("its label cannot be read");
+  const std::optional<std::string> boot = take("boot ");
+  if (!boot || boot->size() > 64) return DataLoss("its boot id cannot be read");
+  const std::optional<std::string> written = take("written_at_ns ");
+  std::int64_t written_ns = -1;
+  if (written) {
+    const auto [end, error] = std::from_chars(written->data(), written->data() + written->size(), written_ns);
+    if (error != std::errc() || end != written->data() + written->size()) written_ns = -1;
+  }
+  if (written_ns < 0) return DataLoss("its time cannot be read");
+  if (!rest.empty()) return DataLoss("it goes on after its end");
+  return ProcedureRecord{*label, *boot, Duration(written_ns)};
+}
+
+Result<std::unique_ptr<ProcedureStore>> ProcedureStore::Open(const std::string& folder) {
+  const int lock = ::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (lock < 0) {
+    const int error = errno;
+    if (error == ENOENT || error == ENOTDIR) return NotFound(folder + ": no such folder");
+    return Unavailable(folder + ": cannot be used: " + ErrorText(error));
+  }
+  if (::flock(lock, LOCK_EX | LOCK_NB) != 0) {
+    ::close(lock);
+    return FailedPrecondition(folder + ": another haustrad uses it");
+  }
+  std::unique_ptr<ProcedureStore> store(new ProcedureStore(folder, lock));
+  std::error_code error;
+  fs::create_directory(folder + "/saved", error);
+  if (error) return Unavailable(folder + "/saved: cannot be made: " + error.message());
+  for (const std::string& place : {folder, folder + "/saved"}) {
+    for (const fs::directory_entry& entry : fs::directory_iterator(place, error)) {
+      if (entry.is_regular_file(error) && IsHalfWritten(entry.path())) HAUSTRA_TRY(WipeFile(entry.path().string()));
+    }
+  }
+  if (const std::optional<std::string> text = ReadSmallFile(folder + "/procedure")) {
+    const Result<ProcedureRecord> record = ParseProcedureRecord(*text);
+    store->interrupted_ = record.ok() ? *record : ProcedureRecord{};
+  } else if (store->has_checkpoint()) {
+    HAUSTRA_TRY(WipeFile(store->checkpoint_path()));
+  }
+  return store;
+}
+
+ProcedureStore::ProcedureStore(std::string folder, int lock) : folder_(std::move(folder)), lock_(lock) {}
+
+ProcedureStore::~ProcedureStore() { ::close(lock_); }
+
+bool ProcedureStore::has_checkpoint() const {
+  std::error_code error;
+  return fs::is_regular_file(checkpoint_path(), error);
+}
+
+bool ProcedureStore::has_saved(const std::string& name) const {
+  std::error_code error;
+  return fs::exists(saved_path(name), error);
+}
+
+bool ProcedureStore::MayResume(Duration limit) const {
+  if (!interrupted_ || interrupted_->boot_id.empty() || interrupted_->boot_id != BootId()) return false;
+  return BootTime() - interrupted_->written_at <= limit;
+}
+
+Status ProcedureStore::WriteOpen(const std::string& label) const {
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(folder_ + "/procedure"));
+  HAUSTRA_TRY(sink.Write(ToText(ProcedureRecord{label, BootId(), BootTime()})));
+  return sink.Commit();
+}
+
+Status ProcedureStore::Close() const {
+  Status first;
+  for (const std::string& path : {checkpoint_path(), folder_ + "/procedure"}) {
+    std::error_code error;
+    if (!fs::exists(path, error)) continue;
+    if (const Status status = WipeFile(path); !status.ok() && first.ok()) first = status;
+  }
+  return first;
+}
+
+Status ProcedureStore::KeepCheckpoint(const std::string& name) const {
+  if (std::rename(checkpoint_path().c_str(), saved_path(name).c_str()) != 0) {
+    return Unavailable(saved_path(name) + ": cannot be put into place: " + ErrorText(errno));
+  }
+  SyncFolder(folder_ + "/saved");
+  SyncFolder(folder_);
+  return Status::Ok();
+}
+
+Status WipeFile(const std::string& path) {
+  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+  int error = descriptor < 0 ? errno : 0;
+  if (descriptor >= 0) {
+    struct stat info {};
+    if (::fstat(descriptor, &info) != 0) error = errno;
+    const std::vector<char> zeros(std::size_t{1} << 16);
+    for (off_t at = 0; error == 0 && at < info.st_size;) {
+      const auto count = static_cast<std::size_t>(std::min<off_t>(info.st_size - at, static_cast<off_t>(zeros.size())));
+      const ssize_t written = ::write(descriptor, zeros.data(), count);
+      if (written < 0 && errno != EINTR) error = errno;
+      if (written > 0) at += written;
+    }
+    if (error == 0 && ::fsync(descriptor) != 0) error = errno;
+    ::close(descriptor);
+  }
+  // Gone it must be, even where it could not be overwritten.
+  if (::unlink(path.c_str()) != 0 && errno != ENOENT) error = errno;
+  const std::size_t slash = path.rfind('/');
+  SyncFolder(slash == std::string::npos ? "." : path.substr(0, slash));
+  return error == 0 ? Status::Ok() : Unavailable(path + ": cannot be wiped: " + ErrorText(error));
+}
+
+}  // namespace haustra

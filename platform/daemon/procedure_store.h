@@ -1,0 +1,75 @@
+// What a procedure leaves on the disk, so that a crash or a power cut loses no more than what came after the last
+// checkpoint, and so that nothing of it outlasts its end unless somebody wants it to.
+//
+//   FOLDER/lock              held while a daemon uses the folder
+//   FOLDER/procedure         that a procedure is open, and what it is called
+//   FOLDER/checkpoint.atlas  its maps (engine/io/atlas_format.h)
+//   FOLDER/saved/NAME.atlas  maps that were kept
+//
+// Files are replaced as a whole or not at all (platform/file_sink.h) and readable by the service alone.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "hal/core/status.h"
+#include "hal/core/time.h"
+
+namespace haustra {
+
+// An open procedure, as it stands on the disk.
+struct ProcedureRecord {
+  std::string label;    // may be empty
+  std::string boot_id;  // of the system's run in which it was written
+  // CLOCK_BOOTTIME of that run when it was written: no jump of the wall clock moves it.
+  Duration written_at{0};
+};
+
+std::string ToText(const ProcedureRecord& record);
+// kDataLoss says what is wrong.
+Result<ProcedureRecord> ParseProcedureRecord(const std::string& text);
+
+// thread-safe as long as no two calls concern the same file.
+class ProcedureStore {
+ public:
+  // Makes the folder for saved maps and removes what a crash left half written. kNotFound: no such folder;
+  // kUnavailable: no right to use it; kFailedPrecondition: another daemon does.
+  static Result<std::unique_ptr<ProcedureStore>> Open(const std::string& folder);
+  ~ProcedureStore();
+  ProcedureStore(const ProcedureStore&) = delete;
+  ProcedureStore& operator=(const ProcedureStore&) = delete;
+
+  std::string checkpoint_path() const { return folder_ + "/checkpoint.atlas"; }
+  std::string saved_path(const std::string& name) const { return folder_ + "/saved/" + name + ".atlas"; }
+  bool has_checkpoint() const;
+  bool has_saved(const std::string& name) const;
+
+  // What an earlier daemon had left open at Open; nothing when it had ended its procedure. A record that cannot be read
+  // counts as an open procedure without a name.
+  const std::optional<ProcedureRecord>& interrupted() const { return interrupted_; }
+  // Whether it may go on by itself: written in this run of the system, no longer ago than that.
+  bool MayResume(Duration limit) const;
+
+  // Says that a procedure is open, at its begin and after each checkpoint. kUnavailable.
+  Status WriteOpen(const std::string& label) const;
+  // The procedure has ended: checkpoint and record are overwritten and removed. A power cut between the two leaves a
+  // record without data, which the tower is asked about; never data that nobody knows of. The first error.
+  Status Close() const;
+  // The checkpoint becomes saved/NAME.atlas.
+  Status KeepCheckpoint(const std::string& name) const;
+
+ private:
+  ProcedureStore(std::string folder, int lock);
+
+  std::string folder_;
+  int lock_;
+  std::optional<ProcedureRecord> interrupted_;
+};
+
+// Overwrites the bytes once, waits for the disk, and removes the name. On flash memory the old bytes may outlast this:
+// README.md. kUnavailable.
+Status WipeFile(const std::string& path);
+
+}  // namespace haustra

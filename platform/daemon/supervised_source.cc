@@ -1,0 +1,63 @@
+#include "platform/daemon/supervised_source.h"
+
+#include <thread>
+#include <utility>
+
+namespace haustra {
+namespace {
+
+using std::chrono::milliseconds;
+
+// How long a stop may have to wait for the source.
+constexpr Duration kPatience = milliseconds(100);
+// A frame comes every 40 ms; so many missing are no hiccup.
+constexpr Duration kSilence = milliseconds(500);
+
+}  // namespace
+
+SupervisedSource::SupervisedSource(std::unique_ptr<FrameSource> inner, const Clock& clock)
+    : inner_(std::move(inner)), clock_(clock) {
+  Begin();
+}
+
+void SupervisedSource::Begin() {
+  begin_ = last_frame_ = clock_.Now();
+  Answered();
+}
+
+void SupervisedSource::Answered() {
+  last_answer_ns_.store(clock_.Now().time_since_epoch().count(), std::memory_order_relaxed);
+}
+
+Result<Frame> SupervisedSource::Next(TimePoint) {
+  while (!stop_.load(std::memory_order_relaxed)) {
+    if (signal() == SignalState::kOver) {
+      std::this_thread::sleep_for(kPatience / 4);
+      Answered();
+      continue;
+    }
+    Result<Frame> frame = inner_->Next(clock_.Now() + kPatience);
+    Answered();
+    const TimePoint now = clock_.Now();
+    switch (frame.code()) {
+      case StatusCode::kOk:
+        // A live source stamps with the clock that this one reads.
+        if (is_live() && frame->timestamp < begin_) continue;
+        last_frame_ = now;
+        signal_.store(SignalState::kFrames, std::memory_order_relaxed);
+        return frame;
+      case StatusCode::kNotFound: signal_.store(SignalState::kOver, std::memory_order_relaxed); continue;
+      case StatusCode::kUnavailable:
+        signal_.store(SignalState::kNone, std::memory_order_relaxed);
+        std::this_thread::sleep_for(kPatience);
+        continue;
+      case StatusCode::kDeadlineExceeded:
+        if (now - last_frame_ > kSilence) signal_.store(SignalState::kNone, std::memory_order_relaxed);
+        continue;
+      default: return frame;
+    }
+  }
+  return Status(StatusCode::kNotFound);
+}
+
+}  // namespace haustra

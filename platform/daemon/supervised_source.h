@@ -1,0 +1,51 @@
+// A frame source that a service can rely on, around any: it can be stopped, tells whether there is a signal, waits out
+// a camera that went away, and shows that its thread lives.
+#pragma once
+
+#include <atomic>
+#include <memory>
+
+#include "hal/clock.h"
+#include "hal/frame_source.h"
+
+namespace haustra {
+
+enum class SignalState { kWaiting, kFrames, kNone, kOver };
+
+// Next is thread-bound(capture); what other threads call is marked. `clock` outlives it.
+class SupervisedSource final : public FrameSource {
+ public:
+  SupervisedSource(std::unique_ptr<FrameSource> inner, const Clock& clock);
+
+  const CameraCalibration& calibration() const override { return inner_->calibration(); }
+  std::uint32_t num_frames() const override { return inner_->num_frames(); }
+  ImageView static_mask() const override { return inner_->static_mask(); }
+
+  // Waits for the next frame, whatever the deadline, until RequestStop: then kNotFound. A camera that has gone
+  // (kUnavailable) or is silent is asked again and again. A recording that is over waits for the stop. Frames that a
+  // camera had taken before Begin are thrown away. Other errors are passed on.
+  Result<Frame> Next(TimePoint deadline) override;
+
+  // Before the first Next: frames count from now.
+  void Begin();
+
+  // thread-safe.
+  void RequestStop() { stop_.store(true, std::memory_order_relaxed); }
+  SignalState signal() const { return signal_.load(std::memory_order_relaxed); }
+  // When the inner source last answered.
+  TimePoint last_answer() const { return TimePoint(Duration(last_answer_ns_.load(std::memory_order_relaxed))); }
+
+ private:
+  void Answered();
+  bool is_live() const { return inner_->num_frames() == 0; }
+
+  std::unique_ptr<FrameSource> inner_;
+  const Clock& clock_;
+  TimePoint begin_;
+  TimePoint last_frame_;
+  std::atomic<bool> stop_{false};
+  std::atomic<SignalState> signal_{SignalState::kWaiting};
+  std::atomic<std::int64_t> last_answer_ns_{0};
+};
+
+}  // namespace haustra

@@ -1,0 +1,137 @@
+// What readers of the pose ring cost its writer: none against ten, one of which is stopped, in turn so that both meet
+// the same machine.
+//
+//     haustra_reader_latency                    the writer alone: time of one PublishPose
+//     haustra_reader_latency POSES [SECONDS]    of a running haustrad: latency from capture to publication, in windows
+//     of
+//                                               so many seconds (10), eight of each kind
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "platform/publish/pose_ring_writer.h"
+
+namespace haustra {
+namespace {
+
+constexpr int kNumReaders = 10;
+constexpr int kNumWindows = 8;
+
+// Reads everything, looking every two milliseconds, until it is killed.
+[[noreturn]] void ReadForEver(const std::string& path) {
+  haustra_ring ring;
+  if (haustra_ring_open(&ring, path.c_str()) != HAUSTRA_OK) _exit(1);
+  std::uint64_t cursor = 0;
+  while (true) {
+    haustra_pose pose;
+    std::uint64_t num_missed = 0;
+    while (haustra_ring_next_pose(&ring, &cursor, &pose, &num_missed) == HAUSTRA_OK) {
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+}
+
+class Readers {
+ public:
+  Readers(const std::string& path, int num_readers) {
+    for (int i = 0; i < num_readers; ++i) {
+      const pid_t child = fork();
+      if (child == 0) ReadForEver(path);
+      children_.push_back(child);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    if (!children_.empty()) kill(children_.front(), SIGSTOP);
+  }
+  ~Readers() {
+    for (const pid_t child : children_) {
+      kill(child, SIGKILL);
+      waitpid(child, nullptr, 0);
+    }
+  }
+  Readers(const Readers&) = delete;
+  Readers& operator=(const Readers&) = delete;
+
+ private:
+  std::vector<pid_t> children_;
+};
+
+void Print(const char* name, std::vector<double> values, const char* unit) {
+  if (values.empty()) return;
+  std::sort(values.begin(), values.end());
+  const auto quantile = [&](double q) { return values[static_cast<std::size_t>(q * (values.size() - 1.0))]; };
+  std::printf("%-24s %8zu  median %8.3f  p90 %8.3f  p99 %8.3f  p99.9 %8.3f  max %8.3f %s\n", name, values.size(),
+              quantile(0.5), quantile(0.9), quantile(0.99), quantile(0.999), values.back(), unit);
+}
+
+int MeasureWriter() {
+  std::string pattern = "/dev/shm/haustra_reader_latency_XXXXXX";
+  const char* folder = mkdtemp(pattern.data());
+  if (folder == nullptr) return 74;
+  const std::string path = std::string(folder) + "/poses";
+  {
+    const auto writer = PoseRingWriter::Create(path, 0600, static_cast<gid_t>(-1));
+    if (!writer.ok()) return 74;
+    std::vector<double> alone_us;
+    std::vector<double> watched_us;
+    for (int window = 0; window < 2 * kNumWindows; ++window) {
+      const Readers readers(path, window % 2 == 0 ? 0 : kNumReaders);
+      for (int i = 0; i < 500; ++i) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+        const std::int64_t begin_ns = haustra_now_ns();
+        (*writer)->PublishPose({});
+        (window % 2 == 0 ? alone_us : watched_us).push_back(static_cast<double>(haustra_now_ns() - begin_ns) * 1e-3);
+      }
+    }
+    Print("no reader", alone_us, "us");
+    Print("10 readers, 1 stopped", watched_us, "us");
+  }
+  rmdir(folder);
+  return 0;
+}
+
+int MeasureDaemon(const std::string& path, int seconds) {
+  haustra_ring ring;
+  if (haustra_ring_open(&ring, path.c_str()) != HAUSTRA_OK) {
+    std::fprintf(stderr, "%s: not the poses of a running haustrad\n", path.c_str());
+    return 69;
+  }
+  std::vector<double> alone_ms;
+  std::vector<double> watched_ms;
+  for (int window = 0; window < 2 * kNumWindows; ++window) {
+    const Readers readers(path, window % 2 == 0 ? 0 : kNumReaders);
+    std::uint64_t cursor = haustra_ring_newest_pose(&ring);
+    const std::int64_t end_ns = haustra_now_ns() + std::int64_t{seconds} * 1'000'000'000;
+    while (haustra_now_ns() < end_ns) {
+      haustra_pose pose;
+      std::uint64_t num_missed = 0;
+      while (haustra_ring_next_pose(&ring, &cursor, &pose, &num_missed) == HAUSTRA_OK) {
+        (window % 2 == 0 ? alone_ms : watched_ms)
+            .push_back(static_cast<double>(pose.published_ns - pose.captured_ns) * 1e-6);
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  }
+  haustra_ring_close(&ring);
+  Print("no reader", alone_ms, "ms");
+  Print("10 readers, 1 stopped", watched_ms, "ms");
+  return 0;
+}
+
+}  // namespace
+}  // namespace haustra
+
+int main(int argc, char** argv) {
+  if (argc == 1) return haustra::MeasureWriter();
+  const int seconds = argc > 2 ? std::atoi(argv[2]) : 10;
+  if (argc > 3 || seconds < 1) return 64;
+  return haustra::MeasureDaemon(argv[1], seconds);
+}

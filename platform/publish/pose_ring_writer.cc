@@ -1,0 +1,179 @@
+#include "platform/publish/pose_ring_writer.h"
+
+#include <cerrno>
+#include <cstddef>
+#include <cstdio>
+#include <cstring>
+#include <system_error>
+
+namespace haustra {
+namespace {
+
+std::string ErrorText(int error) { return std::generic_category().message(error); }
+
+void Store(std::uint64_t* word, std::uint64_t value) { __atomic_store_n(word, value, __ATOMIC_RELEASE); }
+
+// The counterpart of haustra_read_slot_: every word is stored with release, so that who sees one of them sees the odd
+// lock, too.
+class SlotWriter {
+ public:
+  SlotWriter(std::uint64_t* lock, std::uint64_t sequence) : lock_(lock), sequence_(sequence) {
+    __atomic_store_n(lock_, 2 * sequence_ - 1, __ATOMIC_RELAXED);
+  }
+  // `offset`: of the bytes in the record; both a multiple of 8.
+  void Copy(const void* from, std::size_t offset, std::size_t num_bytes) const {
+    const char* source = static_cast<const char*>(from);
+    for (std::size_t i = 0; i < num_bytes; i += 8) {
+      std::uint64_t word = 0;
+      std::memcpy(&word, source + i, 8);
+      Store(lock_ + 1 + (offset + i) / 8, word);
+    }
+  }
+  void Commit() const { Store(lock_, 2 * sequence_); }
+
+ private:
+  std::uint64_t* lock_;
+  std::uint64_t sequence_;
+};
+
+template <typename Slot, std::size_t kNumSlots>
+void WipeSlots(Slot (&slots)[kNumSlots]) {
+  for (Slot& slot : slots) {
+    // The lock first: a reader in the middle of the record finds at its end that it is gone.
+    __atomic_store_n(&slot.lock, 0, __ATOMIC_RELAXED);
+    auto* words = &slot.lock;
+    for (std::size_t i = 1; i < sizeof(Slot) / 8; ++i) Store(words + i, 0);
+  }
+}
+
+struct Descriptor {
+  int value = -1;
+  ~Descriptor() {
+    if (value >= 0) ::close(value);
+  }
+};
+
+haustra_ring_file* Map(int descriptor) {
+  void* memory =
+      ::mmap(nullptr, sizeof(haustra_ring_file), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
+  return memory == MAP_FAILED ? nullptr : static_cast<haustra_ring_file*>(memory);
+}
+
+// Readers of a daemon that died still hold its file.
+void CloseFormerFile(const std::string& path) {
+  haustra_ring former;
+  if (haustra_ring_open(&former, path.c_str()) != HAUSTRA_OK) return;
+  haustra_ring_close(&former);
+  const Descriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)};
+  haustra_ring_file* memory = file.value < 0 ? nullptr : Map(file.value);
+  if (memory == nullptr) return;
+  Store(&memory->header.service, HAUSTRA_SERVICE_CLOSED);
+  // What it showed was a patient's.
+  WipeSlots(memory->poses);
+  WipeSlots(memory->events);
+  WipeSlots(memory->snapshots);
+  ::munmap(memory, sizeof *memory);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string& path, mode_t mode, gid_t group) {
+  const std::string temporary_path = path + ".new";
+  ::unlink(temporary_path.c_str());
+  const Descriptor file{::open(temporary_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600)};
+  if (file.value < 0) {
+    const int error = errno;
+    if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
+    return Unavailable(path + ": cannot be created: " + ErrorText(error));
+  }
+  const auto fail = [&](int error) {
+    ::unlink(temporary_path.c_str());
+    return Unavailable(path + ": cannot be created: " + ErrorText(error));
+  };
+  // Not ftruncate: memory that is not there would be missed at the first frame, with SIGBUS.
+  if (const int error = ::posix_fallocate(file.value, 0, sizeof(haustra_ring_file)); error != 0) return fail(error);
+  if (group != static_cast<gid_t>(-1) && ::fchown(file.value, static_cast<uid_t>(-1), group) != 0) return fail(errno);
+  if (::fchmod(file.value, mode) != 0) return fail(errno);
+  haustra_ring_file* memory = Map(file.value);
+  if (memory == nullptr) return fail(errno);
+
+  haustra_ring_header& header = memory->header;
+  header.version = HAUSTRA_RING_VERSION;
+  header.header_bytes = sizeof(haustra_ring_header);
+  header.file_bytes = sizeof(haustra_ring_file);
+  header.pose_slot_bytes = sizeof(haustra_pose_slot);
+  header.num_pose_slots = HAUSTRA_POSE_SLOTS;
+  header.event_slot_bytes = sizeof(haustra_event_slot);
+  header.num_event_slots = HAUSTRA_EVENT_SLOTS;
+  header.snapshot_slot_bytes = sizeof(haustra_snapshot_slot);
+  header.num_snapshot_slots = HAUSTRA_SNAPSHOT_SLOTS;
+  header.writer_pid = static_cast<std::uint64_t>(::getpid());
+  header.service = HAUSTRA_SERVICE_STARTING;
+  header.alive_ns = haustra_now_ns();
+  header.magic = HAUSTRA_RING_MAGIC;
+
+  CloseFormerFile(path);
+  if (std::rename(temporary_path.c_str(), path.c_str()) != 0) {
+    const int error = errno;
+    ::munmap(memory, sizeof *memory);
+    return fail(error);
+  }
+  return std::unique_ptr<PoseRingWriter>(new PoseRingWriter(path, memory));
+}
+
+PoseRingWriter::~PoseRingWriter() {
+  Wipe();
+  SetService(HAUSTRA_SERVICE_CLOSED);
+  ::unlink(path_.c_str());
+  ::munmap(file_, sizeof *file_);
+}
+
+void PoseRingWriter::PublishPose(const haustra_pose& pose) {
+  const std::uint64_t sequence = file_->header.newest_pose + 1;
+  const SlotWriter slot(&file_->poses[sequence % HAUSTRA_POSE_SLOTS].lock, sequence);
+  slot.Copy(&sequence, 0, sizeof sequence);
+  slot.Copy(&pose.captured_ns, offsetof(haustra_pose, captured_ns), sizeof pose - offsetof(haustra_pose, captured_ns));
+  slot.Commit();
+  Store(&file_->header.newest_pose, sequence);
+}
+
+void PoseRingWriter::PublishEvent(const haustra_event& event) {
+  const std::uint64_t sequence = file_->header.newest_event + 1;
+  const SlotWriter slot(&file_->events[sequence % HAUSTRA_EVENT_SLOTS].lock, sequence);
+  slot.Copy(&sequence, 0, sizeof sequence);
+  slot.Copy(&event.published_ns, offsetof(haustra_event, published_ns),
+            sizeof event - offsetof(haustra_event, published_ns));
+  slot.Commit();
+  Store(&file_->header.newest_event, sequence);
+}
+
+void PoseRingWriter::PublishSnapshot(const haustra_snapshot& snapshot) {
+  HAUSTRA_CHECK(snapshot.num_points <= HAUSTRA_SNAPSHOT_POINTS);
+  HAUSTRA_CHECK(snapshot.num_keyframes <= HAUSTRA_SNAPSHOT_KEYFRAMES);
+  const std::uint64_t sequence = file_->header.newest_snapshot + 1;
+  const SlotWriter slot(&file_->snapshots[sequence % HAUSTRA_SNAPSHOT_SLOTS].lock, sequence);
+  slot.Copy(&sequence, 0, sizeof sequence);
+  slot.Copy(&snapshot.published_ns, offsetof(haustra_snapshot, published_ns),
+            offsetof(haustra_snapshot, keyframes) - offsetof(haustra_snapshot, published_ns));
+  slot.Copy(snapshot.keyframes, offsetof(haustra_snapshot, keyframes), snapshot.num_keyframes * sizeof(haustra_point));
+  slot.Copy(snapshot.points, offsetof(haustra_snapshot, points), snapshot.num_points * sizeof(haustra_point));
+  slot.Commit();
+  Store(&file_->header.newest_snapshot, sequence);
+}
+
+void PoseRingWriter::SetService(haustra_service service) { Store(&file_->header.service, service); }
+haustra_service PoseRingWriter::service() const {
+  return static_cast<haustra_service>(haustra_load_(&file_->header.service));
+}
+void PoseRingWriter::SetProcedure(std::uint64_t number) { Store(&file_->header.procedure, number); }
+std::uint64_t PoseRingWriter::procedure() const { return haustra_load_(&file_->header.procedure); }
+
+void PoseRingWriter::Beat() { __atomic_store_n(&file_->header.alive_ns, haustra_now_ns(), __ATOMIC_RELEASE); }
+
+void PoseRingWriter::Wipe() {
+  WipeSlots(file_->poses);
+  WipeSlots(file_->events);
+  WipeSlots(file_->snapshots);
+}
+
+}  // namespace haustra

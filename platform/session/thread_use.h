@@ -1,0 +1,59 @@
+// What the kernel and the heap did to a thread while it worked on one frame, from the kernel's own counters
+// (getrusage(2), RUSAGE_THREAD). Two system calls a frame, about a microsecond. thread-bound(the thread measured).
+#pragma once
+
+#include <sys/resource.h>
+
+#include <cstdint>
+
+namespace haustra {
+
+struct ThreadUse {
+  std::uint32_t minor_faults = 0;          // pages that had to be mapped
+  std::uint32_t major_faults = 0;          // pages that had to be read from a disk
+  std::uint32_t voluntary_switches = 0;    // the thread waited: for the vision device's helpers, for a lock, for I/O
+  std::uint32_t involuntary_switches = 0;  // the processor was taken from it
+  std::uint32_t heap_calls = 0;            // malloc, free and the like; 0 when nobody counts them (HeapWatch)
+
+  ThreadUse& operator+=(const ThreadUse& other) {
+    minor_faults += other.minor_faults;
+    major_faults += other.major_faults;
+    voluntary_switches += other.voluntary_switches;
+    involuntary_switches += other.involuntary_switches;
+    heap_calls += other.heap_calls;
+    return *this;
+  }
+};
+
+// Who counts heap calls of the calling thread, or stops the process at the first; made from an AllocationTrap
+// (platform/trap/allocation_trap.h) by the program that wants it.
+struct HeapWatch {
+  void (*begin)() = nullptr;
+  std::uint32_t (*end)() = nullptr;  // calls since begin
+};
+
+class ThreadUseMeter {
+ public:
+  // `heap` may be null.
+  explicit ThreadUseMeter(const HeapWatch* heap) : heap_(heap) {
+    getrusage(RUSAGE_THREAD, &before_);
+    if (heap_ != nullptr) heap_->begin();
+  }
+  ThreadUse Read() const {
+    ThreadUse use;
+    if (heap_ != nullptr) use.heap_calls = heap_->end();
+    rusage now{};
+    getrusage(RUSAGE_THREAD, &now);
+    use.minor_faults = static_cast<std::uint32_t>(now.ru_minflt - before_.ru_minflt);
+    use.major_faults = static_cast<std::uint32_t>(now.ru_majflt - before_.ru_majflt);
+    use.voluntary_switches = static_cast<std::uint32_t>(now.ru_nvcsw - before_.ru_nvcsw);
+    use.involuntary_switches = static_cast<std::uint32_t>(now.ru_nivcsw - before_.ru_nivcsw);
+    return use;
+  }
+
+ private:
+  const HeapWatch* heap_;
+  rusage before_{};
+};
+
+}  // namespace haustra

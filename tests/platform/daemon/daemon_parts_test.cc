@@ -1,0 +1,330 @@
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "hal/fakes/manual_clock.h"
+#include "hal/fakes/scripted_frame_source.h"
+#include "platform/clock/system_clock.h"
+#include "platform/daemon/daemon_config.h"
+#include "platform/daemon/file_worker.h"
+#include "platform/daemon/health.h"
+#include "platform/daemon/log.h"
+#include "platform/daemon/procedure_store.h"
+#include "platform/daemon/status_text.h"
+#include "platform/daemon/supervised_source.h"
+
+namespace haustra {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+class Folder {
+ public:
+  Folder() {
+    std::string pattern = testing::TempDir() + "daemon_parts_XXXXXX";
+    path_ = mkdtemp(pattern.data());
+  }
+  ~Folder() { fs::remove_all(path_); }
+  std::string operator/(const std::string& name) const { return path_ + "/" + name; }
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+void Write(const std::string& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
+std::string Read(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+// --- Configuration.
+
+TEST(DaemonConfig, OneFileHoldsEngineAndService) {
+  const Folder folder;
+  Write(folder / "a.yaml", "noise:\n  k: 2\nsource:\n  path: /dev/video0\ncheckpoint:\n  interval_s: 7\n");
+  const auto loaded = LoadDaemonConfig(folder / "a.yaml", {"procedure.keep_data=true"});
+  ASSERT_TRUE(loaded.ok()) << loaded.status().ToString();
+  EXPECT_EQ(loaded->config().engine.noise.k, 2.0);
+  EXPECT_EQ(loaded->config().source.path, "/dev/video0");
+  EXPECT_EQ(loaded->config().checkpoint.interval_s, 7);
+  EXPECT_TRUE(loaded->config().procedure.keep_data);
+  // What is printed is a configuration, and the same one.
+  Write(folder / "b.yaml", loaded->Print());
+  const auto again = LoadDaemonConfig(folder / "b.yaml", {});
+  ASSERT_TRUE(again.ok()) << again.status().ToString();
+  EXPECT_EQ(again->config().source.path, "/dev/video0");
+  EXPECT_EQ(again->config().engine.noise.k, 2.0);
+}
+
+TEST(DaemonConfig, TypingErrorsAreRefusedWithTheirPlace) {
+  RecordProperty("req", "DMN-001");
+  const Folder folder;
+  Write(folder / "a.yaml", "checkpoint:\n  intervall_s: 7\n");
+  const auto loaded = LoadDaemonConfig(folder / "a.yaml", {});
+  ASSERT_FALSE(loaded.ok());
+  EXPECT_NE(loaded.status().message().find("a.yaml:2:"), std::string::npos) << loaded.status().message();
+  EXPECT_NE(loaded.status().message().find("did you mean checkpoint.interval_s"), std::string::npos);
+}
+
+TEST(DaemonConfig, ReloadTakesLiveKeysAndNamesTheOthers) {
+  RecordProperty("req", "DMN-003");
+  DaemonConfig running;
+  DaemonConfig loaded = running;
+  loaded.checkpoint.interval_s = 5;
+  loaded.source.path = "other";
+  loaded.engine.noise.k = 3.0;
+  const ConfigChange change = ApplyLive(running, loaded);
+  EXPECT_EQ(change.config.checkpoint.interval_s, 5);
+  EXPECT_EQ(change.config.source.path, "");
+  EXPECT_EQ(change.config.engine.noise.k, running.engine.noise.k);
+  EXPECT_EQ(change.applied, std::vector<std::string>({"checkpoint.interval_s"}));
+  EXPECT_EQ(change.needs_restart, std::vector<std::string>({"noise.k", "source.path"}));
+}
+
+// --- Watchdog.
+
+TEST(Health, ThreadThatIsSilentForTooLongHangs) {
+  RecordProperty("req", "DMN-002");
+  const WatchdogConfig limits;
+  const TimePoint now{seconds(100)};
+  SignsOfLife signs{now, now, now};
+  EXPECT_EQ(FindHang(signs, now, limits), "");
+  EXPECT_EQ(FindHang(signs, now + milliseconds(limits.tracking_limit_ms), limits), "");
+  signs.capture = signs.mapping = now + seconds(2);
+  EXPECT_EQ(FindHang(signs, now + seconds(2), limits), "tracking thread hangs for 2.0 s");
+  signs = {now, now - seconds(4), now};
+  EXPECT_EQ(FindHang(signs, now, limits), "capture thread hangs for 4.0 s");
+  // A step of the mapper may take its time.
+  signs = {now, now, now - seconds(20)};
+  EXPECT_EQ(FindHang(signs, now, limits), "");
+  signs.mapping = now - seconds(31);
+  EXPECT_EQ(FindHang(signs, now, limits), "mapping thread hangs for 31.0 s");
+}
+
+// --- Log.
+
+TEST(Log, RecordIsOneLineWhateverItHolds) {
+  EXPECT_EQ(LogLine("ready", {{"state", "idle"}}), "ready state=idle");
+  EXPECT_EQ(LogLine("x", {{"a", ""}, {"b", "two words"}, {"c", "say \"no\"\nand\x1b[2J"}}),
+            "x a=\"\" b=\"two words\" c=\"say \\\"no\\\"\\nand?[2J\"");
+}
+
+// --- Files.
+
+TEST(ProcedureRecord, IsReadAsItWasWrittenAndNothingElseIs) {
+  const ProcedureRecord record{"case-1", "a-b-c", Duration(123456789)};
+  const std::string text = ToText(record);
+  const Result<ProcedureRecord> read = ParseProcedureRecord(text);
+  ASSERT_TRUE(read.ok()) << read.status().ToString();
+  EXPECT_EQ(read->label, "case-1");
+  EXPECT_EQ(read->boot_id, "a-b-c");
+  EXPECT_EQ(read->written_at, record.written_at);
+  for (std::size_t size = 0; size < text.size(); ++size) {
+    EXPECT_FALSE(ParseProcedureRecord(text.substr(0, size)).ok()) << size;
+  }
+  EXPECT_FALSE(ParseProcedureRecord(text + "more").ok());
+  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 1\nlabel ../x\nboot b\nwritten_at_ns 1\n").ok());
+  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 1\nlabel x\nboot b\nwritten_at_ns -1\n").ok());
+  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 1\nlabel x\nboot b\nwritten_at_ns 1e9\n").ok());
+}
+
+std::unique_ptr<ProcedureStore> OpenStore(const Folder& folder) {
+  auto store = ProcedureStore::Open(folder.path());
+  EXPECT_TRUE(store.ok()) << store.status().ToString();
+  return store.ok() ? std::move(*store) : nullptr;
+}
+
+TEST(ProcedureStore, OpenProcedureIsFoundByTheNextDaemonAndAnEndedOneIsNot) {
+  RecordProperty("req", "DMN-005");
+  const Folder folder;
+  {
+    const auto store = OpenStore(folder);
+    EXPECT_FALSE(store->interrupted());
+    EXPECT_TRUE(store->WriteOpen("case-1").ok());
+    Write(store->checkpoint_path(), "maps");
+  }
+  {
+    const auto store = OpenStore(folder);
+    ASSERT_TRUE(store->interrupted());
+    EXPECT_EQ(store->interrupted()->label, "case-1");
+    EXPECT_TRUE(store->has_checkpoint());
+    EXPECT_TRUE(store->MayResume(seconds(600)));
+    EXPECT_TRUE(store->Close().ok());
+    EXPECT_FALSE(store->has_checkpoint());
+  }
+  EXPECT_FALSE(OpenStore(folder)->interrupted());
+}
+
+TEST(ProcedureStore, OnlyAYoungProcedureOfThisBootMayGoOnByItself) {
+  RecordProperty("req", "DATA-003");
+  const Folder folder;
+  ASSERT_TRUE(OpenStore(folder)->WriteOpen("case-1").ok());
+  EXPECT_FALSE(OpenStore(folder)->MayResume(Duration(0)));
+  ProcedureRecord record = *OpenStore(folder)->interrupted();
+  record.written_at -= seconds(700);
+  Write(folder / "procedure", ToText(record));
+  EXPECT_FALSE(OpenStore(folder)->MayResume(seconds(600)));
+  EXPECT_TRUE(OpenStore(folder)->MayResume(seconds(800)));
+  record.boot_id = "another";
+  Write(folder / "procedure", ToText(record));
+  EXPECT_FALSE(OpenStore(folder)->MayResume(seconds(800)));
+  // What cannot be read is an open procedure that nobody goes on with unasked.
+  Write(folder / "procedure", "rubbish");
+  ASSERT_TRUE(OpenStore(folder)->interrupted());
+  EXPECT_FALSE(OpenStore(folder)->MayResume(seconds(800)));
+}
+
+TEST(ProcedureStore, LeftoversOfACrashAreRemoved) {
+  RecordProperty("req", "DMN-006");
+  const Folder folder;
+  OpenStore(folder);
+  Write(folder / "checkpoint.atlas.partial-4711", "half");
+  Write(folder / "saved/a.atlas.partial-4711", "half");
+  Write(folder / "saved/b.atlas", "whole");
+  Write(folder / "checkpoint.atlas", "of nobody");
+  const auto store = OpenStore(folder);
+  EXPECT_FALSE(fs::exists(folder / "checkpoint.atlas.partial-4711"));
+  EXPECT_FALSE(fs::exists(folder / "saved/a.atlas.partial-4711"));
+  EXPECT_FALSE(store->has_checkpoint());
+  EXPECT_TRUE(store->has_saved("b"));
+}
+
+TEST(ProcedureStore, OneDaemonAFolder) {
+  const Folder folder;
+  const auto store = OpenStore(folder);
+  EXPECT_EQ(ProcedureStore::Open(folder.path()).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(ProcedureStore::Open(folder / "none").code(), StatusCode::kNotFound);
+}
+
+TEST(WipeFile, BytesAreOverwrittenBeforeTheNameGoes) {
+  RecordProperty("req", "DATA-001");
+  const Folder folder;
+  const std::string secret(100000, 's');
+  Write(folder / "a", secret);
+  fs::create_hard_link(folder / "a", folder / "b");
+  ASSERT_TRUE(WipeFile(folder / "a").ok());
+  EXPECT_FALSE(fs::exists(folder / "a"));
+  EXPECT_EQ(Read(folder / "b"), std::string(secret.size(), '\0'));
+  EXPECT_EQ(WipeFile(folder / "none").code(), StatusCode::kUnavailable);
+}
+
+TEST(FileWorker, JobsAreDoneInOrderAndBeforeItEnds) {
+  std::vector<int> done;
+  {
+    FileWorker worker;
+    for (int i = 0; i < 100; ++i) worker.Do([&done, i] { done.push_back(i); });
+    worker.Finish();
+    EXPECT_EQ(done.size(), 100u);
+    for (int i = 100; i < 200; ++i) worker.Do([&done, i] { done.push_back(i); });
+  }
+  ASSERT_EQ(done.size(), 200u);
+  for (int i = 0; i < 200; ++i) EXPECT_EQ(done[i], i);
+}
+
+// --- The source.
+
+CameraCalibration SmallCamera() {
+  CameraCalibration camera;
+  camera.width_px = 64;
+  camera.height_px = 48;
+  camera.rate_hz = 25;
+  return camera;
+}
+
+TEST(SupervisedSource, LostCameraIsAskedAgainUntilItIsBack) {
+  RecordProperty("req", "DMN-007");
+  const SystemClock clock;
+  auto inner = std::make_unique<ScriptedFrameSource>(SmallCamera());
+  inner->SetEndless(true);
+  // A camera's own clock is the system's.
+  const TimePoint later = clock.Now() + seconds(10);
+  inner->AddFrame(later);
+  inner->AddFailure(StatusCode::kUnavailable, "unplugged");
+  inner->AddFailure(StatusCode::kUnavailable, "unplugged");
+  inner->AddFailure(StatusCode::kDataLoss, "torn");
+  inner->AddFrame(later + milliseconds(160));
+  SupervisedSource source(std::move(inner), clock);
+  EXPECT_EQ(source.signal(), SignalState::kWaiting);
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  EXPECT_EQ(source.signal(), SignalState::kFrames);
+  EXPECT_EQ(source.Next(kNoDeadline).code(), StatusCode::kDataLoss);
+  EXPECT_EQ(source.signal(), SignalState::kNone);
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  EXPECT_EQ(source.signal(), SignalState::kFrames);
+}
+
+TEST(SupervisedSource, FramesFromBeforeTheProcedureAreThrownAway) {
+  RecordProperty("req", "DATA-002");
+  const SystemClock clock;
+  auto inner = std::make_unique<ScriptedFrameSource>(SmallCamera());
+  inner->SetEndless(true);
+  inner->AddFrame(clock.Now() - seconds(60));
+  inner->AddFrame(clock.Now() - seconds(59));
+  inner->AddFrame(clock.Now() + seconds(60));
+  SupervisedSource source(std::move(inner), clock);
+  source.Begin();
+  const Result<Frame> frame = source.Next(kNoDeadline);
+  ASSERT_TRUE(frame.ok());
+  EXPECT_EQ(frame->index, 2u);
+}
+
+TEST(SupervisedSource, RecordingThatIsOverWaitsForTheStopAndShowsThatItLives) {
+  const SystemClock clock;
+  auto inner = std::make_unique<ScriptedFrameSource>(SmallCamera());
+  inner->AddFrame(TimePoint(milliseconds(40)));
+  SupervisedSource source(std::move(inner), clock);
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  std::atomic<int> code{-1};
+  std::thread reader([&] { code = static_cast<int>(source.Next(kNoDeadline).code()); });
+  while (source.signal() != SignalState::kOver) std::this_thread::sleep_for(milliseconds(1));
+  const TimePoint seen = clock.Now();
+  while (source.last_answer() <= seen) std::this_thread::sleep_for(milliseconds(1));
+  EXPECT_EQ(code, -1);
+  source.RequestStop();
+  reader.join();
+  EXPECT_EQ(code, static_cast<int>(StatusCode::kNotFound));
+}
+
+// --- What the control socket answers.
+
+TEST(MetricsText, HistogramIsCumulativeAndEverySampleHasAType) {
+  RecordProperty("req", "DMN-008");
+  ProcedureCounts counts;
+  counts.latency_buckets = {1, 2, 3, 0, 0, 0, 0, 0, 0, 4};
+  counts.frames = {5, 6, 7};
+  const std::string text = ToMetricsText({}, counts);
+  EXPECT_NE(text.find("haustra_tracking_latency_seconds_bucket{le=\"0.02\"} 6\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("haustra_tracking_latency_seconds_bucket{le=\"+Inf\"} 10\n"), std::string::npos);
+  EXPECT_NE(text.find("haustra_tracking_latency_seconds_count 10\n"), std::string::npos);
+  EXPECT_NE(text.find("haustra_frames_total{state=\"lost\"} 7\n"), std::string::npos);
+  std::string family;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.starts_with("# TYPE ")) family = line.substr(7, line.find(' ', 7) - 7);
+    if (!line.starts_with("#")) {
+      EXPECT_TRUE(line.starts_with(family)) << line;
+    }
+  }
+}
+
+TEST(StatusText, MessagesStayOnTheirLine) {
+  ServiceStatus status;
+  status.trouble = "first\nstate running";
+  EXPECT_NE(ToStatusText(status, {}).find("trouble first;state running\n"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace haustra

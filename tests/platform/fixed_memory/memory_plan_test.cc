@@ -1,0 +1,165 @@
+// The memory plan against what construction really takes.
+#include "platform/memory_plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "engine/engine.h"
+#include "hal/fakes/scripted_vision_device.h"
+#include "kernels/cpu/cpu_vision_device.h"
+#include "platform/config/engine_config_table.h"
+#include "platform/config/memory_profiles.h"
+#include "tests/geometry/synthetic.h"
+#include "tests/platform/fixed_memory/heap_bytes.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra {
+namespace {
+
+using test::BytesTaken;
+using testing::HasSubstr;
+
+std::vector<EngineConfig> Configurations() {
+  EngineConfig small = test::SmallEngineConfig();
+  EngineConfig odd = small;
+  odd.features.max = 333;
+  odd.memory.max_keyframes = 17;
+  odd.memory.max_map_points = 1001;
+  odd.memory.max_maps = 5;
+  odd.memory.max_keyframe_ids = 101;
+  odd.memory.max_local_points = 777;
+  odd.memory.max_proposals = 5;
+  odd.memory.max_map_events = 33;
+  odd.memory.max_late_poses = 65;
+  odd.initialisation.max_reference_age_frames = 7;
+  return {small, odd, EngineConfig{}};
+}
+
+TEST(MemoryPlanOfTheEngine, ArenaHoldsExactlyThePools) {
+  const CameraModel camera = CameraModel::Create(test::ColonCalibration()).value();
+  for (const EngineConfig& config : Configurations()) {
+    const MemoryPlan plan = Engine::PlanMemory(config);
+    ScriptedVisionDevice device(Engine::PlanFor(config, camera.calibration()), {});
+    const std::size_t before = BytesTaken();
+    const Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, 1.0);
+    const std::size_t taken = BytesTaken() - before;
+    EXPECT_EQ(engine.arena().size_bytes(), plan.bytes(MemoryPlace::kHostArena));
+    EXPECT_EQ(engine.arena().used_bytes(), engine.arena().size_bytes());
+    // Workspaces of mapping grow towards their bound; what tracking has is there from the start.
+    std::uint64_t tracking = 0;
+    for (const MemoryLine& line : plan.lines) tracking += line.pool == "tracking workspace" ? line.bytes : 0;
+    EXPECT_GE(taken, plan.bytes(MemoryPlace::kHostArena) + tracking);
+    EXPECT_LE(taken, plan.host_bytes());
+  }
+}
+
+TEST(MemoryPlanOfTheEngine, PoolsGrowWithTheirKeyAlone) {
+  const EngineConfig base = test::SmallEngineConfig();
+  EngineConfig more = base;
+  more.memory.max_map_points *= 2;
+  const MemoryPlan a = Engine::PlanMemory(base), b = Engine::PlanMemory(more);
+  ASSERT_EQ(a.lines.size(), b.lines.size());
+  for (std::size_t i = 0; i < a.lines.size(); ++i) {
+    const bool is_sized = a.lines[i].sized_by.find("max_map_points") != std::string::npos;
+    EXPECT_EQ(a.lines[i].bytes != b.lines[i].bytes, is_sized) << a.lines[i].pool;
+  }
+}
+
+TEST(MemoryPlanOfTheCpuDevice, IsWhatConstructionTakes) {
+  for (const int num_threads : {1, 3}) {
+    VisionPlan vision;
+    vision.max_width_px = 323;
+    vision.max_height_px = 241;
+    vision.max_features = 500;
+    vision.max_feature_sets = 40;
+    vision.max_match_list = 900;
+    ExtractOptions options;
+    options.num_features = 500;
+    const MemoryPlan plan = PlanCpuVisionDevice(vision, options, num_threads);
+    const std::size_t before = BytesTaken();
+    const auto device = CreateCpuVisionDevice(vision, options, num_threads);
+    ASSERT_TRUE(device.ok());
+    const auto taken = static_cast<double>(BytesTaken() - before);
+    // Beside the pools there are the object itself, its threads and its name.
+    EXPECT_NEAR(taken, static_cast<double>(plan.host_bytes()), 16'384.0) << num_threads << " threads";
+  }
+}
+
+TEST(MemoryPlan, CoversEngineDeviceAndFramesInFlight) {
+  const EngineConfig config;
+  const CameraCalibration camera = test::ColonCalibration();
+  const Result<MemoryPlan> plan = PlanMemory(config, camera, "cpu", 2);
+  ASSERT_TRUE(plan.ok());
+  const std::uint64_t engine = Engine::PlanMemory(config).host_bytes();
+  const std::uint64_t device =
+      PlanCpuVisionDevice(Engine::PlanFor(config, camera), Engine::ExtractOptionsFor(config), 2).host_bytes();
+  EXPECT_EQ(plan->host_bytes(), engine + device + 9ull * camera.width_px * camera.height_px);
+  const Result<MemoryPlan> on_gpu = PlanMemory(config, camera, "cuda", 2);
+  ASSERT_TRUE(on_gpu.ok());
+  EXPECT_EQ(on_gpu->device_bytes(), 1612ull * 2000 * (128 + 24 + 4));
+  EXPECT_LT(on_gpu->host_bytes(), plan->host_bytes());
+  EXPECT_FALSE(PlanMemory(config, camera, "abacus", 2).ok());
+}
+
+TEST(MemoryPlan, EveryProfileFitsItsOwnLimitAtTheSizeOfAnEndoscope) {
+  CameraCalibration camera = test::ColonCalibration();
+  camera.width_px = 1440;
+  camera.height_px = 1080;
+  for (const std::string& profile : MemoryProfileNames()) {
+    const auto config = LoadEngineConfig("", {"memory.profile=" + profile});
+    ASSERT_TRUE(config.ok()) << config.status().ToString();
+    const Result<MemoryPlan> plan = PlanMemory(config->config(), camera, "cpu", 4);
+    ASSERT_TRUE(plan.ok());
+    const Status status = CheckMemory(*plan, config->config(), 0);
+    EXPECT_TRUE(status.ok()) << profile << ": " << status.ToString();
+  }
+}
+
+TEST(MemoryPlan, WhatDoesNotFitIsNamed) {
+  EngineConfig config;
+  config.memory.max_map_points = 4'000'000;
+  const Result<MemoryPlan> plan = PlanMemory(config, test::ColonCalibration(), "cpu", 2);
+  ASSERT_TRUE(plan.ok());
+  const Status over_limit = CheckMemory(*plan, config, 0);
+  EXPECT_EQ(over_limit.code(), StatusCode::kCapacityExceeded);
+  EXPECT_THAT(over_limit.message(), HasSubstr("'map points'"));
+  EXPECT_THAT(over_limit.message(), HasSubstr("memory.max_map_points"));
+  EXPECT_THAT(over_limit.message(), HasSubstr("memory.max_host_mb allows 1500.0 MB"));
+  config.memory.max_host_mb = 0;
+  EXPECT_TRUE(CheckMemory(*plan, config, 0).ok());
+  EXPECT_THAT(CheckMemory(*plan, config, 500'000'000).message(),
+              HasSubstr("this machine's available memory allows 500.0 MB"));
+  EXPECT_GT(AvailableHostBytes(), 10'000'000u);
+}
+
+TEST(MemoryProfiles, MediumIsTheDefault) {
+  const auto defaults = LoadEngineConfig("", {});
+  const auto medium = LoadEngineConfig("", {"memory.profile=medium"});
+  ASSERT_TRUE(medium.ok()) << medium.status().ToString();
+  for (const ConfigField& field : EngineConfigFields()) {
+    EXPECT_EQ(field.read(&defaults->config()), field.read(&medium->config())) << field.key;
+  }
+}
+
+TEST(MemoryProfiles, ProfileSetsEveryKeyAndSingleKeysOverrideIt) {
+  for (const std::string profile : {"small", "large"}) {
+    const auto store = LoadEngineConfig("", {"memory.max_maps=77", "memory.profile=" + profile});
+    ASSERT_TRUE(store.ok()) << store.status().ToString();
+    EXPECT_EQ(store->config().memory.max_maps, 77);
+    EXPECT_NE(store->config().memory.max_keyframes, EngineConfig{}.memory.max_keyframes);
+    for (const ConfigField& field : EngineConfigFields()) {
+      if (!field.key.starts_with("memory.")) continue;
+      const ConfigOrigin& origin = store->origin(field.key);
+      EXPECT_NE(origin.kind, ConfigOrigin::Kind::kDefault) << field.key;
+      const bool is_given = field.key == "memory.max_maps" || field.key == "memory.profile";
+      EXPECT_EQ(origin.where.find("memory profile " + profile) != std::string::npos, !is_given) << field.key;
+    }
+  }
+  EXPECT_THAT(LoadEngineConfig("", {"memory.profile=huge"}).status().message(), HasSubstr("small"));
+}
+
+}  // namespace
+}  // namespace haustra

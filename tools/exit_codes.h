@@ -1,35 +1,4 @@
-// Exit codes of every program of the project (sysexits).
+// The exit codes of the daemon are those of the tools.
 #pragma once
 
-#include "hal/core/status.h"
-
-namespace haustra {
-
-enum ExitCode : int {
-  kExitOk = 0,
-  kExitUsage = 64,
-  kExitBadData = 65,
-  kExitNoInput = 66,
-  kExitUnavailable = 69,
-  kExitInternal = 70,
-  kExitIo = 74,
-  kExitConfig = 78,
-};
-
-inline int ExitCodeFor(StatusCode code) {
-  switch (code) {
-    case StatusCode::kOk: return kExitOk;
-    case StatusCode::kInvalidArgument: return kExitBadData;
-    case StatusCode::kNotFound: return kExitNoInput;
-    case StatusCode::kDataLoss: return kExitBadData;
-    case StatusCode::kUnavailable: return kExitUnavailable;
-    case StatusCode::kFailedPrecondition: return kExitConfig;
-    case StatusCode::kCapacityExceeded: return kExitConfig;
-    case StatusCode::kDeadlineExceeded:
-    case StatusCode::kCancelled:
-    case StatusCode::kInternal: return kExitInternal;
-  }
-  return kExitInternal;
-}
-
-}  // namespace haustra
+#include "platform/exit_codes.h"

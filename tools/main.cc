@@ -6,11 +6,17 @@
 
 #include "tools/atlas/atlas_command.h"
 #include "tools/bench/bench_command.h"
+#include "tools/capture/capture_command.h"
 #include "tools/evaluate/evaluate_command.h"
 #include "tools/exit_codes.h"
+#include "tools/latency/latency_command.h"
+#include "tools/plan/plan_command.h"
 #include "tools/render/render_command.h"
 #include "tools/report/report_command.h"
 #include "tools/run/run_command.h"
+#include "tools/service/control_command.h"
+#include "tools/service/watch_command.h"
+#include "tools/soak/soak_command.h"
 #include "tools/vocabulary/vocabulary_command.h"
 
 int main(int argc, char** argv) {
@@ -25,6 +31,12 @@ int main(int argc, char** argv) {
   haustra::AddAtlasCommand(app, action);
   haustra::AddVocabularyCommand(app, action);
   haustra::AddBenchCommand(app, action);
+  haustra::AddCaptureCommand(app, action);
+  haustra::AddPlanCommand(app, action);
+  haustra::AddLatencyCommand(app, action);
+  haustra::AddSoakCommand(app, action);
+  haustra::AddControlCommand(app, action);
+  haustra::AddWatchCommand(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

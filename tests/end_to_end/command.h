@@ -30,6 +30,7 @@ class Command {
   Command& operator=(const Command&) = delete;
 
   bool IsRunning();
+  pid_t pid() const { return pid_; }
   void Signal(int signal);
   // Waits until it ends; after `limit` it is killed, so that a hang fails a test and does not stop it.
   CommandResult Wait(std::chrono::seconds limit);

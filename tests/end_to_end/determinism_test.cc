@@ -14,7 +14,9 @@ namespace {
 
 // What is measured and not computed.
 nlohmann::json WithoutTimes(nlohmann::json summary) {
-  for (const char* key : {"frame_ms", "peak_rss_mb", "wall_s", "realtime_ratio"}) summary.erase(key);
+  for (const char* key : {"frame_ms", "peak_rss_mb", "wall_s", "realtime_ratio", "tracking_thread"}) {
+    summary.erase(key);
+  }
   summary.at("mapping").erase("mean_ms");
   return summary;
 }

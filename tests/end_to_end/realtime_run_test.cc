@@ -47,6 +47,7 @@ TEST(RealTimeRun, SlowPaceMapsTheSequence) {
 }
 
 TEST(RealTimeRun, PaceFarTooFastDropsFramesAndEnds) {
+  RecordProperty("req", "OVL-001");
   const std::string out = ScratchFolder() + "/out";
   const CommandResult run =
       Haustra({"run", SequenceFolder("standard"), "--out", out, "--mode", "realtime", "--rate", "100"});

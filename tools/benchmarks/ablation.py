@@ -17,7 +17,7 @@ import sys
 # Name, what it switches off or exchanges, and the settings that do it.
 VARIANTS = {
     "default": ("the default configuration", []),
-    "no_merging": ("every loss leaves a map of its own", ["merging.enabled=0"]),
+    "no_merging": ("every loss leaves a map of its own", ["merging.enabled=false"]),
     "no_brute_force": ("no brute-force recovery in tracking", ["tracking.brute_force_recovery=false"]),
     "one_to_one": ("a common area is proven by 1 keyframe, not by 3", ["common_area.group_size=1"]),
     "vocabulary": ("retrieval by visual words, not by descriptors", ["retrieval.kind=vocabulary"]),

@@ -11,12 +11,15 @@
 #include <string>
 
 #include "capture/open_sequence.h"
+#include "capture/v4l2/v4l2_options.h"
 #include "engine/engine.h"
 #include "platform/assemble.h"
 #include "platform/atlas_file.h"
 #include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
+#include "platform/memory_plan.h"
 #include "platform/session/session.h"
+#include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/exit_codes.h"
 #include "tools/run/progress.h"
@@ -41,6 +44,8 @@ struct RunArguments {
   std::string mask;
   std::string load_atlas;
   std::string save_atlas;
+  std::string trap_allocations = "off";
+  bool print_config = false;
 };
 
 std::atomic<bool> stop_requested{false};
@@ -116,23 +121,23 @@ class ColourReader {
   std::map<std::uint32_t, Small> images_;
 };
 
-// Part of the image inside the static mask; 1 without one.
-double SceneShare(const ImageView& mask) {
-  if (mask.is_empty()) return 1.0;
-  std::size_t inside = 0;
-  for (int y = 0; y < mask.height; ++y) {
-    inside +=
-        static_cast<std::size_t>(std::count_if(mask.row(y), mask.row(y) + mask.width, [](auto v) { return v > 127; }));
-  }
-  const double share = static_cast<double>(inside) / (static_cast<double>(mask.width) * mask.height);
-  return share > 0.0 ? share : 1.0;
-}
-
 int Run(const RunArguments& arguments) {
+  if (IsV4l2Spec(arguments.sequence) && (arguments.mode != "realtime" || arguments.rate != 1.0)) {
+    std::fprintf(stderr, "haustra run: a camera does not wait: --mode realtime, and no --rate\n");
+    return kExitUsage;
+  }
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
   if (!loaded.ok()) {
     std::fprintf(stderr, "haustra run: %s\n", loaded.status().message().c_str());
     return kExitConfig;
+  }
+  if (arguments.print_config) {
+    std::fputs(loaded->Print().c_str(), stdout);
+    return kExitOk;
+  }
+  if (arguments.sequence.empty() || arguments.out.empty()) {
+    std::fprintf(stderr, "haustra run: SEQUENCE and --out are required\n");
+    return kExitUsage;
   }
   EngineConfig config = loaded->config();
   if (arguments.seed) config.seed = *arguments.seed;
@@ -142,6 +147,16 @@ int Run(const RunArguments& arguments) {
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
   if (!camera.ok()) return Fail(camera.status());
+  const HeapWatch* heap_watch = nullptr;
+  if (arguments.trap_allocations != "off") {
+    if (!AllocationTrap::IsAvailable()) {
+      return Fail(Unavailable("--trap-allocations: this build's malloc cannot be watched (sanitizer, or not glibc)"));
+    }
+    heap_watch = arguments.trap_allocations == "abort" ? &AbortingHeapWatch() : &CountingHeapWatch();
+  }
+  const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
+  if (!plan.ok()) return Fail(plan.status());
+  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return Fail(status);
   Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
   if (!device.ok()) return Fail(device.status());
@@ -150,6 +165,7 @@ int Run(const RunArguments& arguments) {
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
   if (!vocabulary.ok()) return Fail(vocabulary.status());
 
+  const bool is_live = IsV4l2Spec(arguments.sequence);
   const bool is_realtime = arguments.mode == "realtime";
   const SystemClock clock;
   Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
@@ -176,10 +192,13 @@ int Run(const RunArguments& arguments) {
   std::signal(SIGINT, RequestStop);
   std::signal(SIGTERM, RequestStop);
   Progress progress((*source)->num_frames());
-  RunRecord record([&progress](const RunRecord& r) { progress.Update(r); });
-  const Result<SessionSummary> session =
-      is_realtime ? RunRealTime(**source, engine, clock, arguments.rate, record, stop_requested)
-                  : RunSequential(**source, engine, clock, record, stop_requested);
+  RunRecord record([&progress](const RunRecord& r) { progress.Update(r); }, heap_watch);
+  RealTimeOptions options;
+  options.rate = arguments.rate;
+  options.rt = config.rt;
+  const Result<SessionSummary> session = is_realtime
+                                             ? RunRealTime(**source, engine, clock, options, record, stop_requested)
+                                             : RunSequential(**source, engine, clock, record, stop_requested);
   progress.Finish(record);
 
   Status atlas_saved;
@@ -191,7 +210,8 @@ int Run(const RunArguments& arguments) {
   summary.device = arguments.device;
   summary.seed = config.seed;
   ColourReader colours;
-  if (const Status status = colours.Read(arguments, engine); !status.ok()) {
+  // What a camera has shown cannot be looked at again.
+  if (const Status status = is_live ? Status::Ok() : colours.Read(arguments, engine); !status.ok()) {
     std::fprintf(stderr, "haustra run: warning: the points of the maps stay grey: %s\n", status.message().c_str());
   }
   if (const Status status = WriteOutputs(arguments.out, record, poses, summary, engine, std::ref(colours));
@@ -216,11 +236,13 @@ int Run(const RunArguments& arguments) {
 void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   const auto arguments = std::make_shared<RunArguments>();
   CLI::App* command = app.add_subcommand("run", "Map a sequence: folder of frames, data set or video");
-  command
-      ->add_option("sequence", arguments->sequence,
-                   "Folder with frames/, times.txt, calib.yaml; C3VD, EuRoC, TUM; video")
-      ->required();
-  command->add_option("--out", arguments->out, "Folder for the results (made when missing)")->required();
+  // Both are required, but not to print the configuration.
+  command->add_option("sequence", arguments->sequence,
+                      "Folder with frames/, times.txt, calib.yaml; C3VD, EuRoC, TUM; video; a camera: "
+                      "v4l2:/dev/video0[,size=1440x1080,...] (haustra capture lists cameras and options)");
+  command->add_option("--out", arguments->out, "Folder for the results (made when missing)");
+  command->add_flag("--print-config", arguments->print_config,
+                    "Prints the configuration with the origin of each value, and ends");
   command
       ->add_option("--mode", arguments->mode,
                    "sequential: every frame, repeats to the bit; realtime: at the camera's pace")
@@ -232,7 +254,8 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
       ->check(CLI::NonNegativeNumber);
   command->add_option("--config", arguments->config, "Configuration file (YAML); see config/");
-  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value");
+  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value")
+      ->allow_extra_args(false);
   command->add_option("--device", arguments->device, "Vision device")
       ->check(CLI::IsMember({"cpu", "cuda"}))
       ->capture_default_str();
@@ -248,6 +271,11 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--load-atlas", arguments->load_atlas,
                       "Maps of an earlier run with the same camera, to be recognised and joined");
   command->add_option("--save-atlas", arguments->save_atlas, "File for all maps at the end of the run");
+  command
+      ->add_option("--trap-allocations", arguments->trap_allocations,
+                   "Watch the tracking thread's use of the heap: count it, or abort with a backtrace at the first")
+      ->check(CLI::IsMember({"off", "count", "abort"}))
+      ->capture_default_str();
   command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
 }

@@ -46,7 +46,7 @@ Status WriteFrames(ByteSink& sink, const RunRecord& record, const std::vector<Fi
   TextWriter text(sink);
   text.Text(
       "frame_idx,timestamp_ns,state,reason,live_map_id,map_id,keyframe_id,num_matches,num_inliers,num_expected,num_"
-      "established,is_keyframe,frame_ms\n");
+      "established,is_keyframe,frame_ms,rung,minor_faults,major_faults,voluntary_switches,involuntary_switches\n");
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const FrameOutcome& frame = record.frames()[i];
     const FrameResult& result = frame.result;
@@ -61,7 +61,11 @@ Status WriteFrames(ByteSink& sink, const RunRecord& record, const std::vector<Fi
     text.Integer(result.num_expected).Text(",").Integer(result.num_established).Text(",");
     text.Integer(result.is_keyframe ? 1 : 0).Text(",");
     // Sequential runs repeat to the byte, so no time may stand in this file; summary.json has them.
-    text.Number(with_times ? ToMilliseconds(frame.latency) : 0.0).Text("\n");
+    text.Number(with_times ? ToMilliseconds(frame.latency) : 0.0).Text(",");
+    text.Text(ToString(result.rung)).Text(",");
+    const ThreadUse use = with_times ? frame.use : ThreadUse{};
+    text.Integer(use.minor_faults).Text(",").Integer(use.major_faults).Text(",");
+    text.Integer(use.voluntary_switches).Text(",").Integer(use.involuntary_switches).Text("\n");
   }
   return text.Finish();
 }

@@ -1,5 +1,6 @@
 #include "tools/run/run_record.h"
 
+#include <cstdio>
 #include <string_view>
 
 namespace haustra {
@@ -9,9 +10,20 @@ constexpr std::string_view kDamagedEvent = "frame_damaged";
 
 }  // namespace
 
+// Where people look for it, before the first frame; it is in the summary, too.
+void RunRecord::OnStart(const RealTimeReport& report) {
+  realtime_ = report;
+  std::fprintf(stderr, "%s", ToText(report).c_str());
+  for (const std::string& refusal : Refusals(report)) {
+    std::fprintf(stderr, "haustra run: warning: %s\n", refusal.c_str());
+  }
+}
+
 void RunRecord::OnFrame(const FrameOutcome& outcome) {
   frames_.push_back(outcome);
   const FrameResult& result = outcome.result;
+  if (!outcome.is_dropped && !outcome.is_damaged) ++num_on_rung_[static_cast<std::size_t>(result.rung)];
+  num_late_ += outcome.is_late;
   if (outcome.is_dropped) {
     ++num_dropped_;
   } else if (outcome.is_damaged) {

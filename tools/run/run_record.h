@@ -1,7 +1,9 @@
 // Everything that is remembered of a run: the answer to every frame and what happened to the maps. thread-bound(main).
 #pragma once
 
+#include <array>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,17 +24,26 @@ struct RunEvent {
 class RunRecord : public SessionObserver {
  public:
   // `on_progress` (may be empty) is called after every frame.
-  explicit RunRecord(std::function<void(const RunRecord&)> on_progress) : on_progress_(std::move(on_progress)) {}
+  // `heap_watch`: see SessionObserver; null: the tracking thread's use of the heap is not counted.
+  explicit RunRecord(std::function<void(const RunRecord&)> on_progress, const HeapWatch* heap_watch = nullptr)
+      : on_progress_(std::move(on_progress)), heap_watch_(heap_watch) {}
 
+  void OnStart(const RealTimeReport& report) override;
   void OnFrame(const FrameOutcome& outcome) override;
   void OnMapEvent(const MapEvent& event) override;
   void OnLatePose(const LatePose& pose) override;
   void OnMapped(const MappingTimes& times) override { mapping_times_.push_back(times); }
   void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override;
+  const HeapWatch* heap_watch() const override { return heap_watch_; }
 
   const std::vector<FrameOutcome>& frames() const { return frames_; }
   const std::vector<RunEvent>& events() const { return events_; }
   const std::vector<MappingTimes>& mapping_times() const { return mapping_times_; }
+  // What the system granted to a real-time session; null in sequential mode.
+  const RealTimeReport* realtime() const { return realtime_ ? &*realtime_ : nullptr; }
+  std::size_t num_late() const { return num_late_; }
+  // Frames on each rung of the ladder.
+  const std::array<std::size_t, kNumRungs>& num_on_rung() const { return num_on_rung_; }
   std::size_t num_tracked() const { return num_tracked_; }
   std::size_t num_dropped() const { return num_dropped_; }
   std::size_t num_damaged() const { return num_damaged_; }
@@ -41,9 +52,13 @@ class RunRecord : public SessionObserver {
 
  private:
   std::function<void(const RunRecord&)> on_progress_;
+  const HeapWatch* heap_watch_;
   std::vector<FrameOutcome> frames_;
   std::vector<RunEvent> events_;
   std::vector<MappingTimes> mapping_times_;
+  std::optional<RealTimeReport> realtime_;
+  std::size_t num_late_ = 0;
+  std::array<std::size_t, kNumRungs> num_on_rung_{};
   std::size_t num_tracked_ = 0;
   std::size_t num_dropped_ = 0;
   std::size_t num_damaged_ = 0;

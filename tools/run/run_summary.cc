@@ -39,6 +39,51 @@ double MsPerKeyframe(Duration total, const MapperCounters& counters) {
   return counters.num_keyframes == 0 ? 0.0 : ToMilliseconds(total) / static_cast<double>(counters.num_keyframes);
 }
 
+std::vector<PoolFigures> PoolsOf(Engine& engine) {
+  const Atlas& atlas = engine.atlas();
+  const MapperCounters& mapper = engine.mapper_counters();
+  const auto pool = [](const char* name, const auto& p, std::uint64_t refused) {
+    return PoolFigures{name, p.capacity(), p.size(), p.high_water(), refused};
+  };
+  const auto capacity = atlas.capacity();
+  return {
+      pool("keyframes", atlas.keyframes(), mapper.num_keyframes_refused),
+      pool("map_points", atlas.points(), atlas.points().num_refused()),
+      pool("maps", atlas.maps(), mapper.num_maps_refused),
+      {"keyframe_ids", static_cast<std::uint64_t>(capacity.max_keyframe_ids), atlas.num_keyframe_ids(),
+       atlas.num_keyframe_ids(), mapper.num_keyframe_ids_refused},
+      {"observations_of_a_point", kMaxObservations, 0, 0, atlas.num_refused_observations()},
+      {"proposals", engine.max_proposals(), 0, 0, engine.num_proposals_refused()},
+      {"map_events", engine.map_events().capacity(), 0, 0, engine.map_events().num_dropped()},
+      {"late_poses", engine.late_poses().capacity(), 0, 0, engine.late_poses().num_dropped()},
+  };
+}
+
+TrackingThreadFigures ThreadFiguresOf(const RunRecord& record) {
+  TrackingThreadFigures figures;
+  bool is_first = true;
+  for (const FrameOutcome& frame : record.frames()) {
+    if (frame.is_dropped || frame.is_damaged) continue;
+    if (is_first) {
+      figures.first_frame = frame.use;
+    } else {
+      figures.later += frame.use;
+      figures.frames_with_faults += frame.use.minor_faults + frame.use.major_faults > 0;
+    }
+    is_first = false;
+  }
+  return figures;
+}
+
+nlohmann::ordered_json ToJson(const ThreadUse& use, bool is_heap_watched) {
+  nlohmann::ordered_json json = {{"minor_faults", use.minor_faults},
+                                 {"major_faults", use.major_faults},
+                                 {"voluntary_switches", use.voluntary_switches},
+                                 {"involuntary_switches", use.involuntary_switches}};
+  if (is_heap_watched) json["heap_calls"] = use.heap_calls;
+  return json;
+}
+
 }  // namespace
 
 std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine) {
@@ -62,7 +107,7 @@ std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine)
   return poses;
 }
 
-RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, const Engine& engine,
+RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, Engine& engine,
                      const SessionSummary& session) {
   RunSummary summary;
   summary.frames = record.frames().size();
@@ -101,10 +146,18 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
   summary.frame_ms = {Percentile(latency, 0.5), Percentile(latency, 0.99), Percentile(latency, 0.999),
                       latency.empty() ? 0.0 : latency.back()};
   summary.peak_rss_mb = PeakRssMb();
+  summary.plan_host_mb = static_cast<double>(Engine::PlanMemory(engine.config()).host_bytes()) / 1e6;
+  summary.pools = PoolsOf(engine);
+  summary.evictions = engine.evictions();
+  summary.tracking_thread = ThreadFiguresOf(record);
+  summary.is_heap_watched = record.heap_watch() != nullptr;
   summary.video_s = ToSeconds(session.video_time);
   summary.wall_s = ToSeconds(session.wall_time);
   if (summary.video_s > 0) summary.realtime_ratio = summary.wall_s / summary.video_s;
   summary.mapping = engine.mapper_counters();
+  if (record.realtime() != nullptr) summary.realtime = *record.realtime();
+  summary.late = record.num_late();
+  summary.on_rung = record.num_on_rung();
   return summary;
 }
 
@@ -132,6 +185,23 @@ std::string ToJson(const RunSummary& s) {
   json["dropped"] = s.dropped;
   json["damaged"] = s.damaged;
   json["peak_rss_mb"] = s.peak_rss_mb;
+  nlohmann::ordered_json pools;
+  for (const PoolFigures& pool : s.pools) {
+    nlohmann::ordered_json figures = {{"capacity", pool.capacity}};
+    if (pool.peak > 0) figures.update({{"used", pool.used}, {"peak", pool.peak}});
+    figures["refused"] = pool.refused;
+    pools[pool.name] = figures;
+  }
+  json["memory"] = {{"engine_plan_mb", s.plan_host_mb},
+                    {"pools", pools},
+                    {"evicted",
+                     {{"keyframes", s.evictions.num_keyframes},
+                      {"maps", s.evictions.num_maps},
+                      {"map_points", s.evictions.num_points},
+                      {"map_entries", s.evictions.num_map_entries}}}};
+  json["tracking_thread"] = {{"first_frame", ToJson(s.tracking_thread.first_frame, s.is_heap_watched)},
+                             {"later_frames", ToJson(s.tracking_thread.later, s.is_heap_watched)},
+                             {"frames_with_faults", s.tracking_thread.frames_with_faults}};
   json["video_s"] = s.video_s;
   json["wall_s"] = s.wall_s;
   json["realtime_ratio"] = s.realtime_ratio;
@@ -153,6 +223,26 @@ std::string ToJson(const RunSummary& s) {
                        {"merge", MsPerKeyframe(m.merge_time, m)},
                        {"settle", MsPerKeyframe(m.settle_time, m)},
                        {"relocalise", MsPerKeyframe(m.relocalisation_time, m)}}}};
+  if (s.realtime) {
+    json["late"] = s.late;
+    for (int i = 0; i < kNumRungs; ++i) {
+      json["rungs"][std::string(ToString(static_cast<Rung>(i)))] = s.on_rung[static_cast<std::size_t>(i)];
+    }
+    const RealTimeReport& report = *s.realtime;
+    auto& realtime = json["realtime"];
+    realtime = {{"enabled", report.is_enabled},
+                {"all_granted", report.is_all_granted()},
+                {"kernel", report.kernel_preemption},
+                {"memory_locked", report.is_memory_locked},
+                {"refusals", Refusals(report)}};
+    for (const ThreadGrant& thread : report.threads) {
+      realtime["threads"][thread.name] = {{"asked_priority", thread.asked_priority},
+                                          {"granted_priority", thread.granted_priority},
+                                          {"asked_cpus", ToText(thread.asked_cpus)},
+                                          {"granted_cpus", ToText(thread.granted_cpus)},
+                                          {"prefaulted_kb", thread.prefaulted_kb}};
+    }
+  }
   return json.dump(2) + "\n";
 }
 
@@ -171,8 +261,34 @@ std::string ToText(const RunSummary& s) {
          s.frame_ms.p99, s.frame_ms.p999, s.frame_ms.max,
          s.mode == "sequential" ? " (tracking and mapping in turn)" : " (from due to pose)");
   if (s.dropped > 0) Append(&text, "  dropped       %5zu     frames were late\n", s.dropped);
+  if (s.realtime) {
+    Append(&text, "  late          %5zu     answered after the deadline\n", s.late);
+    for (int i = 1; i < kNumRungs; ++i) {
+      const std::size_t count = s.on_rung[static_cast<std::size_t>(i)];
+      if (count == 0) continue;
+      const std::string name(ToString(static_cast<Rung>(i)));
+      Append(&text, "  %-13s %5zu     frames went down to this to keep their deadline\n", name.c_str(), count);
+    }
+  }
   if (s.damaged > 0)
     Append(&text, "  damaged       %5zu     frames could not be read (events.csv names them)\n", s.damaged);
+  const EvictionCounters& evicted = s.evictions;
+  if (evicted.num_keyframes + evicted.num_maps + evicted.num_points > 0) {
+    Append(&text, "  made room     %5llu     keyframes, %llu maps and %llu points went because a pool was full\n",
+           static_cast<unsigned long long>(evicted.num_keyframes), static_cast<unsigned long long>(evicted.num_maps),
+           static_cast<unsigned long long>(evicted.num_points));
+  }
+  for (const PoolFigures& pool : s.pools) {
+    // A point has observations enough when its list is full.
+    if (pool.refused == 0 || pool.name == "observations_of_a_point") continue;
+    Append(&text, "  full          %5llu     times: %s (%llu)\n", static_cast<unsigned long long>(pool.refused),
+           pool.name.c_str(), static_cast<unsigned long long>(pool.capacity));
+  }
+  if (s.is_heap_watched) {
+    Append(&text, "  heap          %5u     calls of the tracking thread, %u of them in its first frame\n",
+           s.tracking_thread.first_frame.heap_calls + s.tracking_thread.later.heap_calls,
+           s.tracking_thread.first_frame.heap_calls);
+  }
   Append(&text, "  speed         %.2f times the video's duration (%.1f s for %.1f s), peak memory %.0f MB\n",
          s.realtime_ratio, s.wall_s, s.video_s, s.peak_rss_mb);
   return text;

@@ -1,6 +1,8 @@
 // The figures of a run, in the terms of the evaluation: what summary.json and the console show.
 #pragma once
 
+#include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +19,22 @@ struct FinalPose {
 
 struct LatencyFigures {
   double p50 = 0.0, p99 = 0.0, p999 = 0.0, max = 0.0;  // ms
+};
+
+// How full a pool was. `refused`: what found no room after eviction had done what it could.
+struct PoolFigures {
+  std::string name;
+  std::uint64_t capacity = 0;
+  std::uint64_t used = 0;
+  std::uint64_t peak = 0;
+  std::uint64_t refused = 0;
+};
+
+// What the kernel and the heap did to the tracking thread, over all frames.
+struct TrackingThreadFigures {
+  ThreadUse first_frame;                 // which pays for what is set up on first use
+  ThreadUse later;                       // all others
+  std::uint64_t frames_with_faults = 0;  // of the others
 };
 
 struct RunSummary {
@@ -41,17 +59,26 @@ struct RunSummary {
   std::size_t dropped = 0;
   std::size_t damaged = 0;
   double peak_rss_mb = 0.0;
+  double plan_host_mb = 0.0;  // of the engine; the vision device's is in `haustra plan`
+  std::vector<PoolFigures> pools;
+  EvictionCounters evictions;
+  TrackingThreadFigures tracking_thread;
+  bool is_heap_watched = false;
   double video_s = 0.0;
   double wall_s = 0.0;
   double realtime_ratio = 0.0;  // wall time over video time
   MapperCounters mapping;
+  // Real-time mode only.
+  std::optional<RealTimeReport> realtime;
+  std::size_t late = 0;  // answered after their deadline
+  std::array<std::size_t, kNumRungs> on_rung{};
 };
 
 // Final poses of all frames of the record, also of those that became keyframes of a map after their live answer was
 // given.
 std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine);
 
-RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, const Engine& engine,
+RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, Engine& engine,
                      const SessionSummary& session);
 
 std::string ToJson(const RunSummary& summary);

@@ -1,6 +1,7 @@
 // The threads of a real-time session, held and let go by the test where their order matters; no time is asserted.
 #include <gtest/gtest.h>
 
+#include <cerrno>
 #include <functional>
 #include <semaphore>
 #include <string>
@@ -223,6 +224,119 @@ TEST(RealTimeSession, MappingThreadFoundsAMapThatTrackingAdopts) {
   int num_tracking = 0;
   for (const FrameOutcome& frame : observer.frames) num_tracking += frame.result.state == TrackingState::kTracking;
   EXPECT_GE(num_tracking, 20);
+}
+
+// A camera that never brings a frame but respects the deadline.
+class SilentSource final : public FrameSource {
+ public:
+  explicit SilentSource(FrameSource& source) : source_(source) {}
+  const CameraCalibration& calibration() const override { return source_.calibration(); }
+  std::uint32_t num_frames() const override { return 0; }
+  ImageView static_mask() const override { return source_.static_mask(); }
+  Result<Frame> Next(TimePoint deadline) override {
+    while (SystemClock().Now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return Status(StatusCode::kDeadlineExceeded);
+  }
+
+ private:
+  FrameSource& source_;
+};
+
+TEST(RealTimeSession, HeartBeatsWithoutFramesAndStopEndsASilentCamera) {
+  ScriptedColon colon;
+  SilentSource source(colon.source());
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  Heartbeat heartbeat;
+  RealTimeOptions options;
+  options.rt.enabled = false;
+  options.heartbeat = &heartbeat;
+  std::atomic<bool> stop{false};
+  Result<SessionSummary> session = SessionSummary();
+  std::thread thread([&] { session = RunRealTime(source, *engine, SystemClock(), options, observer, stop); });
+  while (heartbeat.count() < 5) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  stop = true;
+  thread.join();
+  EXPECT_TRUE(session.ok());
+  EXPECT_TRUE(observer.frames.empty());
+}
+
+TEST(RealTimeSession, StartsAndStopsAgainAndAgain) {
+  ScriptedColon colon;
+  colon.Move(0.0, 6.0, 300);
+  colon.Occlude(2000);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  const SystemClock clock;
+  Duration longest{0};
+  for (int i = 0; i < 20; ++i) {
+    RecordingObserver observer;
+    std::atomic<bool> stop{false};
+    TimePoint asked;
+    std::thread stopper([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(i));  // anywhere in its life, the start included
+      asked = clock.Now();
+      stop = true;
+    });
+    const auto session = RunRealTime(colon.source(), *engine, clock, 5.0, observer, stop);
+    stopper.join();
+    ASSERT_TRUE(session.ok()) << session.status().ToString();
+    longest = std::max(longest, clock.Now() - asked);
+  }
+  RecordProperty("longest_stop_ms", std::to_string(ToMilliseconds(longest)));
+}
+
+// Grants nothing.
+class RefusingSystem final : public ThreadSystem {
+ public:
+  int SetFifo(int) override { return EPERM; }
+  int SetCpus(const CpuList&) override { return EINVAL; }
+  int LockMemory(bool) override { return ENOMEM; }
+  void UnlockMemory() override {}
+  int FifoPriority() const override { return 0; }
+  CpuList Cpus() const override { return CpuList(1); }
+  bool MayLockAll() const override { return false; }
+  std::int64_t PriorityLimit() const override { return 0; }
+  std::int64_t LockLimitBytes() const override { return 0; }
+  std::string KernelPreemption() const override { return {}; }
+  double RealTimeShare() const override { return 1.0; }
+};
+
+TEST(RealTimeSession, MissingPrivilegeIsFatalOnlyWhenRequired) {
+  for (const bool is_required : {false, true}) {
+    ScriptedColon colon;
+    colon.Occlude(3);
+    const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+    RecordingObserver observer;
+    RefusingSystem system;
+    RealTimeOptions options;
+    options.rate = kFast;
+    options.rt.require = is_required;
+    options.system = &system;
+    const auto session = RunRealTime(colon.source(), *engine, SystemClock(), options, observer, kNeverStop);
+    EXPECT_EQ(session.code(), is_required ? StatusCode::kFailedPrecondition : StatusCode::kOk);
+    EXPECT_EQ(observer.frames.size(), is_required ? 0u : 3u);
+    EXPECT_EQ(observer.reports.size(), is_required ? 0u : 1u);
+    if (!is_required) {
+      EXPECT_EQ(Refusals(observer.reports[0]).size(), 3u);  // two priorities, memory
+    }
+  }
+}
+
+TEST(RealTimeSession, LateFramesAreCountedAgainstTheDeadline) {
+  for (const double deadline_ms : {0.000001, 1000.0}) {
+    ScriptedColon colon;
+    colon.config().scheduler.deadline_ms = deadline_ms;
+    colon.Occlude(5);
+    Lockstep lockstep(colon);
+    const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
+    RecordingObserver observer;
+    ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 2.0, observer, kNeverStop).ok());
+    ASSERT_EQ(observer.frames.size(), 5u);
+    for (const FrameOutcome& frame : observer.frames) {
+      EXPECT_EQ(frame.is_late, frame.latency > frame.deadline - frame.due);
+      EXPECT_TRUE(frame.is_late || deadline_ms > 1);
+    }
+  }
 }
 
 }  // namespace

@@ -11,6 +11,7 @@ namespace haustra::test {
 
 class RecordingObserver : public SessionObserver {
  public:
+  void OnStart(const RealTimeReport& report) override { reports.push_back(report); }
   void OnFrame(const FrameOutcome& outcome) override {
     frames.push_back(outcome);
     calls.push_back("frame " + std::to_string(outcome.result.frame_index));
@@ -28,6 +29,7 @@ class RecordingObserver : public SessionObserver {
   std::function<void(const FrameOutcome&)> on_frame;  // may be empty
   std::vector<FrameOutcome> frames;
   std::vector<MapEvent> events;
+  std::vector<RealTimeReport> reports;
   std::vector<std::string> calls;
 };
 

@@ -33,9 +33,9 @@ inline EngineConfig SmallEngineConfig() {
 
 class ScriptedColon {
  public:
-  explicit ScriptedColon(TimePoint start = TimePoint{})
+  explicit ScriptedColon(TimePoint start = TimePoint{}, const EngineConfig& config = SmallEngineConfig())
       : start_(start),
-        config_(SmallEngineConfig()),
+        config_(config),
         camera_(CameraModel::Create(ColonCalibration()).value()),
         device_(Engine::PlanFor(config_, camera_.calibration()), {}),
         source_(camera_.calibration()) {
@@ -53,9 +53,13 @@ class ScriptedColon {
   }
   // Frames that show nothing.
   void Occlude(int num_frames) {
-    for (int i = 0; i < num_frames; ++i) source_.AddFrame(NextTime());
+    for (int i = 0; i < num_frames; ++i) {
+      centres_.emplace_back(0.0, 0.0, 0.0);
+      source_.AddFrame(NextTime());
+    }
   }
   void Damage(const std::string& message) {
+    centres_.emplace_back(0.0, 0.0, 0.0);
     source_.AddFailure(StatusCode::kDataLoss, message);
     ++num_frames_;
   }
@@ -64,10 +68,13 @@ class ScriptedColon {
   FrameSource& source() { return source_; }
   ScriptedVisionDevice& device() { return device_; }
   const EngineConfig& config() const { return config_; }
+  EngineConfig& config() { return config_; }  // capacities stay as they are
   const CameraModel& camera() const { return camera_; }
+  // Where the camera truly was; zero for frames that show nothing.
+  const std::vector<Eigen::Vector3d>& centres() const { return centres_; }
   TimePoint TimeOf(std::uint32_t frame_index) const { return start_ + frame_index * kFramePeriod; }
-  std::unique_ptr<Engine> MakeEngine(Engine::Mode mode, VisionDevice& device) const {
-    return std::make_unique<Engine>(config_, camera_, device, mode, nullptr, 1.0);
+  std::unique_ptr<Engine> MakeEngine(Engine::Mode mode, VisionDevice& device, const Clock* clock = nullptr) const {
+    return std::make_unique<Engine>(config_, camera_, device, mode, clock, 1.0);
   }
   std::unique_ptr<Engine> MakeEngine() { return MakeEngine(Engine::Mode::kSequential, device_); }
 
@@ -98,6 +105,7 @@ class ScriptedColon {
       feature.appearance = {landmark.id, landmark.id};
       features.push_back(feature);
     }
+    centres_.push_back(centre);
     device_.SetFrame(num_frames_, std::move(features));
     source_.AddFrame(NextTime());
   }
@@ -108,6 +116,7 @@ class ScriptedColon {
   ScriptedVisionDevice device_;
   ScriptedFrameSource source_;
   std::vector<Landmark> landmarks_;
+  std::vector<Eigen::Vector3d> centres_;
   Rng rng_{23};
   std::uint32_t num_frames_ = 0;
 };

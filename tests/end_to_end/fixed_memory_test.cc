@@ -1,0 +1,110 @@
+// What a vendor sees of the memory plan: the table, refusals, pools in the summary, and the soak run's verdict.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tests/end_to_end/command.h"
+#include "tests/end_to_end/result_files.h"
+#include "tools/exit_codes.h"
+
+namespace haustra::end_to_end {
+namespace {
+
+using testing::HasSubstr;
+
+TEST(FixedMemory, PlanListsEveryPoolAndItsSumIsTheTotal) {
+  const CommandResult text = Haustra({"plan", "--sequence", SequenceFolder("standard"), "--threads", "2"});
+  ASSERT_EQ(text.exit_code, kExitOk) << text.ToString();
+  for (const char* word : {"profile medium, images 360x270", "keyframes", "map points", "snapshots", "proposals",
+                           "feature sets (cpu)", "memory.max_map_points", "total"}) {
+    EXPECT_THAT(text.out, HasSubstr(word));
+  }
+  const CommandResult json = Haustra({"plan", "--sequence", SequenceFolder("standard"), "--threads", "2", "--json"});
+  ASSERT_EQ(json.exit_code, kExitOk) << json.ToString();
+  const nlohmann::json plan = nlohmann::json::parse(json.out);
+  std::uint64_t arena = 0, host = 0;
+  for (const nlohmann::json& line : plan.at("lines")) {
+    const auto bytes = line.at("bytes").get<std::uint64_t>();
+    arena += line.at("place") == "host arena" ? bytes : 0;
+    host += bytes;
+  }
+  EXPECT_EQ(plan.at("host_arena_bytes").get<std::uint64_t>(), arena);
+  EXPECT_EQ(plan.at("host_bytes").get<std::uint64_t>(), host);
+  EXPECT_LT(host, 1'500'000'000u);
+}
+
+TEST(FixedMemory, WhatDoesNotFitIsRefusedBeforeTheStartAndNamed) {
+  const std::string out = ScratchFolder() + "/out";
+  for (const std::string command : {"plan", "run"}) {
+    std::vector<std::string> arguments = {command, "--set", "memory.max_map_points=9000000"};
+    if (command == "plan") {
+      arguments.insert(arguments.end(), {"--sequence", SequenceFolder("standard")});
+    } else {
+      arguments.insert(arguments.end(), {SequenceFolder("standard"), "--out", out});
+    }
+    const CommandResult result = Haustra(arguments);
+    EXPECT_EQ(result.exit_code, kExitConfig) << result.ToString();
+    EXPECT_THAT(result.err, HasSubstr("'map points'"));
+    EXPECT_THAT(result.err, HasSubstr("memory.max_map_points"));
+    EXPECT_THAT(result.err, HasSubstr("memory.max_host_mb allows 1500.0 MB"));
+  }
+}
+
+TEST(FixedMemory, SummaryHasPoolsEvictionsAndTheTrackingThread) {
+  const nlohmann::json summary = nlohmann::json::parse(ReadBytes(ResultFolder("losses") + "/summary.json"));
+  const nlohmann::json& pools = summary.at("memory").at("pools");
+  EXPECT_EQ(pools.at("keyframes").at("capacity").get<int>(), 1500);
+  EXPECT_EQ(pools.at("keyframes").at("used").get<int>(), summary.at("keyframes").get<int>());
+  EXPECT_GE(pools.at("keyframes").at("peak").get<int>(), pools.at("keyframes").at("used").get<int>());
+  EXPECT_EQ(pools.at("keyframes").at("refused").get<int>(), 0);
+  EXPECT_EQ(summary.at("memory").at("evicted").at("keyframes").get<int>(), 0);
+  const nlohmann::json& later = summary.at("tracking_thread").at("later_frames");
+  EXPECT_GE(later.at("minor_faults").get<int>(), 0);
+  if (later.contains("heap_calls")) {
+    EXPECT_EQ(later.at("heap_calls").get<int>(), 0);
+    EXPECT_EQ(summary.at("tracking_thread").at("first_frame").at("heap_calls").get<int>(), 0);
+  }
+}
+
+TEST(FixedMemory, TinyPoolKeepsTheCoverage) {
+  const std::string out = ScratchFolder() + "/out";
+  const CommandResult result =
+      Haustra({"run", SequenceFolder("losses"), "--out", out, "--set", "memory.max_keyframes=40"});
+  ASSERT_EQ(result.exit_code, kExitOk) << result.ToString();
+  const nlohmann::json tight = nlohmann::json::parse(ReadBytes(out + "/summary.json"));
+  const nlohmann::json plenty = nlohmann::json::parse(ReadBytes(ResultFolder("losses") + "/summary.json"));
+  EXPECT_GT(plenty.at("memory").at("pools").at("keyframes").at("peak").get<int>(), 40);
+  EXPECT_EQ(tight.at("memory").at("pools").at("keyframes").at("peak").get<int>(), 40);
+  // In one small map nearly all is near the scope: what cannot make room is refused, and both are counted.
+  EXPECT_GT(tight.at("memory").at("evicted").at("keyframes").get<int>() +
+                tight.at("memory").at("pools").at("keyframes").at("refused").get<int>(),
+            0);
+  EXPECT_GE(tight.at("coverage").get<double>(), plenty.at("coverage").get<double>() - 2.0);
+  EXPECT_THAT(result.out, ::testing::AnyOf(HasSubstr("made room"), HasSubstr("full")));
+}
+
+TEST(FixedMemory, ShortSoakPassesAndOneWithoutSamplesDoesNot) {
+  const std::string csv = ScratchFolder() + "/soak.csv";
+  // The solver's memory is still filling: what is allowed is no measure of what is right in a long run.
+  const CommandResult passed =
+      Haustra({"soak", SequenceFolder("standard"), "--minutes", "0.2", "--interval", "0.5", "--warm-up", "6", "--mode",
+               "sequential", "--max-growth-mb", "200", "--max-latency-ratio", "100", "--csv", csv});
+  EXPECT_EQ(passed.exit_code, kExitOk) << passed.ToString();
+  EXPECT_THAT(passed.out, HasSubstr("passed: resident memory"));
+  CsvRows samples = ReadCsv(csv);
+  ASSERT_GT(samples.size(), 20u);
+  int num_frames = 0;
+  for (auto& sample : samples) num_frames += std::stoi(sample["frames"]);
+  // Back and forth: more than the sequence has.
+  EXPECT_GT(num_frames, 280);
+  EXPECT_GT(std::stod(samples.back()["rss_mb"]), 10.0);
+  const CommandResult nothing =
+      Haustra({"soak", SequenceFolder("standard"), "--minutes", "0.02", "--mode", "sequential"});
+  EXPECT_EQ(nothing.exit_code, 1) << nothing.ToString();
+  EXPECT_THAT(nothing.out, HasSubstr("FAILED: 0 samples after the warm-up"));
+}
+
+}  // namespace
+}  // namespace haustra::end_to_end

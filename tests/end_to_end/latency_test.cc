@@ -1,0 +1,59 @@
+// haustra latency as a vendor's CI calls it. Nothing here depends on the speed of the machine.
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "tests/end_to_end/command.h"
+#include "tests/end_to_end/result_files.h"
+
+namespace haustra::end_to_end {
+namespace {
+
+std::string WriteRequirement(const std::string& text) {
+  const std::string path = ScratchFolder() + "/requirement.yaml";
+  std::ofstream(path) << text;
+  return path;
+}
+
+TEST(Latency, MeasuresJudgesAndWritesItsFiles) {
+  const std::string out = ScratchFolder() + "/out";
+  const std::string requirement = WriteRequirement("frames: 2\nmax_ms: 100000\n");
+  const CommandResult run = Haustra({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE,
+                                     "--seconds", "6", "--warm-up", "0.5", "--loop", "2", "--out", out, "--require",
+                                     requirement, "--stress-cpu", "1", "--stress-memory", "1"});
+  ASSERT_EQ(run.exit_code, 0) << run.ToString();
+  EXPECT_NE(run.out.find("REQUIREMENT MET"), std::string::npos) << run.ToString();
+  EXPECT_NE(run.out.find("end_to_end"), std::string::npos);
+  const nlohmann::json latency = ReadJson(out + "/latency.json");
+  EXPECT_TRUE(latency.at("met").get<bool>());
+  EXPECT_GE(latency.at("frames").get<int>(), 2);
+  EXPECT_EQ(latency.at("stages").at("end_to_end").at("count"), latency.at("frames"));
+  EXPECT_FALSE(ReadJson(out + "/trace.json").at("traceEvents").empty());
+  EXPECT_NE(ReadBytes(out + "/histogram.txt").find("# haustra latency histogram 1"), std::string::npos);
+  EXPECT_NE(ReadBytes(out + "/latency.html").find("Requirement met"), std::string::npos);
+}
+
+TEST(Latency, RequirementThatIsNotMetFailsTheCommand) {
+  const std::string requirement = WriteRequirement("p50_ms: 0\n");
+  const CommandResult run = Haustra({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE,
+                                     "--seconds", "3", "--warm-up", "0", "--loop", "1", "--require", requirement});
+  EXPECT_EQ(run.exit_code, 1) << run.ToString();
+  EXPECT_NE(run.out.find("REQUIREMENT NOT MET"), std::string::npos) << run.ToString();
+}
+
+TEST(Latency, BadRequirementIsRefusedWithItsLineBeforeAnythingRuns) {
+  const std::string requirement = WriteRequirement("misses: 0\nfast: yes\n");
+  const CommandResult run = Haustra({"latency", "/no/such/sequence", "--require", requirement});
+  EXPECT_EQ(run.exit_code, 78) << run.ToString();
+  EXPECT_NE(run.err.find("requirement.yaml:2:1: fast: unknown"), std::string::npos) << run.ToString();
+}
+
+TEST(Latency, SequenceOrRenderedIsAsked) {
+  EXPECT_EQ(Haustra({"latency"}).exit_code, 64);
+  EXPECT_EQ(Haustra({"latency", SequenceFolder("standard"), "--rendered"}).exit_code, 64);
+  EXPECT_NE(Haustra({"latency", "/no/such/sequence"}).exit_code, 0);
+}
+
+}  // namespace
+}  // namespace haustra::end_to_end

@@ -1,0 +1,302 @@
+#include "tools/latency/latency_command.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "capture/open_sequence.h"
+#include "engine/engine.h"
+#include "platform/assemble.h"
+#include "platform/clock/system_clock.h"
+#include "platform/config/engine_config_table.h"
+#include "platform/file_sink.h"
+#include "platform/session/session.h"
+#include "platform/vocabulary_loader.h"
+#include "tools/exit_codes.h"
+#include "tools/latency/board_state.h"
+#include "tools/latency/latency_page.h"
+#include "tools/latency/latency_record.h"
+#include "tools/latency/looped_source.h"
+#include "tools/latency/requirement.h"
+#include "tools/latency/stress.h"
+#include "tools/latency/trace_json.h"
+#include "tools/render/render_sequence.h"
+
+namespace haustra {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kExitRequirementNotMet = 1;
+
+struct LatencyArguments {
+  std::string sequence;
+  bool rendered = false;
+  std::string out;
+  std::string require;
+  double seconds = 0.0;
+  double rate = 1.0;
+  double warm_up_s = 2.0;
+  double loop_s = 8.0;
+  double trace_s = 20.0;
+  bool stress = false;
+  int stress_cpu = 0;
+  int stress_memory = 0;
+  bool stress_gpu = false;
+  std::string config;
+  std::vector<std::string> assignments;
+  std::string device = "cpu";
+  int threads = 0;
+  bool halve = false;
+};
+
+std::atomic<bool> stop_requested{false};
+
+void RequestStop(int) { stop_requested.store(true); }
+
+int Fail(const Status& status, int exit_code) {
+  std::fprintf(stderr, "haustra latency: %s\n", status.message().c_str());
+  return exit_code;
+}
+int Fail(const Status& status) { return Fail(status, ExitCodeFor(status.code())); }
+
+// A folder of our own that goes when it is no longer needed.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string pattern = (fs::temp_directory_path() / "haustra-latency-XXXXXX").string();
+    if (mkdtemp(pattern.data()) != nullptr) path_ = pattern;
+  }
+  ~TemporaryFolder() {
+    std::error_code error;
+    if (!path_.empty()) fs::remove_all(path_, error);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+// The frames to play: of the sequence, or rendered for the purpose.
+Result<std::unique_ptr<LoopedSource>> LoadFrames(const LatencyArguments& arguments) {
+  SequenceOptions options;
+  options.halve = arguments.halve;
+  std::string sequence = arguments.sequence;
+  const TemporaryFolder folder;
+  if (arguments.rendered) {
+    if (folder.path().empty()) return Unavailable("no temporary folder can be made to render into");
+    HAUSTRA_ASSIGN(const render::Preset preset, render::FindPreset("standard"));
+    render::RenderOptions rendering = render::RenderOptions::FromPreset(preset);
+    rendering.seconds = arguments.loop_s;
+    rendering.events.clear();
+    rendering.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    std::fprintf(stderr, "haustra latency: rendering %d frames\n", rendering.num_frames());
+    sequence = folder.path() + "/sequence";
+    HAUSTRA_TRY(render::RenderSequence(sequence, rendering, {}));
+  }
+  HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(sequence, options));
+  const double rate_hz = source->calibration().rate_hz > 0 ? source->calibration().rate_hz : 25.0;
+  return LoopedSource::Load(*source, std::max(2, static_cast<int>(std::lround(arguments.loop_s * rate_hz))));
+}
+
+Status WriteFile(const fs::path& path, const std::string& text) {
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path.string()));
+  HAUSTRA_TRY(sink.Write(text));
+  return sink.Commit();
+}
+
+Status WriteResults(const std::string& folder, const LatencyReport& report) {
+  const fs::path root(folder);
+  std::string histograms = HistogramFileHeader();
+  for (const LatencyRecord::StageHistogram& stage : report.record->stages()) {
+    if (stage.histogram.count() > 0) histograms += ToFileText(stage.name, stage.histogram);
+  }
+  HAUSTRA_TRY(WriteFile(root / "histogram.txt", histograms));
+  HAUSTRA_TRY(WriteFile(root / "trace.json", MakeTraceJson(*report.record)));
+  HAUSTRA_TRY(WriteFile(root / "latency.json", ToJson(report)));
+  return WriteFile(root / "latency.html", MakeLatencyPage(report));
+}
+
+// A device beside the one that is measured, small but never idle.
+Result<std::unique_ptr<VisionDevice>> MakeStressDevice(const LatencyArguments& arguments,
+                                                       const CameraCalibration& calibration) {
+  EngineConfig config;
+  config.memory.max_keyframes = 16;
+  return CreateVisionDevice(arguments.device, config, calibration, 1);
+}
+
+std::string LoadText(const LatencyArguments& arguments, const StressOptions& stress) {
+  std::string text = std::to_string(stress.cpu_threads) + " threads of arithmetic, " +
+                     std::to_string(stress.memory_threads) + " of copying";
+  return arguments.stress_gpu ? text + ", one on the vision device" : text;
+}
+
+int Measure(LatencyArguments arguments) {
+  if (arguments.rendered == !arguments.sequence.empty()) {
+    return Fail(InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
+  }
+  // What can be wrong with the arguments is said before anything is read or rendered.
+  std::optional<Requirement> requirement;
+  if (!arguments.require.empty()) {
+    const Result<Requirement> loaded = LoadRequirement(arguments.require);
+    if (!loaded.ok()) return Fail(loaded.status());
+    requirement = *loaded;
+  }
+  const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
+  if (!loaded.ok()) return Fail(loaded.status(), kExitConfig);
+  const EngineConfig& config = loaded->config();
+  if (!arguments.out.empty()) {
+    std::error_code error;
+    fs::create_directories(arguments.out, error);
+    if (!fs::is_directory(arguments.out)) {
+      return Fail(Unavailable(arguments.out + ": not a folder and cannot be made one"), kExitIo);
+    }
+  }
+
+  const Result<std::unique_ptr<LoopedSource>> source = LoadFrames(arguments);
+  if (!source.ok()) return Fail(source.status());
+  const CameraCalibration& calibration = (*source)->calibration();
+  const Result<CameraModel> camera = CameraModel::Create(calibration);
+  if (!camera.ok()) return Fail(camera.status());
+  const Result<std::unique_ptr<VisionDevice>> device =
+      CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
+  if (!device.ok()) return Fail(device.status());
+  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return Fail(status);
+  const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
+  if (!vocabulary.ok()) return Fail(vocabulary.status());
+  const SystemClock clock;
+  Engine engine(config, *camera, **device, Engine::Mode::kRealTime, &clock, SceneShare((*source)->static_mask()),
+                vocabulary->get());
+
+  const int num_cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  StressOptions stress{arguments.stress_cpu, arguments.stress_memory};
+  if (arguments.stress) {
+    stress.cpu_threads = std::max(stress.cpu_threads, num_cores);
+    stress.memory_threads = std::max(stress.memory_threads, 1);
+    arguments.stress_gpu = arguments.stress_gpu || (*device)->is_accelerator();
+  }
+  std::unique_ptr<VisionDevice> stress_device;
+  if (arguments.stress_gpu) {
+    Result<std::unique_ptr<VisionDevice>> made = MakeStressDevice(arguments, calibration);
+    if (!made.ok()) return Fail(made.status());
+    stress_device = std::move(made).value();
+  }
+
+  const double rate_hz = (calibration.rate_hz > 0 ? calibration.rate_hz : 25.0) * arguments.rate;
+  const auto warm_up_frames = static_cast<std::uint32_t>(std::ceil(arguments.warm_up_s * rate_hz));
+  // So long as asked for; else as the requirement needs, with room for a dropped frame; else a minute.
+  const std::optional<double> asked_frames = requirement ? requirement->limits.back() : std::nullopt;
+  const bool ends_by_count = arguments.seconds == 0.0 && asked_frames.has_value() && *asked_frames >= 1;
+  const double seconds = arguments.seconds > 0.0 ? arguments.seconds
+                         : ends_by_count         ? arguments.warm_up_s + 1.05 * *asked_frames / rate_hz + 5.0
+                                                 : 60.0;
+  std::atomic<bool> stop{false};
+  LatencyRecord record(warm_up_frames, static_cast<std::size_t>(std::lround(arguments.trace_s * rate_hz)),
+                       ends_by_count ? static_cast<std::uint64_t>(*asked_frames) : 0, [&stop] { stop = true; });
+
+  LatencyReport report;
+  report.title = "haustra latency " + (arguments.rendered ? std::string("(rendered)") : arguments.sequence);
+  report.settings = {{"device", std::string((*device)->name())},
+                     {"picture", std::to_string(calibration.width_px) + "x" + std::to_string(calibration.height_px) +
+                                     ", " + std::to_string((*source)->num_loaded()) + " frames there and back again (" +
+                                     std::to_string((*source)->num_bytes() >> 20) + " MB)"},
+                     {"rate", std::to_string(rate_hz).substr(0, 6) + " Hz"},
+                     {"load", LoadText(arguments, stress)}};
+  report.deadline_ms = config.scheduler.deadline_ms > 0 ? config.scheduler.deadline_ms : 1e3 / rate_hz;
+  report.board_before = ReadBoardState("");
+  report.record = &record;
+  std::fprintf(stderr, "haustra latency: measuring for %.0f s\n", seconds);
+
+  std::signal(SIGINT, RequestStop);
+  std::signal(SIGTERM, RequestStop);
+  RealTimeOptions options;
+  options.rate = arguments.rate;
+  options.rt = config.rt;
+  Result<SessionSummary> session = SessionSummary();
+  {
+    const Stress load(stress, std::move(stress_device));
+    std::atomic<bool> is_over{false};
+    std::thread timer([&] {
+      const TimePoint end = clock.Now() + Duration(static_cast<std::int64_t>(1e9 * seconds));
+      while (!is_over && !stop && !stop_requested && clock.Now() < end) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      }
+      stop = true;
+    });
+    session = RunRealTime(**source, engine, clock, options, record, stop);
+    is_over = true;
+    timer.join();
+  }
+  if (!session.ok()) return Fail(session.status());
+  report.board_after = ReadBoardState("");
+  if (requirement) report.verdict = Judge(*requirement, record.Values());
+  std::printf("%s", ToText(report).c_str());
+  if (!arguments.out.empty()) {
+    if (const Status status = WriteResults(arguments.out, report); !status.ok()) return Fail(status, kExitIo);
+    std::printf("  results in         %s (latency.html, latency.json, histogram.txt, trace.json)\n",
+                arguments.out.c_str());
+  }
+  if (record.realtime()) {
+    for (const std::string& refusal : Refusals(*record.realtime())) {
+      std::fprintf(stderr, "haustra latency: warning: %s\n", refusal.c_str());
+    }
+  }
+  return report.is_met() ? kExitOk : kExitRequirementNotMet;
+}
+
+}  // namespace
+
+void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
+  const auto arguments = std::make_shared<LatencyArguments>();
+  CLI::App* command = app.add_subcommand("latency", "Measure latency in real time, and judge it by a requirement");
+  command->add_option("sequence", arguments->sequence, "Sequence to play there and back again (see run)");
+  command->add_flag("--rendered", arguments->rendered, "Play a colon rendered for the purpose instead");
+  command->add_option("--out", arguments->out, "Folder for latency.html, latency.json, histogram.txt and trace.json");
+  std::string keys = "YAML file of limits; exit code 1 when one is not met. Keys:";
+  for (const RequirementKey& key : kRequirementKeys) {
+    keys += "\n  " + std::string(key.name) + (key.is_minimum ? " (at least): " : ": ") + std::string(key.meaning);
+  }
+  command->add_option("--require", arguments->require, keys);
+  command->add_option("--seconds", arguments->seconds, "How long; default: as --require needs, else 60")
+      ->check(CLI::Range(0.1, 86400.0));
+  command->add_option("--rate", arguments->rate, "Pace relative to the camera")
+      ->check(CLI::Range(0.01, 100.0))
+      ->capture_default_str();
+  command->add_option("--warm-up", arguments->warm_up_s, "Seconds at the start that do not count")
+      ->check(CLI::Range(0.0, 600.0))
+      ->capture_default_str();
+  command->add_option("--loop", arguments->loop_s, "Seconds of the sequence that are held in memory and played")
+      ->check(CLI::Range(0.2, 600.0))
+      ->capture_default_str();
+  command->add_option("--trace", arguments->trace_s, "Seconds at the end that trace.json shows")
+      ->check(CLI::Range(0.0, 600.0))
+      ->capture_default_str();
+  command->add_flag("--stress", arguments->stress, "Load on all cores, the memory, and the GPU where it is used");
+  command->add_option("--stress-cpu", arguments->stress_cpu, "Threads of arithmetic")->check(CLI::Range(0, 1024));
+  command->add_option("--stress-memory", arguments->stress_memory, "Threads that copy memory")
+      ->check(CLI::Range(0, 256));
+  command->add_flag("--stress-gpu", arguments->stress_gpu, "A second user of the vision device, of low priority");
+  command->add_option("--config", arguments->config, "Configuration file (YAML); see config/");
+  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value");
+  command->add_option("--device", arguments->device, "Vision device")
+      ->check(CLI::IsMember({"cpu", "cuda"}))
+      ->capture_default_str();
+  command->add_option("--threads", arguments->threads, "Threads of the CPU device, 0: one a core")
+      ->check(CLI::Range(0, 256))
+      ->capture_default_str();
+  command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
+  command->callback([arguments, &action] { action = [arguments] { return Measure(*arguments); }; });
+}
+
+}  // namespace haustra

@@ -1,0 +1,61 @@
+#include "tools/service/control_command.h"
+
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "platform/control/control_client.h"
+#include "tools/exit_codes.h"
+#include "tools/service/runtime_folder.h"
+
+namespace haustra {
+namespace {
+
+struct ControlArguments {
+  std::vector<std::string> words;
+  std::string folder = kRuntimeFolder;
+  double timeout_s = 30.0;
+};
+
+int Fail(const Status& status) {
+  std::fprintf(stderr, "haustra control: %s\n", status.message().c_str());
+  switch (status.code()) {
+    case StatusCode::kInvalidArgument: return kExitUsage;
+    case StatusCode::kFailedPrecondition: return 1;  // the daemon said no
+    default: return kExitUnavailable;
+  }
+}
+
+int Control(const ControlArguments& arguments) {
+  std::string text;
+  for (const std::string& word : arguments.words) text += (text.empty() ? "" : " ") + word;
+  // Here rather than there: a typing error needs no daemon.
+  const Result<ControlRequest> request = ParseControlRequest(text);
+  if (!request.ok()) return Fail(request.status());
+  Result<ControlClient> client = ControlClient::Connect(arguments.folder + "/control");
+  if (!client.ok()) return Fail(client.status());
+  const Result<std::string> reply =
+      client->Ask(*request, std::chrono::milliseconds(static_cast<std::int64_t>(1000 * arguments.timeout_s)));
+  if (!reply.ok()) return Fail(reply.status());
+  std::fputs(reply->c_str(), stdout);
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddControlCommand(CLI::App& app, std::function<int()>& action) {
+  const auto arguments = std::make_shared<ControlArguments>();
+  CLI::App* command = app.add_subcommand("control", "One request to a running haustrad");
+  command->add_option("request", arguments->words, "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME")
+      ->required()
+      ->expected(1, 2);
+  command->add_option("--folder", arguments->folder, "Runtime folder of the daemon")->capture_default_str();
+  command->add_option("--timeout", arguments->timeout_s, "Seconds to wait for the answer")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
+  command->footer("Exit codes: 0 done, 1 refused by the daemon, 64 no such request, 69 no daemon to be reached.");
+  command->callback([arguments, &action] { action = [arguments] { return Control(*arguments); }; });
+}
+
+}  // namespace haustra

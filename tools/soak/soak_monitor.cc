@@ -1,0 +1,176 @@
+#include "tools/soak/soak_monitor.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <numeric>
+#include <span>
+
+namespace haustra {
+namespace {
+
+// Hours of samples every ten seconds fit without growing.
+constexpr std::size_t kReservedSamples = 100'000;
+constexpr std::size_t kMaxFramesOfInterval = 65'536;
+constexpr std::size_t kMinJudgedSamples = 8;
+
+float Percentile(std::vector<float>* values, double share) {
+  if (values->empty()) return 0.0f;
+  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(values->size())));
+  const auto nth = values->begin() + static_cast<std::ptrdiff_t>(std::max<std::size_t>(rank, 1) - 1);
+  std::nth_element(values->begin(), nth, values->end());
+  return *nth;
+}
+
+double MeanRss(std::span<const SoakSample> samples) {
+  return std::accumulate(samples.begin(), samples.end(), 0.0,
+                         [](double sum, const SoakSample& s) { return sum + s.rss_mb; }) /
+         static_cast<double>(samples.size());
+}
+
+double MedianLatency(std::span<const SoakSample> samples) {
+  std::vector<double> values;
+  for (const SoakSample& sample : samples) values.push_back(sample.p50_ms);
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+double SlopePerHour(std::span<const SoakSample> samples) {
+  double mean_t = 0.0;
+  for (const SoakSample& s : samples) mean_t += s.video_s / static_cast<double>(samples.size());
+  const double mean_rss = MeanRss(samples);
+  double above = 0.0, below = 0.0;
+  for (const SoakSample& s : samples) {
+    above += (s.video_s - mean_t) * (s.rss_mb - mean_rss);
+    below += (s.video_s - mean_t) * (s.video_s - mean_t);
+  }
+  return below > 0.0 ? 3600.0 * above / below : 0.0;
+}
+
+}  // namespace
+
+double ResidentMb() {
+  std::FILE* file = std::fopen("/proc/self/statm", "r");
+  if (file == nullptr) return 0.0;
+  unsigned long total = 0, resident = 0;
+  const int num_read = std::fscanf(file, "%lu %lu", &total, &resident);
+  std::fclose(file);
+  return num_read == 2 ? static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6 : 0.0;
+}
+
+SoakMonitor::SoakMonitor(const Engine& engine, const SoakOptions& options,
+                         std::function<void(const SoakSample&)> on_sample, const HeapWatch* heap_watch)
+    : engine_(engine), options_(options), on_sample_(std::move(on_sample)), heap_watch_(heap_watch) {
+  // Written to, so that the monitor's own memory does not look like growth.
+  samples_.resize(kReservedSamples);
+  samples_.clear();
+  latency_ms_.resize(kMaxFramesOfInterval);
+  latency_ms_.clear();
+}
+
+void SoakMonitor::OnFrame(const FrameOutcome& outcome) {
+  const TimePoint now = outcome.result.timestamp;
+  if (!has_first_) {
+    has_first_ = true;
+    first_ = now;
+    next_ = now + options_.interval;
+  }
+  ++num_frames_;
+  ++current_.frames;
+  current_.dropped += outcome.is_dropped;
+  const bool is_tracking = outcome.result.state == TrackingState::kTracking;
+  current_.tracked += is_tracking;
+  num_losses_ += was_tracking_ && !is_tracking && !outcome.is_dropped;
+  if (!outcome.is_dropped) was_tracking_ = is_tracking;
+  if (!outcome.is_dropped && !outcome.is_damaged) {
+    current_.use += outcome.use;
+    if (latency_ms_.size() < kMaxFramesOfInterval) {
+      latency_ms_.push_back(static_cast<float>(ToMilliseconds(outcome.latency)));
+    }
+  }
+  if (now >= next_) {
+    next_ += options_.interval;
+    TakeSample(ToSeconds(now - first_));
+  }
+}
+
+void SoakMonitor::OnMapEvent(const MapEvent& event) {
+  num_merges_ += event.kind == MapEventKind::kMerged || event.kind == MapEventKind::kLoopClosed;
+}
+
+void SoakMonitor::TakeSample(double video_s) {
+  current_.video_s = video_s;
+  current_.rss_mb = ResidentMb();
+  current_.pools = engine_.pool_use();
+  current_.p50_ms = Percentile(&latency_ms_, 0.5);
+  current_.p99_ms = Percentile(&latency_ms_, 0.99);
+  current_.max_ms = latency_ms_.empty() ? 0.0 : *std::max_element(latency_ms_.begin(), latency_ms_.end());
+  if (samples_.size() < kReservedSamples) samples_.push_back(current_);
+  if (on_sample_) on_sample_(current_);
+  current_ = {};
+  latency_ms_.clear();
+}
+
+SoakVerdict SoakMonitor::Judge() const {
+  SoakVerdict verdict;
+  const auto warm = std::find_if(samples_.begin(), samples_.end(), [&](const SoakSample& sample) {
+    return sample.video_s >= ToSeconds(options_.warm_up);
+  });
+  const std::span<const SoakSample> judged(warm, samples_.end());
+  char text[256];
+  if (judged.size() < kMinJudgedSamples) {
+    std::snprintf(text, sizeof(text), "FAILED: %zu samples after the warm-up of %.0f s, at least %zu are needed\n",
+                  judged.size(), ToSeconds(options_.warm_up), kMinJudgedSamples);
+    verdict.text = text;
+    return verdict;
+  }
+  const std::size_t quarter = judged.size() / 4;
+  verdict.growth_mb = MeanRss(judged.last(quarter)) - MeanRss(judged.first(quarter));
+  verdict.growth_mb_per_hour = SlopePerHour(judged);
+  verdict.first_p50_ms = MedianLatency(judged.first(quarter));
+  verdict.last_p50_ms = MedianLatency(judged.last(quarter));
+  verdict.is_passed = true;
+  if (verdict.growth_mb > options_.max_growth_mb) {
+    verdict.is_passed = false;
+    std::snprintf(text, sizeof(text),
+                  "FAILED: resident memory grew by %.1f MB after the warm-up (%.1f MB an hour), allowed: %.1f MB\n",
+                  verdict.growth_mb, verdict.growth_mb_per_hour, options_.max_growth_mb);
+    verdict.text += text;
+  }
+  const double drift_ms = verdict.last_p50_ms - verdict.first_p50_ms;
+  if (drift_ms > options_.min_latency_drift_ms &&
+      verdict.last_p50_ms > options_.max_latency_ratio * verdict.first_p50_ms) {
+    verdict.is_passed = false;
+    std::snprintf(text, sizeof(text),
+                  "FAILED: median latency drifted from %.1f ms to %.1f ms after the warm-up, allowed: %.2f times\n",
+                  verdict.first_p50_ms, verdict.last_p50_ms, options_.max_latency_ratio);
+    verdict.text += text;
+  }
+  if (verdict.is_passed) {
+    std::snprintf(text, sizeof(text),
+                  "passed: resident memory %+.1f MB after the warm-up (%+.1f MB an hour), median latency %.1f ms, then "
+                  "%.1f ms\n",
+                  verdict.growth_mb, verdict.growth_mb_per_hour, verdict.first_p50_ms, verdict.last_p50_ms);
+    verdict.text = text;
+  }
+  return verdict;
+}
+
+std::string SoakCsvHeader() {
+  return "video_s,rss_mb,keyframes,map_points,maps,keyframe_ids,free_feature_sets,frames,dropped,tracked,p50_ms,p99_ms,"
+         "max_ms,minor_faults,major_faults,voluntary_switches,involuntary_switches,heap_calls\n";
+}
+
+std::string SoakCsvLine(const SoakSample& s) {
+  char line[320];
+  std::snprintf(line, sizeof(line), "%.2f,%.3f,%u,%u,%u,%u,%u,%u,%u,%u,%.3f,%.3f,%.3f,%u,%u,%u,%u,%u\n", s.video_s,
+                s.rss_mb, s.pools.keyframes, s.pools.map_points, s.pools.maps, s.pools.keyframe_ids,
+                s.pools.free_feature_sets, s.frames, s.dropped, s.tracked, s.p50_ms, s.p99_ms, s.max_ms,
+                s.use.minor_faults, s.use.major_faults, s.use.voluntary_switches, s.use.involuntary_switches,
+                s.use.heap_calls);
+  return line;
+}
+
+}  // namespace haustra

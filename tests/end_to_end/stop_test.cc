@@ -64,8 +64,11 @@ class HeldRun : public testing::Test {
   // Everything is there, for the frames up to the held one, and it holds a map.
   void ExpectResultsUpToTheHeldFrame() {
     CsvRows frames = ReadCsv(out_ + "/frames.csv");
-    ASSERT_EQ(frames.size(), static_cast<std::size_t>(kHeldFrame) + 1);
-    EXPECT_EQ(ReadJson(out_ + "/summary.json").at("frames").get<int>(), kHeldFrame + 1);
+    // On a thread of its own, reading may have begun with the next frame before it saw the signal.
+    const int num_frames = static_cast<int>(frames.size());
+    ASSERT_GE(num_frames, kHeldFrame + 1);
+    ASSERT_LE(num_frames, kHeldFrame + 2);
+    EXPECT_EQ(ReadJson(out_ + "/summary.json").at("frames").get<int>(), num_frames);
     for (const char* name : {"maps.csv", "events.csv", "trajectory/live.tum"}) EXPECT_TRUE(Exists(out_ + "/" + name));
   }
   void ExpectAMap() {

@@ -71,7 +71,7 @@ MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
                num_keyframes * kWorkspacePerKeyframe +
                static_cast<std::uint64_t>(config.features.max) * kWorkspacePerFeature,
            "memory.max_map_points, memory.max_keyframes, features.max; at most");
-  plan.Add(MemoryPlace::kHost, "solver", 1, kSolverBytes, "mapping.window_keyframes; measured bound");
+  plan.Add(MemoryPlace::kHost, "solver", 1, kSolverBytes, "mapping.window_keyframes; an estimate");
   return plan;
 }
 

@@ -52,8 +52,12 @@ struct InitialisationConfig {
   int min_matches = 35;  // below it the reference frame is renewed [10, 8000]
   int min_points = 25;   // triangulated points [10, 8000]
   // The two views are near in time: nothing has deformed between them, and only the localisation of the features is
-  // noise (sigma = noise_k * scale). With the noise of mapping, small motions would vanish in the tolerance [0.05, 10]
-  double noise_k = 0.35;
+  // noise (sigma = noise_k * scale + noise_sigma_0_px). With the noise of mapping, small motions would vanish in the
+  // tolerance. Without the constant part, half of the true matches of a real, compressed video fall outside it: fine
+  // features are no better located than the camera model and the compression allow, and a scene that is hard to see is
+  // founded late or never.
+  double noise_k = 0.35;          // [0.05, 10]
+  double noise_sigma_0_px = 0.3;  // [0, 10]
   // What the best pure rotation leaves of the matches' motion, median: the share that only depth can explain [0.05, 30]
   double min_parallax_deg = 0.7;
   int min_gap_frames = 4;         // between the two views: one step of a trembling hand is no baseline [1, 100]

@@ -115,7 +115,7 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
     const Keypoint& b = view.features.keypoints[matches_[i].train];
     bearings_a_.push_back(reference_.features.bearing(matches_[i].query));
     bearings_b_.push_back(view.features.bearing(matches_[i].train));
-    const double sigma = options.noise_k * std::max(a.scale_px, b.scale_px);
+    const double sigma = options.noise_k * std::max(a.scale_px, b.scale_px) + options.noise_sigma_0_px;
     tolerance_.push_back(kGateOneDof * sigma / camera_.focal_px());
   }
   TwoViewRansac::Estimate estimate;

@@ -82,6 +82,8 @@ void AddInitialisation(Fields* out) {
       Initialisation<&C::min_points>("min_points", {10, 8000}, "points", "triangulated points of a new map"));
   out->push_back(Initialisation<&C::noise_k>("noise_k", {0.05, 10}, "",
                                              "sigma of a feature over its scale, between two views near in time"));
+  out->push_back(Initialisation<&C::noise_sigma_0_px>("noise_sigma_0_px", {0, 10}, "px",
+                                                      "sigma of the finest feature, between two views near in time"));
   out->push_back(Initialisation<&C::min_parallax_deg>("min_parallax_deg", {0.05, 30}, "deg", "median over the points"));
   out->push_back(Initialisation<&C::min_gap_frames>("min_gap_frames", {1, 100}, "frames", "between the two views"));
   out->push_back(Initialisation<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",

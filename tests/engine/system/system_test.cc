@@ -52,6 +52,10 @@ class Procedure {
 
   // Everything in sight is up to so many pixels from where it should be.
   void Shake(double pixels) { shake_ = pixels; }
+  // Landmarks are so many times as large as usual (a scale of 3 to 8 pixels at a distance of 1).
+  void Resize(double factor) {
+    for (Landmark& landmark : landmarks_) landmark.size *= factor;
+  }
 
   void Add(double z) {
     const auto index = static_cast<std::uint32_t>(truth_.size());
@@ -190,6 +194,17 @@ TEST(System, ReferenceThatNoMotionExplainsIsRenewedSoon) {
   procedure.Run();
   EXPECT_EQ(procedure.results()[8].reason, TrackingReason::kNoEpipolarGeometry);
   EXPECT_EQ(procedure.results()[25].state, TrackingState::kTracking);  // 40 frames make a reference too old
+}
+
+// The finest features of a compressed video are not located as well as their scale promises.
+TEST(System, FineFeaturesOffByMoreThanTheirScaleFoundAMap) {
+  Procedure procedure(SmallConfig());
+  procedure.Resize(0.2);
+  procedure.Shake(1.8);
+  procedure.Move(0.0, 2.0, 50);
+  procedure.Run();
+  EXPECT_EQ(procedure.results()[25].state, TrackingState::kTracking);
+  EXPECT_EQ(procedure.NumEvents(MapEventKind::kMapCreated), 1);
 }
 
 TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {

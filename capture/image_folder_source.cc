@@ -4,12 +4,13 @@
 #include <utility>
 
 #include "capture/image_transform.h"
+#include "capture/number.h"
 #include "capture/static_mask.h"
 
 namespace haustra {
 namespace {
 
-std::string SizeText(int width_px, int height_px) { return std::to_string(width_px) + "x" + std::to_string(height_px); }
+using capture::internal::SizeText;
 
 // How many of `num_stored` frames the options choose.
 std::uint32_t NumChosen(std::size_t num_stored, const SequenceOptions& options) {

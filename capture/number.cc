@@ -34,8 +34,6 @@ bool IsNotFiniteWord(std::string_view text) {
   return lower == "nan" || lower == "inf" || lower == "infinity";
 }
 
-bool IsDigit(char c) { return c >= '0' && c <= '9'; }
-
 }  // namespace
 
 Result<double> ParseDouble(std::string_view text) {
@@ -111,5 +109,7 @@ std::string FormatSeconds(std::int64_t nanoseconds) {
   const bool is_small_negative = nanoseconds < 0 && seconds == 0;
   return Concat(is_small_negative ? "-" : "", std::to_string(seconds), ".", fraction);
 }
+
+std::string SizeText(int width_px, int height_px) { return std::to_string(width_px) + "x" + std::to_string(height_px); }
 
 }  // namespace haustra::capture::internal

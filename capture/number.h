@@ -1,4 +1,5 @@
-// Numbers from text, strictly: the whole of it or nothing, '.' as the decimal point whatever the locale. reentrant.
+// Numbers from text and back, strictly: the whole of it or nothing, '.' as the decimal point whatever the locale.
+// reentrant.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +9,8 @@
 #include "hal/core/status.h"
 
 namespace haustra::capture::internal {
+
+inline bool IsDigit(char c) { return c >= '0' && c <= '9'; }
 
 // Errors (kInvalidArgument) quote the text: "'1.2.3' is not a number", "'nan' is not finite".
 Result<double> ParseDouble(std::string_view text);
@@ -21,5 +24,8 @@ Result<std::int64_t> ParseSeconds(std::string_view text);
 std::string FormatDouble(double value);
 // Nanoseconds as seconds with nine decimals.
 std::string FormatSeconds(std::int64_t nanoseconds);
+
+// "640x480".
+std::string SizeText(int width_px, int height_px);
 
 }  // namespace haustra::capture::internal

@@ -22,6 +22,7 @@ extern "C" {
 namespace haustra {
 namespace {
 
+using capture::internal::SizeText;
 using capture::internal::VideoCompanions;
 
 struct FormatCloser {
@@ -45,8 +46,6 @@ std::string ErrorText(int error) {
   av_strerror(error, text.data(), text.size());
   return text.data();
 }
-
-std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 // What libav makes of one picture of the stream.
 enum class Decoded { kPicture, kLost, kEnd };

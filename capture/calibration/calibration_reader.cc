@@ -14,7 +14,7 @@ namespace {
 
 using capture::internal::YamlMap;
 
-constexpr std::size_t kMaxFileBytes = std::size_t{1} << 20;
+constexpr std::size_t kMaxCalibrationBytes = std::size_t{1} << 20;
 
 bool IsXml(const std::string& text) {
   const std::size_t first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
@@ -62,7 +62,7 @@ Result<CameraCalibration> ReadYaml(const std::string& path, std::string text) {
 }  // namespace
 
 Result<CameraCalibration> ReadCalibration(const std::string& path) {
-  HAUSTRA_ASSIGN(std::string text, capture::internal::ReadTextFile(path, kMaxFileBytes));
+  HAUSTRA_ASSIGN(std::string text, capture::internal::ReadTextFile(path, kMaxCalibrationBytes));
   if (text.find('\0') != std::string::npos) return InvalidArgument(path + ": a binary file, not a calibration");
   // yaml-cpp's nodes may throw also when they are read.
   try {

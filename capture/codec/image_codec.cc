@@ -17,7 +17,7 @@ using capture::internal::DecodePngSize;
 using capture::internal::IsJpeg;
 using capture::internal::IsPng;
 
-constexpr std::size_t kMaxFileBytes = std::size_t{512} << 20;
+constexpr std::size_t kMaxImageFileBytes = std::size_t{512} << 20;
 
 Status WithPath(const std::string& path, const Status& status) {
   if (status.ok()) return status;
@@ -36,7 +36,7 @@ Status CheckWritable(const std::string& path, const ImageView& image) {
 }  // namespace
 
 Status ImageReader::Read(const std::string& path, ChannelChoice channels, Image* image) {
-  HAUSTRA_TRY(capture::internal::ReadFile(path, kMaxFileBytes, &file_));
+  HAUSTRA_TRY(capture::internal::ReadFile(path, kMaxImageFileBytes, &file_));
   if (IsJpeg(file_)) return WithPath(path, DecodeJpeg(file_, channels, image));
   if (!IsPng(file_)) return UnknownKind(path, file_);
   if (channels == ChannelChoice::kAsStored) return WithPath(path, DecodePng(file_, image));
@@ -46,7 +46,7 @@ Status ImageReader::Read(const std::string& path, ChannelChoice channels, Image*
 }
 
 Result<ImageSize> ImageReader::ReadSize(const std::string& path) {
-  HAUSTRA_TRY(capture::internal::ReadFile(path, kMaxFileBytes, &file_));
+  HAUSTRA_TRY(capture::internal::ReadFile(path, kMaxImageFileBytes, &file_));
   if (!IsJpeg(file_) && !IsPng(file_)) return UnknownKind(path, file_);
   Result<ImageSize> size = IsJpeg(file_) ? DecodeJpegSize(file_) : DecodePngSize(file_);
   if (!size.ok()) return WithPath(path, size.status());

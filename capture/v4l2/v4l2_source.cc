@@ -9,6 +9,7 @@
 #include "capture/calibration_reader.h"
 #include "capture/codec/jpeg_codec.h"
 #include "capture/image_transform.h"
+#include "capture/number.h"
 #include "capture/static_mask.h"
 #include "capture/v4l2/picture_view.h"
 #include "capture/yuv.h"
@@ -16,6 +17,7 @@
 namespace haustra {
 namespace {
 
+using capture::internal::SizeText;
 using capture::internal::V4l2Format;
 using capture::internal::V4l2Picture;
 using capture::internal::V4l2Stream;
@@ -25,8 +27,6 @@ using std::chrono::seconds;
 constexpr Duration kLongestWait = seconds(1);
 constexpr Duration kRetryInterval = milliseconds(250);
 constexpr Duration kSilence = seconds(3);
-
-std::string SizeText(int width_px, int height_px) { return std::to_string(width_px) + "x" + std::to_string(height_px); }
 
 TimePoint Sooner(TimePoint a, TimePoint b) { return std::min(a, b); }
 

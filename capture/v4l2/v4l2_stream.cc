@@ -27,8 +27,6 @@ constexpr double kRateTolerance = 2e-3;
 constexpr std::array<std::uint32_t, 5> kPreference = {V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_NV12, V4L2_PIX_FMT_YUYV,
                                                       V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_MJPEG};
 
-std::string SizeText(int width_px, int height_px) { return std::to_string(width_px) + "x" + std::to_string(height_px); }
-
 int BytesPerLumaPixel(std::uint32_t fourcc) {
   return fourcc == V4L2_PIX_FMT_YUYV || fourcc == V4L2_PIX_FMT_UYVY ? 2 : 1;
 }

@@ -11,10 +11,10 @@
 namespace haustra {
 namespace {
 
-constexpr int kSampleSize = 3;
-constexpr int kMinMatches = 4;  // three define up to four poses, the fourth tells which
-constexpr int kLocalIterations = 4;
-constexpr int kFinalIterations = 8;
+constexpr int kPoseSampleSize = 3;
+constexpr int kMinPoseMatches = 4;  // three define up to four poses, the fourth tells which
+constexpr int kLocalPoseIterations = 4;
+constexpr int kFinalPoseIterations = 8;
 
 // Squared sine of the angle between a bearing and a point in camera coordinates; 1 (as far off as can be) behind it.
 double SquaredSine(const Eigen::Vector3d& bearing, const Eigen::Vector3d& point_in_cam) {
@@ -63,7 +63,7 @@ void AbsolutePoseRansac::Refine(int iterations, SE3* cam_from_world) const {
         gradient += residual * weighted;
       }
     }
-    if (used < kMinMatches) return;
+    if (used < kMinPoseMatches) return;
     const Vector6d step = -hessian.ldlt().solve(gradient);
     if (!step.allFinite()) return;
     *cam_from_world = SE3::Exp(step) * *cam_from_world;
@@ -76,7 +76,7 @@ bool AbsolutePoseRansac::Run(std::span<const Eigen::Vector3d> bearings,
                              std::span<const Eigen::Vector3d> points_in_world, std::span<const double> tolerance_rad,
                              const Options& options, Rng& rng, Estimate* estimate) {
   num_matches_ = 0;
-  const int min_inliers = std::max(options.min_inliers, kMinMatches);
+  const int min_inliers = std::max(options.min_inliers, kMinPoseMatches);
   if (bearings.size() > static_cast<std::size_t>(max_matches_)) return false;
   num_matches_ = static_cast<int>(bearings.size());
   std::fill_n(inliers_.begin(), num_matches_, std::uint8_t{0});
@@ -90,7 +90,7 @@ bool AbsolutePoseRansac::Run(std::span<const Eigen::Vector3d> bearings,
   double best_cost = std::numeric_limits<double>::infinity();
   int needed = options.max_iterations;
   for (int iteration = 0; iteration < needed; ++iteration) {
-    std::array<int, kSampleSize> sample;
+    std::array<int, kPoseSampleSize> sample;
     rng.SampleDistinct(num_matches_, sample);
     const std::array<Eigen::Vector3d, 3> sample_bearings = {bearings[sample[0]], bearings[sample[1]],
                                                             bearings[sample[2]]};
@@ -102,7 +102,7 @@ bool AbsolutePoseRansac::Run(std::span<const Eigen::Vector3d> bearings,
       double cost = Cost(poses[k], best_cost);
       if (!(cost < best_cost)) continue;
       SE3 refined = poses[k];
-      Refine(kLocalIterations, &refined);
+      Refine(kLocalPoseIterations, &refined);
       const double refined_cost = Cost(refined, cost);
       if (refined_cost < cost) {
         cost = refined_cost;
@@ -112,14 +112,14 @@ bool AbsolutePoseRansac::Run(std::span<const Eigen::Vector3d> bearings,
       best_cost = cost;
       // The cost bounds the number of inliers from below: every match that costs less than one is one.
       const int at_least = num_matches_ - static_cast<int>(cost);
-      needed = std::min(needed,
-                        RansacTrials(at_least, num_matches_, kSampleSize, options.confidence, options.max_iterations));
+      needed = std::min(
+          needed, RansacTrials(at_least, num_matches_, kPoseSampleSize, options.confidence, options.max_iterations));
     }
   }
   if (!(best_cost < num_matches_)) return false;
 
   SE3 refined = best;
-  Refine(kFinalIterations, &refined);
+  Refine(kFinalPoseIterations, &refined);
   if (Cost(refined, best_cost) < best_cost) best = refined;
   int num_inliers = 0;
   for (int i = 0; i < num_matches_; ++i) {

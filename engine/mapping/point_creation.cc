@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "engine/geometry/constants.h"
 #include "engine/geometry/triangulation.h"
 
 namespace haustra {
 namespace {
-
-constexpr double kChi2TwoDof = 5.991;
-constexpr double kDegree = std::numbers::pi / 180.0;
 
 // Features without a point, and for every feature how far from its epipolar plane it may lie.
 void ListUnmatched(const Keyframe& keyframe, const NoiseConfig& noise, double focal_px, std::vector<std::int32_t>* list,

@@ -1,16 +1,12 @@
 #include "engine/mapping/point_fusion.h"
 
+#include "engine/geometry/constants.h"
+
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace haustra {
-namespace {
-
-constexpr double kChi2TwoDof = 5.991;
-constexpr double kDegree = std::numbers::pi / 180.0;
-
-}  // namespace
+namespace {}  // namespace
 
 PointFuser::PointFuser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
     : config_(config), camera_(camera), device_(device) {}

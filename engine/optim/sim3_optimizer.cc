@@ -9,8 +9,8 @@
 namespace haustra {
 namespace {
 
-constexpr int kMinInliers = 4;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kMinSim3Inliers = 4;
+constexpr double kInfiniteCost = std::numeric_limits<double>::infinity();
 
 class Sim3Problem {
  public:
@@ -61,7 +61,7 @@ class Sim3Problem {
       CameraModel::ProjectionJacobian projection_a, projection_b;
       if (!camera_.Project(view_b * moved_a, &pixel_b, &projection_b) ||
           !camera_.Project(view_a * (a_from_b * match.point_in_b), &pixel_a, &projection_a)) {
-        cost += is_robust_ ? robust_.Cost(kInfinity) : kInfinity;
+        cost += is_robust_ ? robust_.Cost(kInfiniteCost) : kInfiniteCost;
         continue;
       }
       const Eigen::Vector2d residual_b = (pixel_b - match.pixel_in_b) / match.sigma_b_px;
@@ -108,8 +108,8 @@ class Sim3Problem {
  private:
   double Chi2(const Sim3& b_from_a, const Sim3& a_from_b, const Sim3Match& match) const {
     Eigen::Vector2d pixel_a, pixel_b;
-    if (!camera_.Project(views_b_[match.view_b] * (b_from_a * match.point_in_a), &pixel_b)) return kInfinity;
-    if (!camera_.Project(views_a_[match.view_a] * (a_from_b * match.point_in_b), &pixel_a)) return kInfinity;
+    if (!camera_.Project(views_b_[match.view_b] * (b_from_a * match.point_in_a), &pixel_b)) return kInfiniteCost;
+    if (!camera_.Project(views_a_[match.view_a] * (a_from_b * match.point_in_b), &pixel_a)) return kInfiniteCost;
     return (pixel_a - match.pixel_in_a).squaredNorm() / (match.sigma_a_px * match.sigma_a_px) +
            (pixel_b - match.pixel_in_b).squaredNorm() / (match.sigma_b_px * match.sigma_b_px);
   }
@@ -147,7 +147,7 @@ bool OptimizeSim3(const CameraModel& camera, std::span<const Sim3Match> matches,
   *result = Sim3OptimizerResult{};
   result->b_from_a = initial_b_from_a;
   std::fill(inliers.begin(), inliers.end(), std::uint8_t{0});
-  if (inliers.size() != matches.size() || matches.size() < kMinInliers) return false;
+  if (inliers.size() != matches.size() || matches.size() < kMinSim3Inliers) return false;
   for (const Sim3Match& match : matches) {
     if (match.view_a < 0 || match.view_a >= static_cast<int>(views_a.size())) return false;
     if (match.view_b < 0 || match.view_b >= static_cast<int>(views_b.size())) return false;
@@ -167,7 +167,7 @@ bool OptimizeSim3(const CameraModel& camera, std::span<const Sim3Match> matches,
     }
     converged = MinimizeSmall<7>(problem, options.iterations_per_round, &b_from_a);
     num_inliers = problem.Classify(b_from_a, &mean_chi2);
-    if (num_inliers < kMinInliers) return false;
+    if (num_inliers < kMinSim3Inliers) return false;
   }
 
   Matrix7d information;

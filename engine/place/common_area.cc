@@ -2,16 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <tuple>
 
+#include "engine/geometry/constants.h"
 #include "engine/geometry/ellipse_spread.h"
 
 namespace haustra {
 namespace {
 
-constexpr double kChi2TwoDof = 5.991;  // 95 %
-constexpr double kDegree = std::numbers::pi / 180.0;
 // The first similarity comes from few matches; the second search profits from what the first one added.
 constexpr int kGuidedRounds = 2;
 // Covisible keyframes of K_b whose points the neighbours of K_a may see.

@@ -7,7 +7,7 @@
 namespace haustra {
 namespace {
 
-constexpr std::uint64_t kRngStream = 11;
+constexpr std::uint64_t kRecogniserStream = 11;
 // Retrieved for one keyframe; most are neighbours of each other.
 constexpr int kMaxRetrieved = 20;
 
@@ -19,7 +19,7 @@ PlaceRecogniser::PlaceRecogniser(const EngineConfig& config, const PlaceConfig& 
       place_(place),
       retrieval_(retrieval),
       verifier_(config, place.common_area, camera, device),
-      rng_(config.seed, kRngStream),
+      rng_(config.seed, kRecogniserStream),
       is_connected_(static_cast<std::size_t>(config.memory.max_keyframes), 0) {}
 
 // The keyframe, all that share points with it, and their neighbours: no news can come from there.

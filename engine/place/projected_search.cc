@@ -1,15 +1,11 @@
 #include "engine/place/projected_search.h"
 
+#include "engine/geometry/constants.h"
+
 #include <cmath>
-#include <numbers>
 
 namespace haustra {
-namespace {
-
-constexpr double kChi2TwoDof = 5.991;  // 95 %
-constexpr double kDegree = std::numbers::pi / 180.0;
-
-}  // namespace
+namespace {}  // namespace
 
 ProjectedSearch::ProjectedSearch(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
     : config_(config), camera_(camera), device_(device) {}

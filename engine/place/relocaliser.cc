@@ -2,21 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "engine/geometry/constants.h"
 #include "engine/geometry/ellipse_spread.h"
 #include "engine/place/strongest_features.h"
 
 namespace haustra {
 namespace {
 
-constexpr double kChi2TwoDof = 5.991;  // 95 %
-constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr std::uint64_t kRngStream = 12;
-constexpr int kMaxRetrieved = 20;
+constexpr std::uint64_t kRelocaliserStream = 12;
+constexpr int kMaxPlacesAsked = 20;
 // Covisible keyframes of the candidate whose points the frame may see.
-constexpr int kWideGroup = 10;
-constexpr int kGuidedRounds = 2;
+constexpr int kWideViewGroup = 10;
+constexpr int kGuidedPoseRounds = 2;
 
 }  // namespace
 
@@ -48,7 +46,7 @@ Relocaliser::Relocaliser(const EngineConfig& config, const RelocalisationConfig&
       ransac_(config.features.max),
       search_(config, camera, device),
       collector_(config.memory.max_map_points),
-      rng_(config.seed, kRngStream),
+      rng_(config.seed, kRelocaliserStream),
       matches_(static_cast<std::size_t>(config.features.max)) {}
 
 bool Relocaliser::Relocalise(const Atlas& atlas, const FrameFeatures& features,
@@ -59,7 +57,7 @@ bool Relocaliser::Relocalise(const Atlas& atlas, const FrameFeatures& features,
   RetrievalQuery query;
   query.set = features.set;
   query.strongest = strongest_;
-  query.max_results = kMaxRetrieved;
+  query.max_results = kMaxPlacesAsked;
   query.is_excluded = is_excluded;
   if (!retrieval_.Query(atlas, query, &candidates_).ok()) {
     tried->push_back({.verdict = RelocalisationVerdict::kDeviceFailed});
@@ -134,9 +132,9 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
     return RelocalisationVerdict::kLowMatchShare;
   }
 
-  CollectGroup(atlas, candidate, kWideGroup, min_shared, &covisible_, &wide_group_);
+  CollectGroup(atlas, candidate, kWideViewGroup, min_shared, &covisible_, &wide_group_);
   collector_.Collect(atlas, wide_group_, &points_);
-  for (int round = 0; round < kGuidedRounds; ++round) {
+  for (int round = 0; round < kGuidedPoseRounds; ++round) {
     int num_visible = 0;
     const Status status =
         search_.Search(atlas, points_, Sim3{}, {&features, result.cam_from_world, {}}, &found_, &num_visible);

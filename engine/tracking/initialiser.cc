@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "engine/geometry/constants.h"
 #include "engine/geometry/ellipse_spread.h"
 #include "engine/geometry/rotation_fit.h"
 #include "engine/tracking/reserve_touched.h"
@@ -11,7 +11,6 @@
 namespace haustra {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kGateOneDof = 1.96;  // 95 %
 // A triangulated point whose rays are nearer to parallel than this says nothing about depth.
 constexpr double kMinPointParallax = 0.15 * kDegree;

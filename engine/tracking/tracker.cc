@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <numbers>
 
+#include "engine/geometry/constants.h"
 #include "engine/tracking/reserve_touched.h"
 
 namespace haustra {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kChi2TwoDof = 5.991;  // 95 %
 // A pose from fewer points than this is not worth a search of the local map.
 constexpr int kMinSeedInliers = 8;
 constexpr int kMinFeatures = 30;

@@ -10,6 +10,9 @@
 
 namespace haustra::kernels {
 
+// The next multiple of `alignment`, values not below zero.
+constexpr int AlignUp(int value, int alignment) { return (value + alignment - 1) / alignment * alignment; }
+
 template <typename T>
 class AlignedBuffer {
   static_assert(std::is_trivially_copyable_v<T>);

@@ -12,8 +12,6 @@ namespace {
 // Fewer queries than this are not worth waking another thread for.
 constexpr int kMinQueriesPerRange = 64;
 
-int AlignUp(int value, int alignment) { return (value + alignment - 1) / alignment * alignment; }
-
 using Vector3f = std::array<float, 3>;
 
 // A zero vector becomes NaN, which passes no gate.

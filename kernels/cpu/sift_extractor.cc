@@ -15,8 +15,6 @@ constexpr int kPixelsPerExtremum = 16;
 
 int NumTasks(int count, int per_task) { return (count + per_task - 1) / per_task; }
 
-int AlignUp(int value, int alignment) { return (value + alignment - 1) / alignment * alignment; }
-
 // Integer luma (Rec. 601), rounded.
 void ConvertToGrey(const std::uint8_t* bgr, int width, std::uint8_t* grey) {
   for (int x = 0; x < width; ++x) {

@@ -24,7 +24,8 @@ int Run(int argc, char** argv) {
   bool check_config = false;
   bool print_config = false;
   app.add_option("--config", config_path, "Configuration file (YAML)");
-  app.add_option("--set", assignments, "Overrides one key of the configuration: section.key=value");
+  app.add_option("--set", assignments, "Overrides one key of the configuration: section.key=value")
+      ->allow_extra_args(false);
   app.add_option("--source", source, "Camera, folder of frames, data set or video: the same as --set source.path=...");
   app.add_flag("--check-config", check_config, "Reads the configuration and ends: 0, or 78 and what is wrong with it");
   app.add_flag("--print-config", print_config, "Prints the configuration with the origin of each value, and ends");

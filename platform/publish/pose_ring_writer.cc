@@ -53,7 +53,7 @@ struct Descriptor {
   }
 };
 
-haustra_ring_file* Map(int descriptor) {
+haustra_ring_file* MapRing(int descriptor) {
   void* memory =
       ::mmap(nullptr, sizeof(haustra_ring_file), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
   return memory == MAP_FAILED ? nullptr : static_cast<haustra_ring_file*>(memory);
@@ -65,7 +65,7 @@ void CloseFormerFile(const std::string& path) {
   if (haustra_ring_open(&former, path.c_str()) != HAUSTRA_OK) return;
   haustra_ring_close(&former);
   const Descriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)};
-  haustra_ring_file* memory = file.value < 0 ? nullptr : Map(file.value);
+  haustra_ring_file* memory = file.value < 0 ? nullptr : MapRing(file.value);
   if (memory == nullptr) return;
   Store(&memory->header.service, HAUSTRA_SERVICE_CLOSED);
   // What it showed was a patient's.
@@ -94,7 +94,7 @@ Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string
   if (const int error = ::posix_fallocate(file.value, 0, sizeof(haustra_ring_file)); error != 0) return fail(error);
   if (group != static_cast<gid_t>(-1) && ::fchown(file.value, static_cast<uid_t>(-1), group) != 0) return fail(errno);
   if (::fchmod(file.value, mode) != 0) return fail(errno);
-  haustra_ring_file* memory = Map(file.value);
+  haustra_ring_file* memory = MapRing(file.value);
   if (memory == nullptr) return fail(errno);
 
   haustra_ring_header& header = memory->header;

@@ -14,13 +14,13 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 // The first pixel and the time stamp of every frame.
-struct Seen {
+struct ReadFrames {
   std::vector<int> values;
   std::vector<std::int64_t> timestamps_ns;
 };
 
-Seen ReadAll(FrameSource* source) {
-  Seen seen;
+ReadFrames ReadSequence(FrameSource* source) {
+  ReadFrames seen;
   for (;;) {
     const Result<Frame> frame = source->Next(kNoDeadline);
     if (frame.code() == StatusCode::kNotFound) return seen;
@@ -54,7 +54,7 @@ TEST_F(OpenSequenceTest, OwnLayoutIsFound) {
   folder_.Write("times.txt", "0\n0.04\n");
   Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.path(), {});
   ASSERT_TRUE(source.ok()) << source.status().ToString();
-  EXPECT_THAT(ReadAll(source->get()).values, ElementsAre(7, 9));
+  EXPECT_THAT(ReadSequence(source->get()).values, ElementsAre(7, 9));
 }
 
 TEST_F(OpenSequenceTest, ImagesInTheFolderItselfAreFound) {
@@ -64,7 +64,7 @@ TEST_F(OpenSequenceTest, ImagesInTheFolderItselfAreFound) {
   folder_.Write("calib.yaml", kSmallCalibration);
   Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.path(), {});
   ASSERT_TRUE(source.ok()) << source.status().ToString();
-  const Seen seen = ReadAll(source->get());
+  const ReadFrames seen = ReadSequence(source->get());
   EXPECT_THAT(seen.values, ElementsAre(2, 10));
   EXPECT_THAT(seen.timestamps_ns, ElementsAre(0, 40'000'000));
 }
@@ -79,7 +79,7 @@ TEST_F(OpenSequenceTest, C3vdIsFoundAndOrderedByNumber) {
   ASSERT_TRUE(source.ok()) << source.status().ToString();
   EXPECT_EQ((*source)->num_frames(), 6u);
   EXPECT_EQ((*source)->calibration().rate_hz, 29.97);
-  const Seen seen = ReadAll(source->get());
+  const ReadFrames seen = ReadSequence(source->get());
   EXPECT_THAT(seen.values, ElementsAre(0, 1, 2, 9, 10, 11));
   // N / 29.97 s: a number that is missing leaves its time free.
   EXPECT_THAT(seen.timestamps_ns, ElementsAre(0, 33'366'700, 66'733'400, 300'300'300, 333'667'000, 367'033'700));
@@ -113,7 +113,7 @@ TEST_F(OpenSequenceTest, EurocIsFound) {
     ASSERT_TRUE(source.ok()) << source.status().ToString();
     EXPECT_EQ((*source)->calibration().kind, CameraModelKind::kPinhole);
     EXPECT_EQ((*source)->calibration().rate_hz, 20.0);
-    const Seen seen = ReadAll(source->get());
+    const ReadFrames seen = ReadSequence(source->get());
     EXPECT_THAT(seen.values, ElementsAre(3, 5));
     EXPECT_THAT(seen.timestamps_ns, ElementsAre(1403636579763555584, 1403636579813555456));
   }
@@ -140,7 +140,7 @@ TEST_F(OpenSequenceTest, TumIsFound) {
   folder_.Write("calib.yaml", kSmallCalibration);
   Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.path(), {});
   ASSERT_TRUE(source.ok()) << source.status().ToString();
-  const Seen seen = ReadAll(source->get());
+  const ReadFrames seen = ReadSequence(source->get());
   EXPECT_THAT(seen.values, ElementsAre(21, 22));
   EXPECT_THAT(seen.timestamps_ns, ElementsAre(1305031102175304000, 1305031102211214000));
 }

@@ -18,16 +18,16 @@ namespace {
 constexpr std::string_view kOwn =
     "model: ocamcalib\nwidth_px: 1350\nheight_px: 1080\nrate_hz: 29.97\nintrinsics: {cx: 678.5, cy: 542.9}\n"
     "coefficients:\n  a0: 769.2\n  a2: -8.1e-4\n  a3: 6.2e-7\n  a4: -1.2e-9\n  c: 0.9999\n  d: 0.0028\n  e: -0.0029\n";
-constexpr std::string_view kOpencv =
+constexpr std::string_view kWholeOpencv =
     "%YAML:1.0\n---\nmodel: fisheye\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n"
     "   cols: 3\n   dt: d\n   data: [ 500., 0., 319.5, 0., 501., 239.5, 0., 0., 1. ]\n"
     "distortion_coefficients: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   data: [ -0.1, 0.02, -3.0e-03, "
     "4.0e-04 ]\n";
-constexpr std::string_view kKalibr =
+constexpr std::string_view kWholeKalibr =
     "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [-0.1, 0.02, -0.003, 0.0004]\n  distortion_model: "
     "equidistant\n"
     "  intrinsics: [500.0, 501.0, 319.5, 239.5]\n  resolution: [640, 480]\n";
-constexpr std::string_view kCalibu =
+constexpr std::string_view kWholeCalibu =
     "<?xml version=\"1.0\"?>\n<rig><camera><camera_model type=\"calibu_fu_fv_u0_v0_kb4\" version=\"0\">\n<width> 1440 "
     "</width>\n"
     "<!-- note --><height> 1080 </height><params> [ 717.2; 717.4; 735.3; 552.7; -0.1; -0.001; 0.0009; -4e-05 ] "
@@ -64,7 +64,7 @@ void ForEachMutation(std::string_view original, const std::function<void(const s
 
 TEST(ParserRobustness, DamagedCalibrationsAreRefusedOrUsable) {
   const TempFolder folder;
-  for (const std::string_view original : {kSmallCalibration, kOwn, kOpencv, kKalibr, kCalibu}) {
+  for (const std::string_view original : {kSmallCalibration, kOwn, kWholeOpencv, kWholeKalibr, kWholeCalibu}) {
     int num_refused = 0;
     ForEachMutation(original, [&](const std::string& text) {
       const Result<CameraCalibration> c = ReadCalibration(folder.Write("calib.yaml", text));

@@ -17,7 +17,7 @@ struct Sample {
   ImageView view;
 };
 
-Sample Make(PixelFormat format) {
+Sample MakeSample(PixelFormat format) {
   Sample sample;
   switch (format) {
     case PixelFormat::kYuyv: sample.bytes = {10, kCb, 200, kCr, 0, 0, 60, kCb, 90, kCr, 0, 0}; break;
@@ -34,7 +34,7 @@ constexpr PixelFormat kAll[] = {PixelFormat::kYuyv, PixelFormat::kUyvy, PixelFor
 
 TEST(Yuv, LumaIsWhereTheFormatHasIt) {
   for (const PixelFormat format : kAll) {
-    const Sample sample = Make(format);
+    const Sample sample = MakeSample(format);
     Image grey;
     LumaToGrey(sample.view, &grey);
     ASSERT_EQ(grey.format(), PixelFormat::kGrey8);
@@ -47,7 +47,7 @@ TEST(Yuv, LumaIsWhereTheFormatHasIt) {
 
 TEST(Yuv, HalvingIsTheRoundedMeanOfFour) {
   for (const PixelFormat format : kAll) {
-    const Sample sample = Make(format);
+    const Sample sample = MakeSample(format);
     Image half;
     HalveLuma(sample.view, &half);
     ASSERT_EQ(half.width(), 1);
@@ -63,7 +63,7 @@ TEST(Yuv, HalvingIsTheRoundedMeanOfFour) {
 // JFIF: R = Y + 1.402 (Cr - 128), G = Y - 0.344136 (Cb - 128) - 0.714136 (Cr - 128), B = Y + 1.772 (Cb - 128).
 TEST(Yuv, ColourIsThatOfJpeg) {
   for (const PixelFormat format : {PixelFormat::kYuyv, PixelFormat::kUyvy, PixelFormat::kNv12}) {
-    const Sample sample = Make(format);
+    const Sample sample = MakeSample(format);
     Image colour;
     ToBgr(sample.view, &colour);
     EXPECT_EQ(colour.row(1)[3], 40);   // 90 - 49.6

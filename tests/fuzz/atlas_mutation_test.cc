@@ -13,6 +13,7 @@
 #include "tests/engine/io/sealed_file.h"
 #include "tests/engine/io/small_atlas.h"
 #include "tests/fuzz/atlas_reader_fuzz.h"
+#include "tests/fuzz/fuzz_entries.h"
 
 namespace haustra::test {
 namespace {
@@ -97,7 +98,7 @@ TEST(AtlasReaderFuzz, AnyBytesAreRefused) {
     std::vector<std::uint8_t> bytes(mutator.Pick(600));
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(mutator.Pick(256));
     EXPECT_FALSE(TryAtlasFile(bytes));
-    LLVMFuzzerTestOneInput(bytes.data(), bytes.size());
+    FuzzAtlasReader(bytes);
   }
 }
 

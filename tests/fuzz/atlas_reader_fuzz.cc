@@ -8,6 +8,7 @@
 #include "engine/io/atlas_writer.h"
 #include "hal/fakes/scripted_vision_device.h"
 #include "tests/engine/io/sealed_file.h"
+#include "tests/fuzz/fuzz_entries.h"
 
 namespace haustra::test {
 namespace {
@@ -67,13 +68,12 @@ bool TryAtlasFile(std::span<const std::uint8_t> file) {
   return true;
 }
 
-}  // namespace haustra::test
-
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  std::vector<std::uint8_t> file(data, data + size);
-  haustra::test::TryAtlasFile(file);
+void FuzzAtlasReader(std::span<const std::uint8_t> bytes) {
+  std::vector<std::uint8_t> file(bytes.begin(), bytes.end());
+  TryAtlasFile(file);
   // Nearly nothing gets past the checksums; what lies behind them must hold on its own.
-  haustra::test::SealFile(file);
-  haustra::test::TryAtlasFile(file);
-  return 0;
+  SealFile(file);
+  TryAtlasFile(file);
 }
+
+}  // namespace haustra::test

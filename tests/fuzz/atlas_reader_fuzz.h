@@ -2,7 +2,6 @@
 // process.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <span>
 
@@ -12,5 +11,3 @@ namespace haustra::test {
 bool TryAtlasFile(std::span<const std::uint8_t> file);
 
 }  // namespace haustra::test
-
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);

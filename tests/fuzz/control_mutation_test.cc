@@ -1,4 +1,4 @@
-// Seeded mutations of the requests in corpus/control, through the entry function of the fuzzer.
+// Seeded mutations of the requests in corpus/control, through the function of the fuzzer.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
+#include "tests/fuzz/fuzz_entries.h"
 
 TEST(ControlProtocolFuzz, MutatedRequestsAreRefusedOrUnderstood) {
   std::vector<std::string> corpus;
@@ -30,6 +30,6 @@ TEST(ControlProtocolFuzz, MutatedRequestsAreRefusedOrUnderstood) {
           if (!packet.empty()) packet[at] = static_cast<char>(random());
       }
     }
-    LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(packet.data()), packet.size());
+    haustra::test::FuzzControlProtocol({reinterpret_cast<const std::uint8_t*>(packet.data()), packet.size()});
   }
 }

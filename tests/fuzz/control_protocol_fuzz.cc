@@ -1,14 +1,16 @@
 // Requests of the control socket: whatever comes is refused in printable words or understood, and what was understood
 // says the same when it is written out.
-#include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "hal/core/check.h"
 #include "platform/control/control_protocol.h"
+#include "tests/fuzz/fuzz_entries.h"
 
-extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  using namespace haustra;
-  const std::string_view packet(reinterpret_cast<const char*>(data), size);
+namespace haustra::test {
+
+void FuzzControlProtocol(std::span<const std::uint8_t> bytes) {
+  const std::string_view packet(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const Result<ControlRequest> request = ParseControlRequest(packet);
   if (request.ok()) {
     HAUSTRA_CHECK(request->name.empty() || IsControlName(request->name));
@@ -22,5 +24,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   const Result<std::string> reply = ParseReply(packet);
   if (reply.ok() && packet.size() <= kMaxReplyBytes) HAUSTRA_CHECK(ReplyText(reply) == packet);
-  return 0;
 }
+
+}  // namespace haustra::test

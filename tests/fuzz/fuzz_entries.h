@@ -7,6 +7,8 @@
 
 namespace haustra::test {
 
+void FuzzAtlasReader(std::span<const std::uint8_t> bytes);  // as it is, and with its checksums put right
+void FuzzControlProtocol(std::span<const std::uint8_t> bytes);
 void FuzzConfig(std::span<const std::uint8_t> bytes);       // configuration files and --set
 void FuzzCalibration(std::span<const std::uint8_t> bytes);  // all formats
 void FuzzTrajectory(std::span<const std::uint8_t> bytes);   // ground truth: TUM, EuRoC, C3VD

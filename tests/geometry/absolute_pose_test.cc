@@ -11,10 +11,10 @@
 namespace haustra {
 namespace {
 
-constexpr double kSigmaRad = 1.0 / 400.0;  // one pixel of the colon camera
-constexpr double kTolerance = 2.45 * kSigmaRad;
+constexpr double kOnePixelRad = 1.0 / 400.0;  // one pixel of the colon camera
+constexpr double kPixelTolerance = 2.45 * kOnePixelRad;
 
-struct Scene {
+struct ResectionScene {
   SE3 truth;
   std::vector<Eigen::Vector3d> bearings, points;
   std::vector<double> tolerance;
@@ -22,9 +22,9 @@ struct Scene {
 };
 
 // Points of a tube seen from inside, of which the first share are true and the rest paired at random.
-Scene MakeScene(Rng& rng, int count, double outlier_share, double sigma_rad) {
-  const CameraModel camera = CameraModel::Create(test::ColonCalibration()).value();
-  Scene scene;
+ResectionScene MakeResectionScene(Rng& rng, int count, double outlier_share, double sigma_rad) {
+  const CameraModel camera = test::ColonCamera();
+  ResectionScene scene;
   scene.truth = SE3(test::RandomRotation(rng, 0.4), test::GaussianVector(rng, 0.2));
   scene.num_true = static_cast<int>(count * (1.0 - outlier_share));
   while (static_cast<int>(scene.points.size()) < count) {
@@ -36,7 +36,7 @@ Scene MakeScene(Rng& rng, int count, double outlier_share, double sigma_rad) {
     scene.points.push_back(point);
     scene.bearings.push_back(is_true ? test::NoisyBearing(rng, bearing, sigma_rad) : test::RandomBearing(rng, camera));
   }
-  scene.tolerance.assign(count, kTolerance);
+  scene.tolerance.assign(count, kPixelTolerance);
   return scene;
 }
 
@@ -46,7 +46,7 @@ TEST(AbsolutePoseRansac, FindsThePoseAmongHalfOutliers) {
   constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Scene scene = MakeScene(rng, 200, 0.5, kSigmaRad);
+    const ResectionScene scene = MakeResectionScene(rng, 200, 0.5, kOnePixelRad);
     AbsolutePoseRansac::Estimate estimate;
     if (!ransac.Run(scene.bearings, scene.points, scene.tolerance, {}, rng, &estimate)) continue;
     const double turned = RotationAngle(estimate.cam_from_world.rotation, scene.truth.rotation);
@@ -65,7 +65,7 @@ TEST(AbsolutePoseRansac, FindsThePoseFromFewMatchesAndManyOutliers) {
   constexpr int kTrials = test::Trials(200);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Scene scene = MakeScene(rng, 80, 0.7, 0.5 * kSigmaRad);
+    const ResectionScene scene = MakeResectionScene(rng, 80, 0.7, 0.5 * kOnePixelRad);
     AbsolutePoseRansac::Estimate estimate;
     if (!ransac.Run(scene.bearings, scene.points, scene.tolerance, {}, rng, &estimate)) continue;
     if (RotationAngle(estimate.cam_from_world.rotation, scene.truth.rotation) < 5e-3 &&
@@ -79,7 +79,7 @@ TEST(AbsolutePoseRansac, FindsThePoseFromFewMatchesAndManyOutliers) {
 TEST(AbsolutePoseRansac, ExactDataGivesTheExactPose) {
   Rng rng(3);
   AbsolutePoseRansac ransac(100);
-  const Scene scene = MakeScene(rng, 30, 0.0, 0.0);
+  const ResectionScene scene = MakeResectionScene(rng, 30, 0.0, 0.0);
   AbsolutePoseRansac::Estimate estimate;
   ASSERT_TRUE(ransac.Run(scene.bearings, scene.points, scene.tolerance, {}, rng, &estimate));
   EXPECT_EQ(estimate.num_inliers, 30);
@@ -90,10 +90,10 @@ TEST(AbsolutePoseRansac, ExactDataGivesTheExactPose) {
 TEST(AbsolutePoseRansac, PointsInOnePlaneAreEnough) {
   Rng rng(4);
   AbsolutePoseRansac ransac(100);
-  Scene scene = MakeScene(rng, 60, 0.0, 0.0);
+  ResectionScene scene = MakeResectionScene(rng, 60, 0.0, 0.0);
   for (int i = 0; i < 60; ++i) {
     scene.points[i].z() = 3.0;
-    scene.bearings[i] = test::NoisyBearing(rng, (scene.truth * scene.points[i]).normalized(), 0.2 * kSigmaRad);
+    scene.bearings[i] = test::NoisyBearing(rng, (scene.truth * scene.points[i]).normalized(), 0.2 * kOnePixelRad);
   }
   AbsolutePoseRansac::Estimate estimate;
   ASSERT_TRUE(ransac.Run(scene.bearings, scene.points, scene.tolerance, {}, rng, &estimate));
@@ -103,7 +103,7 @@ TEST(AbsolutePoseRansac, PointsInOnePlaneAreEnough) {
 TEST(AbsolutePoseRansac, UselessInputIsRefusedAndOutputsAreKept) {
   Rng rng(5);
   AbsolutePoseRansac ransac(100);
-  const Scene scene = MakeScene(rng, 60, 0.0, kSigmaRad);
+  const ResectionScene scene = MakeResectionScene(rng, 60, 0.0, kOnePixelRad);
   const SE3 before(Eigen::Quaterniond::Identity(), Eigen::Vector3d(7, 8, 9));
   AbsolutePoseRansac::Estimate estimate{before, -1};
   const auto expect_refused = [&](const auto& bearings, const auto& points, const auto& tolerance) {
@@ -116,22 +116,22 @@ TEST(AbsolutePoseRansac, UselessInputIsRefusedAndOutputsAreKept) {
   expect_refused(none, none, std::vector<double>());
   const std::vector<Eigen::Vector3d> few_bearings(scene.bearings.begin(), scene.bearings.begin() + 9);
   const std::vector<Eigen::Vector3d> few_points(scene.points.begin(), scene.points.begin() + 9);
-  expect_refused(few_bearings, few_points, std::vector<double>(9, kTolerance));
-  expect_refused(scene.bearings, few_points, scene.tolerance);  // lengths differ
-  const Scene large = MakeScene(rng, 101, 0.0, kSigmaRad);      // over the capacity
+  expect_refused(few_bearings, few_points, std::vector<double>(9, kPixelTolerance));
+  expect_refused(scene.bearings, few_points, scene.tolerance);                   // lengths differ
+  const ResectionScene large = MakeResectionScene(rng, 101, 0.0, kOnePixelRad);  // over the capacity
   expect_refused(large.bearings, large.points, large.tolerance);
   // On one line, in one place, and pure chance.
   std::vector<Eigen::Vector3d> line(60), place(60, Eigen::Vector3d(0, 0, 2));
   for (int i = 0; i < 60; ++i) line[i] = Eigen::Vector3d(0.1 * i - 3.0, 0.0, 3.0);
   expect_refused(scene.bearings, line, scene.tolerance);
   expect_refused(scene.bearings, place, scene.tolerance);
-  const Scene chance = MakeScene(rng, 100, 1.0, kSigmaRad);
+  const ResectionScene chance = MakeResectionScene(rng, 100, 1.0, kOnePixelRad);
   expect_refused(chance.bearings, chance.points, chance.tolerance);
 }
 
 TEST(AbsolutePoseRansac, SameSeedGivesTheSameBits) {
   Rng scene_rng(6);
-  const Scene scene = MakeScene(scene_rng, 200, 0.5, kSigmaRad);
+  const ResectionScene scene = MakeResectionScene(scene_rng, 200, 0.5, kOnePixelRad);
   AbsolutePoseRansac used(500), fresh(300);
   AbsolutePoseRansac::Estimate first, second;
   Rng warm_up(1), a(77), b(77);
@@ -146,7 +146,7 @@ TEST(AbsolutePoseRansac, SameSeedGivesTheSameBits) {
 TEST(AbsolutePoseRansac, RunNeverAllocates) {
   if (!test::AllocationCounter::IsAvailable()) GTEST_SKIP() << "the sanitizer owns malloc";
   Rng rng(7);
-  const Scene scene = MakeScene(rng, 200, 0.5, kSigmaRad);
+  const ResectionScene scene = MakeResectionScene(rng, 200, 0.5, kOnePixelRad);
   AbsolutePoseRansac ransac(200);
   AbsolutePoseRansac::Estimate estimate;
   const test::AllocationCounter counter;

@@ -8,13 +8,12 @@
 #include <string>
 #include <vector>
 
+#include "engine/geometry/constants.h"
 #include "engine/geometry/rng.h"
 #include "tests/geometry/synthetic.h"
 
 namespace haustra {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180.0;
 
 // C3VD v1 as published (cameras.md): the axes of the polynomial's affine part are those of the header.
 CameraCalibration C3vdOcam() {

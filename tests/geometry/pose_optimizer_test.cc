@@ -13,18 +13,16 @@
 namespace haustra {
 namespace {
 
-CameraModel ColonCamera() { return CameraModel::Create(test::ColonCalibration()).value(); }
-
-struct Scene {
+struct TrackedScene {
   SE3 truth;
   std::vector<PoseObservation> observations;
   int num_true = 0;
 };
 
 // Points of a tube; each observation has its own sigma between one and three pixels; the last share is anywhere.
-Scene MakeScene(Rng& rng, int count, double outlier_share, double noise = 1.0) {
-  const CameraModel camera = ColonCamera();
-  Scene scene;
+TrackedScene MakeTrackedScene(Rng& rng, int count, double outlier_share, double noise = 1.0) {
+  const CameraModel camera = test::ColonCamera();
+  TrackedScene scene;
   scene.truth = SE3(test::RandomRotation(rng, 0.4), test::GaussianVector(rng, 0.2));
   scene.num_true = static_cast<int>(count * (1.0 - outlier_share));
   while (static_cast<int>(scene.observations.size()) < count) {
@@ -51,11 +49,11 @@ SE3 Disturbed(Rng& rng, const SE3& pose, double angle_rad, double distance) {
 
 TEST(PoseOptimizer, FindsTheTruthFromAPoorStartAmongOutliers) {
   Rng rng(1);
-  const CameraModel camera = ColonCamera();
+  const CameraModel camera = test::ColonCamera();
   constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Scene scene = MakeScene(rng, 200, 0.3);
+    const TrackedScene scene = MakeTrackedScene(rng, 200, 0.3);
     std::vector<std::uint8_t> inliers(scene.observations.size());
     PoseOptimizerResult result;
     const SE3 start = Disturbed(rng, scene.truth, 0.08, 0.1);
@@ -72,11 +70,11 @@ TEST(PoseOptimizer, FindsTheTruthFromAPoorStartAmongOutliers) {
 
 TEST(PoseOptimizer, FindsTheTruthAmongHalfOutliersFromATrackersStart) {
   Rng rng(2);
-  const CameraModel camera = ColonCamera();
+  const CameraModel camera = test::ColonCamera();
   constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Scene scene = MakeScene(rng, 100, 0.5);
+    const TrackedScene scene = MakeTrackedScene(rng, 100, 0.5);
     std::vector<std::uint8_t> inliers(scene.observations.size());
     PoseOptimizerResult result;
     const SE3 start = Disturbed(rng, scene.truth, 0.03, 0.04);
@@ -91,11 +89,11 @@ TEST(PoseOptimizer, PointsTriangulatedWronglyJustInFrontOfTheCameraDoNotPullTheP
   // Six of a hundred, each moving by hundreds of pixels for a small step of the pose: with a cost that goes on rising
   // with the error they win in one trial of sixteen.
   Rng rng(12);
-  const CameraModel camera = ColonCamera();
+  const CameraModel camera = test::ColonCamera();
   constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
-    Scene scene = MakeScene(rng, 100, 0.2);
+    TrackedScene scene = MakeTrackedScene(rng, 100, 0.2);
     for (int i = 80; i < 86; ++i) {
       scene.observations[i].point_in_world =
           scene.truth.Inverse() * (rng.Uniform(0.1, 0.3) * test::RandomBearing(rng, camera));
@@ -112,13 +110,13 @@ TEST(PoseOptimizer, PointsTriangulatedWronglyJustInFrontOfTheCameraDoNotPullTheP
 
 TEST(PoseOptimizer, InformationPredictsTheSpreadOfTheResult) {
   Rng rng(3);
-  const CameraModel camera = ColonCamera();
+  const CameraModel camera = test::ColonCamera();
   double sum = 0.0;
   constexpr int kTrials = 300;
   PoseOptimizerOptions options;
   options.chi2_gate = 1e3;  // all in: the plain least-squares problem
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Scene scene = MakeScene(rng, 100, 0.0);
+    const TrackedScene scene = MakeTrackedScene(rng, 100, 0.0);
     std::vector<std::uint8_t> inliers(scene.observations.size());
     PoseOptimizerResult result;
     ASSERT_TRUE(OptimizePose(camera, scene.observations, scene.truth, options, inliers, &result));
@@ -132,8 +130,8 @@ TEST(PoseOptimizer, InformationPredictsTheSpreadOfTheResult) {
 
 TEST(PoseOptimizer, MeanChi2IsTwoWhenSigmasAreRight) {
   Rng rng(4);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 2000, 0.0);
+  const CameraModel camera = test::ColonCamera();
+  const TrackedScene scene = MakeTrackedScene(rng, 2000, 0.0);
   std::vector<std::uint8_t> inliers(scene.observations.size());
   PoseOptimizerResult result;
   PoseOptimizerOptions options;
@@ -146,8 +144,8 @@ TEST(PoseOptimizer, MeanChi2IsTwoWhenSigmasAreRight) {
 TEST(PoseOptimizer, GradientVanishesAtTheResult) {
   // Numeric derivative of the inliers' cost: tests Jacobian and minimiser together against the camera alone.
   Rng rng(5);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 200, 0.2);
+  const CameraModel camera = test::ColonCamera();
+  const TrackedScene scene = MakeTrackedScene(rng, 200, 0.2);
   std::vector<std::uint8_t> inliers(scene.observations.size());
   PoseOptimizerResult result;
   PoseOptimizerOptions options;
@@ -186,8 +184,8 @@ TEST(PoseOptimizer, GradientVanishesAtTheResult) {
 TEST(PoseOptimizer, ObservationThrownOutEarlyComesBack) {
   // From a start so poor that most true observations lie beyond the gate at first, nearly all are inliers in the end.
   Rng rng(6);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 200, 0.0);
+  const CameraModel camera = test::ColonCamera();
+  const TrackedScene scene = MakeTrackedScene(rng, 200, 0.0);
   const SE3 start = Disturbed(rng, scene.truth, 0.1, 0.1);
   int outside = 0;
   for (const PoseObservation& observation : scene.observations) {
@@ -206,8 +204,8 @@ TEST(PoseOptimizer, ObservationThrownOutEarlyComesBack) {
 
 TEST(PoseOptimizer, PointsBehindTheCameraAreOutliersAndDoNoHarm) {
   Rng rng(7);
-  const CameraModel camera = ColonCamera();
-  Scene scene = MakeScene(rng, 100, 0.0);
+  const CameraModel camera = test::ColonCamera();
+  TrackedScene scene = MakeTrackedScene(rng, 100, 0.0);
   for (int i = 0; i < 20; ++i) {
     scene.observations[i].point_in_world =
         scene.truth.Inverse() * Eigen::Vector3d(rng.Uniform(-1, 1), rng.Uniform(-1, 1), -2.0);
@@ -221,8 +219,8 @@ TEST(PoseOptimizer, PointsBehindTheCameraAreOutliersAndDoNoHarm) {
 
 TEST(PoseOptimizer, UselessInputGivesTheInitialPoseBack) {
   Rng rng(8);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 50, 0.0);
+  const CameraModel camera = test::ColonCamera();
+  const TrackedScene scene = MakeTrackedScene(rng, 50, 0.0);
   const SE3 start = Disturbed(rng, scene.truth, 0.02, 0.02);
   const auto expect_refused = [&](const std::vector<PoseObservation>& observations) {
     std::vector<std::uint8_t> inliers(observations.size(), 1);
@@ -248,8 +246,8 @@ TEST(PoseOptimizer, UselessInputGivesTheInitialPoseBack) {
 
 TEST(PoseOptimizer, SameInputGivesTheSameBits) {
   Rng rng(9);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 200, 0.3);
+  const CameraModel camera = test::ColonCamera();
+  const TrackedScene scene = MakeTrackedScene(rng, 200, 0.3);
   std::vector<std::uint8_t> first_inliers(200), second_inliers(200);
   PoseOptimizerResult first, second;
   ASSERT_TRUE(OptimizePose(camera, scene.observations, scene.truth, {}, first_inliers, &first));
@@ -263,8 +261,8 @@ TEST(PoseOptimizer, SameInputGivesTheSameBits) {
 TEST(PoseOptimizer, NeverAllocates) {
   if (!test::AllocationCounter::IsAvailable()) GTEST_SKIP() << "the sanitizer owns malloc";
   Rng rng(10);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 200, 0.3);
+  const CameraModel camera = test::ColonCamera();
+  const TrackedScene scene = MakeTrackedScene(rng, 200, 0.3);
   const SE3 start = Disturbed(rng, scene.truth, 0.05, 0.05);
   std::vector<std::uint8_t> inliers(scene.observations.size());
   PoseOptimizerResult result;

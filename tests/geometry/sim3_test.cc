@@ -12,9 +12,7 @@
 namespace haustra {
 namespace {
 
-CameraModel ColonCamera() { return CameraModel::Create(test::ColonCalibration()).value(); }
-
-struct Scene {
+struct TwiceMappedScene {
   Sim3 truth;  // b_from_a
   std::vector<SE3> views_a, views_b;
   std::vector<Sim3Match> matches;
@@ -23,9 +21,9 @@ struct Scene {
 
 // A tube mapped twice, by two cameras each time, the points of both maps a little off; the last share of the matches is
 // paired at random.
-Scene MakeScene(Rng& rng, int count, double outlier_share, double noise = 1.0) {
-  const CameraModel camera = ColonCamera();
-  Scene scene;
+TwiceMappedScene MakeTwiceMappedScene(Rng& rng, int count, double outlier_share, double noise = 1.0) {
+  const CameraModel camera = test::ColonCamera();
+  TwiceMappedScene scene;
   scene.truth = Sim3(std::exp(rng.Uniform(-1.5, 1.5)), test::RandomRotation(rng, 3.0), test::GaussianVector(rng, 3.0));
   scene.num_true = static_cast<int>(count * (1.0 - outlier_share));
   for (int k = 0; k < 2; ++k) {
@@ -67,12 +65,12 @@ bool IsNear(const Sim3& estimate, const Sim3& truth, double tolerance) {
 
 TEST(Sim3Ransac, FindsTheSimilarityAmongHalfOutliers) {
   Rng rng(1);
-  const CameraModel camera = ColonCamera();
+  const CameraModel camera = test::ColonCamera();
   Sim3Ransac ransac(300);
   constexpr int kTrials = test::Trials(300);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Scene scene = MakeScene(rng, 100, 0.5);
+    const TwiceMappedScene scene = MakeTwiceMappedScene(rng, 100, 0.5);
     Sim3Ransac::Estimate estimate;
     if (!ransac.Run(camera, scene.matches, scene.views_a, scene.views_b, {}, rng, &estimate)) continue;
     int true_found = 0;
@@ -86,8 +84,8 @@ TEST(Sim3Ransac, FindsTheSimilarityAmongHalfOutliers) {
 
 TEST(Sim3Ransac, FixedScaleStaysOne) {
   Rng rng(2);
-  const CameraModel camera = ColonCamera();
-  Scene scene = MakeScene(rng, 60, 0.3);
+  const CameraModel camera = test::ColonCamera();
+  TwiceMappedScene scene = MakeTwiceMappedScene(rng, 60, 0.3);
   const Sim3 shrink(1.0 / scene.truth.scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
   for (Sim3Match& match : scene.matches) match.point_in_b = shrink * match.point_in_b;
   for (SE3& view : scene.views_b) view = TransformPose(view, shrink);
@@ -110,31 +108,31 @@ TEST(Sim3Ransac, FixedScaleStaysOne) {
 
 TEST(Sim3Ransac, ChanceAndDegenerateInputAreRefused) {
   Rng rng(3);
-  const CameraModel camera = ColonCamera();
+  const CameraModel camera = test::ColonCamera();
   Sim3Ransac ransac(100);
   Sim3Ransac::Estimate estimate;
   estimate.num_inliers = -1;
-  const auto expect_refused = [&](const Scene& scene) {
+  const auto expect_refused = [&](const TwiceMappedScene& scene) {
     EXPECT_FALSE(ransac.Run(camera, scene.matches, scene.views_a, scene.views_b, {}, rng, &estimate));
     EXPECT_EQ(std::count(ransac.inliers().begin(), ransac.inliers().end(), 1), 0);
     EXPECT_EQ(estimate.num_inliers, -1);
   };
-  for (int trial = 0; trial < 30; ++trial) expect_refused(MakeScene(rng, 100, 1.0));
-  expect_refused(MakeScene(rng, 11, 0.0));
-  expect_refused(MakeScene(rng, 101, 0.0));
-  expect_refused(Scene{});
-  Scene no_view = MakeScene(rng, 50, 0.0);
+  for (int trial = 0; trial < 30; ++trial) expect_refused(MakeTwiceMappedScene(rng, 100, 1.0));
+  expect_refused(MakeTwiceMappedScene(rng, 11, 0.0));
+  expect_refused(MakeTwiceMappedScene(rng, 101, 0.0));
+  expect_refused(TwiceMappedScene{});
+  TwiceMappedScene no_view = MakeTwiceMappedScene(rng, 50, 0.0);
   no_view.matches[7].view_b = 2;
   expect_refused(no_view);
-  Scene line = MakeScene(rng, 50, 0.0);
+  TwiceMappedScene line = MakeTwiceMappedScene(rng, 50, 0.0);
   for (int i = 0; i < 50; ++i) line.matches[i].point_in_a = Eigen::Vector3d(0.01 * i, 0.0, 2.0);
   expect_refused(line);
 }
 
 TEST(Sim3Ransac, SameSeedGivesTheSameBits) {
   Rng scene_rng(4);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(scene_rng, 100, 0.5);
+  const CameraModel camera = test::ColonCamera();
+  const TwiceMappedScene scene = MakeTwiceMappedScene(scene_rng, 100, 0.5);
   Sim3Ransac ransac(100);
   Rng a(5), b(5);
   Sim3Ransac::Estimate first, second;
@@ -146,11 +144,11 @@ TEST(Sim3Ransac, SameSeedGivesTheSameBits) {
 
 TEST(Sim3Optimizer, ConvergesToTheTruthFromAPoorStartAmongOutliers) {
   Rng rng(6);
-  const CameraModel camera = ColonCamera();
+  const CameraModel camera = test::ColonCamera();
   constexpr int kTrials = test::Trials(200);
   int succeeded = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Scene scene = MakeScene(rng, 120, 0.2);
+    const TwiceMappedScene scene = MakeTwiceMappedScene(rng, 120, 0.2);
     Vector7d off;
     off << test::GaussianVector(rng, 0.02 * scene.truth.scale), test::GaussianVector(rng, 0.02), 0.04;
     // Disturbed about the middle of the points, not about the far origin of map b.
@@ -173,9 +171,9 @@ TEST(Sim3Optimizer, ConvergesToTheTruthFromAPoorStartAmongOutliers) {
 
 TEST(Sim3Optimizer, ExactDataGivesTheExactSimilarity) {
   Rng rng(7);
-  const CameraModel camera = ColonCamera();
+  const CameraModel camera = test::ColonCamera();
   for (int trial = 0; trial < 20; ++trial) {
-    const Scene scene = MakeScene(rng, 40, 0.0, 0.0);
+    const TwiceMappedScene scene = MakeTwiceMappedScene(rng, 40, 0.0, 0.0);
     Vector7d off;
     off << test::GaussianVector(rng, 0.005), test::GaussianVector(rng, 0.005), 0.01;
     std::vector<std::uint8_t> inliers(scene.matches.size());
@@ -189,8 +187,8 @@ TEST(Sim3Optimizer, ExactDataGivesTheExactSimilarity) {
 
 TEST(Sim3Optimizer, InformationIsTheCurvatureOfTheCost) {
   Rng rng(8);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 60, 0.0, 0.3);
+  const CameraModel camera = test::ColonCamera();
+  const TwiceMappedScene scene = MakeTwiceMappedScene(rng, 60, 0.0, 0.3);
   Sim3OptimizerOptions options;
   options.chi2_gate = 1e4;
   std::vector<std::uint8_t> inliers(scene.matches.size());
@@ -220,8 +218,8 @@ TEST(Sim3Optimizer, InformationIsTheCurvatureOfTheCost) {
 
 TEST(Sim3Optimizer, UselessInputGivesTheInitialSimilarityBack) {
   Rng rng(9);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 30, 0.0);
+  const CameraModel camera = test::ColonCamera();
+  const TwiceMappedScene scene = MakeTwiceMappedScene(rng, 30, 0.0);
   std::vector<std::uint8_t> inliers(scene.matches.size());
   Sim3OptimizerResult result;
   const Sim3 far = Sim3(1.0, Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d(1000, 0, 0)) * scene.truth;
@@ -236,8 +234,8 @@ TEST(Sim3Optimizer, UselessInputGivesTheInitialSimilarityBack) {
 TEST(Sim3, EstimatorsNeverAllocate) {
   if (!test::AllocationCounter::IsAvailable()) GTEST_SKIP() << "the sanitizer owns malloc";
   Rng rng(10);
-  const CameraModel camera = ColonCamera();
-  const Scene scene = MakeScene(rng, 100, 0.4);
+  const CameraModel camera = test::ColonCamera();
+  const TwiceMappedScene scene = MakeTwiceMappedScene(rng, 100, 0.4);
   Sim3Ransac ransac(100);
   Sim3Ransac::Estimate estimate;
   std::vector<std::uint8_t> inliers(scene.matches.size());

@@ -64,6 +64,8 @@ inline CameraCalibration ColonCalibration() {
   return c;
 }
 
+inline CameraModel ColonCamera() { return CameraModel::Create(ColonCalibration()).value(); }
+
 // A direction inside the image of the camera.
 inline Eigen::Vector3d RandomBearing(Rng& rng, const CameraModel& camera) {
   Eigen::Vector3d bearing;

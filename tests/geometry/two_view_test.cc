@@ -1,10 +1,10 @@
 #include "engine/geometry/two_view.h"
+#include "engine/geometry/constants.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 #include "tests/geometry/allocation_counter.h"
@@ -13,15 +13,14 @@
 namespace haustra {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180.0;
-constexpr double kSigmaRad = 0.5 / 400.0;  // half a pixel of the colon camera
-constexpr double kTolerance = 1.96 * kSigmaRad;
+constexpr double kHalfPixelRad = 0.5 / 400.0;  // half a pixel of the colon camera
+constexpr double kHalfPixelTolerance = 1.96 * kHalfPixelRad;
 
 constexpr int kTrials = test::Trials(200);
 
 enum class Shape { kBox, kTube, kPlane };
 
-struct Scene {
+struct TwoViewScene {
   SE3 b_from_a;
   std::vector<Eigen::Vector3d> points, a, b;
   std::vector<double> tolerance;
@@ -42,10 +41,10 @@ Eigen::Vector3d ScenePoint(Rng& rng, Shape shape) {
 }
 
 // Baseline `translation`; the last share of the matches is paired at random.
-Scene MakeScene(Rng& rng, Shape shape, int count, const Eigen::Vector3d& translation, double outlier_share,
-                double sigma_rad) {
-  const CameraModel camera = CameraModel::Create(test::ColonCalibration()).value();
-  Scene scene;
+TwoViewScene MakeTwoViewScene(Rng& rng, Shape shape, int count, const Eigen::Vector3d& translation,
+                              double outlier_share, double sigma_rad) {
+  const CameraModel camera = test::ColonCamera();
+  TwoViewScene scene;
   scene.b_from_a = SE3(test::RandomRotation(rng, 0.2), translation);
   scene.num_true = static_cast<int>(count * (1.0 - outlier_share));
   while (static_cast<int>(scene.a.size()) < count) {
@@ -60,7 +59,7 @@ Scene MakeScene(Rng& rng, Shape shape, int count, const Eigen::Vector3d& transla
     scene.b.push_back(is_true ? test::NoisyBearing(rng, in_b.normalized(), sigma_rad)
                               : test::RandomBearing(rng, camera));
   }
-  scene.tolerance.assign(count, kTolerance);
+  scene.tolerance.assign(count, kHalfPixelTolerance);
   return scene;
 }
 
@@ -77,7 +76,7 @@ int CountSuccesses(Rng& rng, Shape shape, int trials, double outlier_share, bool
     const Eigen::Vector3d sideways(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-0.5, 0.5));
     const Eigen::Vector3d forward(rng.Uniform(-0.1, 0.1), rng.Uniform(-0.1, 0.1), -1.0);
     const Eigen::Vector3d translation = 0.4 * (is_forward ? forward : sideways).normalized();
-    const Scene scene = MakeScene(rng, shape, 250, translation, outlier_share, kSigmaRad);
+    const TwoViewScene scene = MakeTwoViewScene(rng, shape, 250, translation, outlier_share, kHalfPixelRad);
     TwoViewRansac::Estimate estimate;
     if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
     EXPECT_NEAR(estimate.b_from_a.translation.norm(), 1.0, 1e-12);
@@ -107,7 +106,7 @@ TEST(TwoViewRansac, FindsSidewaysMotionInATubeAmongOutliers) {
 TEST(TwoViewRansac, ExactDataGivesTheExactMotionAndPoints) {
   Rng rng(4);
   TwoViewRansac ransac(100);
-  const Scene scene = MakeScene(rng, Shape::kBox, 100, Eigen::Vector3d(0.4, 0.1, -0.2), 0.0, 0.0);
+  const TwoViewScene scene = MakeTwoViewScene(rng, Shape::kBox, 100, Eigen::Vector3d(0.4, 0.1, -0.2), 0.0, 0.0);
   TwoViewRansac::Estimate estimate;
   ASSERT_TRUE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
   EXPECT_EQ(estimate.num_inliers, 100);
@@ -126,7 +125,8 @@ TEST(TwoViewRansac, InliersAreMostTrueMatchesAndFewOthers) {
   Rng rng(5);
   TwoViewRansac ransac(300);
   for (int trial = 0; trial < 30; ++trial) {
-    const Scene scene = MakeScene(rng, Shape::kTube, 300, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kSigmaRad);
+    const TwoViewScene scene =
+        MakeTwoViewScene(rng, Shape::kTube, 300, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kHalfPixelRad);
     TwoViewRansac::Estimate estimate;
     ASSERT_TRUE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
     int true_found = 0;
@@ -141,7 +141,7 @@ TEST(TwoViewRansac, PureRotationIsRefused) {
   Rng rng(6);
   TwoViewRansac ransac(300);
   for (int trial = 0; trial < kTrials / 2; ++trial) {
-    const Scene scene = MakeScene(rng, Shape::kBox, 250, Eigen::Vector3d::Zero(), 0.1, kSigmaRad);
+    const TwoViewScene scene = MakeTwoViewScene(rng, Shape::kBox, 250, Eigen::Vector3d::Zero(), 0.1, kHalfPixelRad);
     TwoViewRansac::Estimate estimate;
     EXPECT_FALSE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
   }
@@ -153,7 +153,8 @@ TEST(TwoViewRansac, PlaneIsSolvedOrRefusedButNotMistaken) {
   TwoViewRansac ransac(300);
   int solved = 0, mistaken = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
-    const Scene scene = MakeScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.1, 0.3 * kSigmaRad);
+    const TwoViewScene scene =
+        MakeTwoViewScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.1, 0.3 * kHalfPixelRad);
     TwoViewRansac::Estimate estimate;
     if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
     ++(TranslationAngle(estimate.b_from_a, scene.b_from_a) < 5.0 * kDegree ? solved : mistaken);
@@ -168,11 +169,11 @@ TEST(TwoViewRansac, SlightlyCurvedWallIsSolved) {
   TwoViewRansac ransac(300);
   int solved = 0;
   for (int trial = 0; trial < kTrials / 2; ++trial) {
-    Scene scene = MakeScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.0, 0.0);
+    TwoViewScene scene = MakeTwoViewScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.0, 0.0);
     for (int i = 0; i < 200; ++i) {
       scene.points[i].z() += 0.3 * std::sin(3.0 * scene.points[i].x());
-      scene.a[i] = test::NoisyBearing(rng, scene.points[i].normalized(), kSigmaRad);
-      scene.b[i] = test::NoisyBearing(rng, (scene.b_from_a * scene.points[i]).normalized(), kSigmaRad);
+      scene.a[i] = test::NoisyBearing(rng, scene.points[i].normalized(), kHalfPixelRad);
+      scene.b[i] = test::NoisyBearing(rng, (scene.b_from_a * scene.points[i]).normalized(), kHalfPixelRad);
     }
     TwoViewRansac::Estimate estimate;
     if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
@@ -194,13 +195,13 @@ TEST(TwoViewRansac, UselessInputIsRefusedAndOutputsAreKept) {
   const std::vector<Eigen::Vector3d> none;
   expect_refused(none, none, std::vector<double>());
   const Eigen::Vector3d motion(0.4, 0.1, -0.2);
-  const Scene few = MakeScene(rng, Shape::kBox, 19, motion, 0.0, kSigmaRad);
+  const TwoViewScene few = MakeTwoViewScene(rng, Shape::kBox, 19, motion, 0.0, kHalfPixelRad);
   expect_refused(few.a, few.b, few.tolerance);
-  const Scene large = MakeScene(rng, Shape::kBox, 101, motion, 0.0, kSigmaRad);
+  const TwoViewScene large = MakeTwoViewScene(rng, Shape::kBox, 101, motion, 0.0, kHalfPixelRad);
   expect_refused(large.a, large.b, large.tolerance);
-  const Scene good = MakeScene(rng, Shape::kBox, 100, motion, 0.0, kSigmaRad);
+  const TwoViewScene good = MakeTwoViewScene(rng, Shape::kBox, 100, motion, 0.0, kHalfPixelRad);
   expect_refused(good.a, few.b, good.tolerance);
-  const Scene chance = MakeScene(rng, Shape::kBox, 100, motion, 1.0, kSigmaRad);
+  const TwoViewScene chance = MakeTwoViewScene(rng, Shape::kBox, 100, motion, 1.0, kHalfPixelRad);
   expect_refused(chance.a, chance.b, chance.tolerance);
   expect_refused(good.a, good.a, good.tolerance);  // nothing moved
   const std::vector<Eigen::Vector3d> one_place(100, Eigen::Vector3d(0, 0, 1));
@@ -217,7 +218,8 @@ TEST(TwoViewRansac, UselessInputIsRefusedAndOutputsAreKept) {
 
 TEST(TwoViewRansac, SameSeedGivesTheSameBits) {
   Rng scene_rng(9);
-  const Scene scene = MakeScene(scene_rng, Shape::kTube, 250, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kSigmaRad);
+  const TwoViewScene scene =
+      MakeTwoViewScene(scene_rng, Shape::kTube, 250, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kHalfPixelRad);
   TwoViewRansac used(500), fresh(250);
   TwoViewRansac::Estimate first, second;
   Rng warm_up(1), a(77), b(77);
@@ -233,7 +235,8 @@ TEST(TwoViewRansac, SameSeedGivesTheSameBits) {
 TEST(TwoViewRansac, RunNeverAllocates) {
   if (!test::AllocationCounter::IsAvailable()) GTEST_SKIP() << "the sanitizer owns malloc";
   Rng rng(10);
-  const Scene scene = MakeScene(rng, Shape::kTube, 250, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kSigmaRad);
+  const TwoViewScene scene =
+      MakeTwoViewScene(rng, Shape::kTube, 250, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kHalfPixelRad);
   TwoViewRansac ransac(250);
   TwoViewRansac::Estimate estimate;
   const test::AllocationCounter counter;

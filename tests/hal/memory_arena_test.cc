@@ -13,7 +13,7 @@
 namespace haustra {
 namespace {
 
-struct TestTag;
+struct ArenaTag;
 
 TEST(MemoryArena, DealsOutAlignedBlocksThatDoNotOverlap) {
   MemoryArena arena(MemoryArena::BytesFor<char>(3) + MemoryArena::BytesFor<double>(9));
@@ -33,7 +33,7 @@ TEST(MemoryArena, RefusesWhatWasNotPlannedAndStaysUsable) {
 }
 
 TEST(MemoryArena, ContainersTakeExactlyWhatTheySay) {
-  using Pool = SlotPool<std::uint64_t, TestTag>;
+  using Pool = SlotPool<std::uint64_t, ArenaTag>;
   using Ring = SpscRing<double>;
   using Box = LatestMailbox<int>;
   MemoryArena arena(Pool::BytesFor(17) + Ring::BytesFor(5) + Box::BytesFor());

@@ -16,7 +16,7 @@ CameraCalibration SmallCamera() {
   return calibration;
 }
 
-TimePoint At(int ms) { return TimePoint(milliseconds(ms)); }
+TimePoint AtMs(int ms) { return TimePoint(milliseconds(ms)); }
 
 TEST(FrameTag, ComesBackFromThePicture) {
   std::vector<std::uint8_t> pixels(32, 9);
@@ -30,13 +30,13 @@ TEST(FrameTag, ComesBackFromThePicture) {
 
 TEST(ScriptedFrameSource, GivesItsFramesAndThenNotFound) {
   ScriptedFrameSource source(SmallCamera());
-  source.AddFrames(3, At(0), milliseconds(40));
+  source.AddFrames(3, AtMs(0), milliseconds(40));
   EXPECT_EQ(source.num_frames(), 3u);
   for (std::uint32_t i = 0; i < 3; ++i) {
     const Result<Frame> frame = source.Next(kNoDeadline);
     ASSERT_TRUE(frame.ok());
     EXPECT_EQ((*frame).index, i);
-    EXPECT_EQ((*frame).timestamp, At(40 * static_cast<int>(i)));
+    EXPECT_EQ((*frame).timestamp, AtMs(40 * static_cast<int>(i)));
     EXPECT_EQ((*frame).image.width, 16);
     EXPECT_EQ((*frame).image.height, 4);
     EXPECT_EQ(ReadFrameTag((*frame).image), i);
@@ -46,10 +46,10 @@ TEST(ScriptedFrameSource, GivesItsFramesAndThenNotFound) {
 
 TEST(ScriptedFrameSource, FailuresAndGapsPassWithTheirIndices) {
   ScriptedFrameSource source(SmallCamera());
-  source.AddFrame(At(0));
+  source.AddFrame(AtMs(0));
   source.AddFailure(StatusCode::kDataLoss, "frames/000001.jpg: torn");
   source.AddGap(5);
-  source.AddFrame(At(280));
+  source.AddFrame(AtMs(280));
   EXPECT_EQ((*source.Next(kNoDeadline)).index, 0u);
   const Result<Frame> damaged = source.Next(kNoDeadline);
   EXPECT_EQ(damaged.code(), StatusCode::kDataLoss);
@@ -62,13 +62,13 @@ TEST(ScriptedFrameSource, LiveFrameIsNotThereBeforeItIsDue) {
   ManualClock clock;
   ScriptedFrameSource source(SmallCamera(), &clock);
   source.SetEndless(true);
-  source.AddFrame(At(40));
+  source.AddFrame(AtMs(40));
   EXPECT_EQ(source.num_frames(), 0u);
-  EXPECT_EQ(source.Next(At(10)).code(), StatusCode::kDeadlineExceeded);
-  EXPECT_EQ(clock.Now(), At(10));
-  const Result<Frame> frame = source.Next(At(50));
+  EXPECT_EQ(source.Next(AtMs(10)).code(), StatusCode::kDeadlineExceeded);
+  EXPECT_EQ(clock.Now(), AtMs(10));
+  const Result<Frame> frame = source.Next(AtMs(50));
   ASSERT_TRUE(frame.ok());
-  EXPECT_EQ(clock.Now(), At(40));
+  EXPECT_EQ(clock.Now(), AtMs(40));
 }
 
 TEST(ScriptedFrameSource, StaticMaskIsWhatWasSet) {

@@ -48,13 +48,13 @@ std::vector<ConfigField> TowerFields() {
 ConfigStore<Tower> MakeStore() { return ConfigStore<Tower>(TowerFields()); }
 
 // A folder of the test's own, removed with it.
-class Folder {
+class ConfigFolder {
  public:
-  Folder() {
+  ConfigFolder() {
     std::string pattern = (std::filesystem::temp_directory_path() / "haustra_config_XXXXXX").string();
     path_ = mkdtemp(pattern.data());
   }
-  ~Folder() { std::filesystem::remove_all(path_); }
+  ~ConfigFolder() { std::filesystem::remove_all(path_); }
   std::string Write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories((path_ / name).parent_path());
     std::ofstream(path_ / name) << text;
@@ -219,7 +219,7 @@ TEST(ConfigTable, TextIsTakenAsItStandsAndPrintedInQuotes) {
 }
 
 TEST(ConfigTable, PresetAppliesFirstAndKeepsItsOrigin) {
-  const Folder folder;
+  const ConfigFolder folder;
   const std::string preset = folder.Write("presets/base.yaml", "pump:\n  strokes: 9\n  is_on: true\n");
   const std::string path = folder.Write("site.yaml", "pump:\n  strokes: 4\npreset: presets/base.yaml\n");
   ConfigStore<Tower> store = MakeStore();
@@ -232,7 +232,7 @@ TEST(ConfigTable, PresetAppliesFirstAndKeepsItsOrigin) {
 }
 
 TEST(ConfigTable, BrokenOrCircularPresetIsRefusedNamingBothFiles) {
-  const Folder folder;
+  const ConfigFolder folder;
   folder.Write("base.yaml", "pump:\n  strokes: 90\n");
   const std::string path = folder.Write("site.yaml", "seed: 8\npreset: base.yaml\n");
   ConfigStore<Tower> store = MakeStore();
@@ -252,7 +252,7 @@ TEST(ConfigTable, BrokenOrCircularPresetIsRefusedNamingBothFiles) {
 }
 
 TEST(ConfigTable, MissingFileOrFolderIsNotFound) {
-  const Folder folder;
+  const ConfigFolder folder;
   ConfigStore<Tower> store = MakeStore();
   for (const std::string& path : {folder.Path("none.yaml"), folder.Path("")}) {
     const Status status = store.ApplyFile(path);

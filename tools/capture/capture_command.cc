@@ -1,7 +1,6 @@
 #include "tools/capture/capture_command.h"
 
 #include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -11,6 +10,7 @@
 #include "capture/v4l2/device_list.h"
 #include "capture/v4l2/v4l2_source.h"
 #include "tools/capture/sequence_recorder.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 
 namespace haustra {
@@ -28,11 +28,7 @@ struct CaptureArguments {
   std::string mask;
 };
 
-std::atomic<bool> stop_requested{false};
-
-void RequestStop(int) { stop_requested.store(true); }
-
-int Fail(const Status& status) {
+int FailCapture(const Status& status) {
   std::fprintf(stderr, "haustra capture: %s\n", status.ToString().c_str());
   return ExitCodeFor(status.code());
 }
@@ -102,21 +98,20 @@ int Capture(const CaptureArguments& arguments) {
     return kExitUsage;
   }
   const Result<std::unique_ptr<V4l2Source>> opened = V4l2Source::Create(*camera, sequence, SystemDeviceIo());
-  if (!opened.ok()) return Fail(opened.status());
+  if (!opened.ok()) return FailCapture(opened.status());
   V4l2Source& source = **opened;
   std::unique_ptr<SequenceRecorder> recorder;
   if (!arguments.is_dry) {
     SequenceRecorder::Options options;
     if (arguments.store == "jpg") options.store = SequenceRecorder::Store::kJpeg;
     Result<std::unique_ptr<SequenceRecorder>> created = SequenceRecorder::Create(arguments.out, options);
-    if (!created.ok()) return Fail(created.status());
+    if (!created.ok()) return FailCapture(created.status());
     recorder = std::move(*created);
   }
   std::fprintf(stderr, "haustra capture: %s, frames of %dx%d at %.4g Hz\n", source.Describe().c_str(),
                source.calibration().width_px, source.calibration().height_px, source.calibration().rate_hz);
 
-  std::signal(SIGINT, RequestStop);
-  std::signal(SIGTERM, RequestStop);
+  const std::atomic<bool>& stop_requested = CatchStopSignals();
   DeviceIo& io = SystemDeviceIo();
   const TimePoint begin = io.Now();
   const auto limit = Duration(static_cast<std::int64_t>(arguments.seconds * 1e9));

@@ -26,13 +26,13 @@ struct EvaluateArguments {
   evaluate::EvaluateOptions options;
 };
 
-Status WriteFile(const std::string& path, const std::string& text) {
+Status WriteText(const std::string& path, const std::string& text) {
   HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path));
   HAUSTRA_TRY(sink.Write(text));
   return sink.Commit();
 }
 
-int Fail(const Status& status) {
+int FailEvaluate(const Status& status) {
   std::fprintf(stderr, "haustra evaluate: %s\n", status.message().c_str());
   return ExitCodeFor(status.code());
 }
@@ -55,18 +55,18 @@ std::string AllTables(const std::vector<evaluate::Evaluation>& evaluations) {
   return text;
 }
 
-int Run(const EvaluateArguments& arguments) {
+int RunEvaluate(const EvaluateArguments& arguments) {
   const bool is_csv = arguments.table.ends_with(".csv"), is_markdown = arguments.table.ends_with(".md");
   if (!arguments.table.empty() && !is_csv && !is_markdown) {
     std::fprintf(stderr, "haustra evaluate: --table %s: the name must end in .csv or .md\n", arguments.table.c_str());
     return kExitUsage;
   }
   const Result<evaluate::Reference> reference = evaluate::ReadReference(arguments.groundtruth, arguments.events);
-  if (!reference.ok()) return Fail(reference.status());
+  if (!reference.ok()) return FailEvaluate(reference.status());
   std::vector<evaluate::Evaluation> evaluations;
   for (const std::string& folder : arguments.runs) {
     const Result<evaluate::RunOutput> run = evaluate::ReadRunOutput(folder);
-    if (!run.ok()) return Fail(run.status());
+    if (!run.ok()) return FailEvaluate(run.status());
     evaluations.push_back(evaluate::EvaluateRun(*run, *reference, arguments.options));
   }
 
@@ -79,12 +79,12 @@ int Run(const EvaluateArguments& arguments) {
   if (!is_single) std::printf("\n%s", FormatTable(evaluate::MakeRunTable(evaluations), TableFormat::kText).c_str());
   if (!arguments.json.empty()) {
     const std::string text = is_single ? evaluate::ToJson(evaluations[0]) : evaluate::ToJson(evaluations);
-    if (const Status status = WriteFile(arguments.json, text); !status.ok()) return FailWriting(status);
+    if (const Status status = WriteText(arguments.json, text); !status.ok()) return FailWriting(status);
   }
   if (!arguments.table.empty()) {
     const std::string text =
         is_csv ? FormatTable(evaluate::MakeRunTable(evaluations), TableFormat::kCsv) : AllTables(evaluations);
-    if (const Status status = WriteFile(arguments.table, text); !status.ok()) return FailWriting(status);
+    if (const Status status = WriteText(arguments.table, text); !status.ok()) return FailWriting(status);
   }
   return kExitOk;
 }
@@ -116,7 +116,7 @@ void AddEvaluateCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::PositiveNumber);
   command->add_flag("--positions-only", arguments->options.joins.positions_only,
                     "The true orientations are not to be trusted: do not use them");
-  command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
+  command->callback([arguments, &action] { action = [arguments] { return RunEvaluate(*arguments); }; });
 }
 
 }  // namespace haustra

@@ -3,15 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
 #include <tuple>
 
+#include "engine/geometry/constants.h"
 #include "tools/evaluate/shared_view.h"
 
 namespace haustra::evaluate {
 namespace {
 
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 constexpr std::size_t kMaxPairViews = 300;  // of each part that are compared for nearness
 constexpr std::size_t kNumNearestPairs = 15;
 

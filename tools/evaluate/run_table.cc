@@ -29,7 +29,7 @@ std::optional<double> TimeOf(const Evaluation& e, double Percentiles::*field) {
   return e.frame_ms ? std::optional<double>((*e.frame_ms).*field) : std::nullopt;
 }
 
-std::optional<double> Of(const std::optional<MapTable>& table, double MapTable::*field) {
+std::optional<double> FieldOf(const std::optional<MapTable>& table, double MapTable::*field) {
   return table ? std::optional<double>((*table).*field) : std::nullopt;
 }
 
@@ -60,22 +60,22 @@ const Metric kMetrics[] = {
     {"largest_map_frames", 1, [](E e) -> Value { return Number(e.largest_map_frames); }},
     {"keyframes", 1, [](E e) -> Value { return Number(e.keyframes); }},
     {"map_points", 1, [](E e) -> Value { return Number(e.map_points); }},
-    {"mean_map.keyframes", 1, [](E e) -> Value { return Of(e.mean_map, &MapTable::keyframes); }},
-    {"mean_map.map_points", 1, [](E e) -> Value { return Of(e.mean_map, &MapTable::map_points); }},
-    {"mean_map.keyframes_per_s", 2, [](E e) -> Value { return Of(e.mean_map, &MapTable::keyframes_per_s); }},
-    {"mean_map.life_time_s", 2, [](E e) -> Value { return Of(e.mean_map, &MapTable::life_time_s); }},
+    {"mean_map.keyframes", 1, [](E e) -> Value { return FieldOf(e.mean_map, &MapTable::keyframes); }},
+    {"mean_map.map_points", 1, [](E e) -> Value { return FieldOf(e.mean_map, &MapTable::map_points); }},
+    {"mean_map.keyframes_per_s", 2, [](E e) -> Value { return FieldOf(e.mean_map, &MapTable::keyframes_per_s); }},
+    {"mean_map.life_time_s", 2, [](E e) -> Value { return FieldOf(e.mean_map, &MapTable::life_time_s); }},
     {"mean_map.observations_per_frame", 2,
-     [](E e) -> Value { return Of(e.mean_map, &MapTable::observations_per_frame); }},
+     [](E e) -> Value { return FieldOf(e.mean_map, &MapTable::observations_per_frame); }},
     {"mean_map.observations_per_point", 2,
-     [](E e) -> Value { return Of(e.mean_map, &MapTable::observations_per_point); }},
-    {"largest_map.keyframes", 1, [](E e) -> Value { return Of(e.largest_map, &MapTable::keyframes); }},
-    {"largest_map.map_points", 1, [](E e) -> Value { return Of(e.largest_map, &MapTable::map_points); }},
-    {"largest_map.keyframes_per_s", 2, [](E e) -> Value { return Of(e.largest_map, &MapTable::keyframes_per_s); }},
-    {"largest_map.life_time_s", 2, [](E e) -> Value { return Of(e.largest_map, &MapTable::life_time_s); }},
+     [](E e) -> Value { return FieldOf(e.mean_map, &MapTable::observations_per_point); }},
+    {"largest_map.keyframes", 1, [](E e) -> Value { return FieldOf(e.largest_map, &MapTable::keyframes); }},
+    {"largest_map.map_points", 1, [](E e) -> Value { return FieldOf(e.largest_map, &MapTable::map_points); }},
+    {"largest_map.keyframes_per_s", 2, [](E e) -> Value { return FieldOf(e.largest_map, &MapTable::keyframes_per_s); }},
+    {"largest_map.life_time_s", 2, [](E e) -> Value { return FieldOf(e.largest_map, &MapTable::life_time_s); }},
     {"largest_map.observations_per_frame", 2,
-     [](E e) -> Value { return Of(e.largest_map, &MapTable::observations_per_frame); }},
+     [](E e) -> Value { return FieldOf(e.largest_map, &MapTable::observations_per_frame); }},
     {"largest_map.observations_per_point", 2,
-     [](E e) -> Value { return Of(e.largest_map, &MapTable::observations_per_point); }},
+     [](E e) -> Value { return FieldOf(e.largest_map, &MapTable::observations_per_point); }},
     {"frame_ms.p50", 2, [](E e) -> Value { return TimeOf(e, &Percentiles::p50); }},
     {"frame_ms.p99", 2, [](E e) -> Value { return TimeOf(e, &Percentiles::p99); }},
     {"frame_ms.p999", 2, [](E e) -> Value { return TimeOf(e, &Percentiles::p999); }},

@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "engine/geometry/constants.h"
 
 namespace haustra::evaluate {
 namespace {
@@ -12,7 +13,6 @@ constexpr double kFarDepths = 1.5;
 constexpr int kGridColumns = 8;
 constexpr int kGridRows = 6;
 constexpr int kShells = 4;
-constexpr double kDegPerRad = 180.0 / std::numbers::pi;
 
 }  // namespace
 

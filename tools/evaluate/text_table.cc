@@ -7,7 +7,7 @@
 namespace haustra::evaluate {
 namespace {
 
-using Line = std::vector<std::string>;
+using TableLine = std::vector<std::string>;
 
 // Number of code points, so that "±" is as wide as it looks.
 std::size_t WidthOf(const std::string& text) {
@@ -21,17 +21,17 @@ std::string Pad(const std::string& text, std::size_t width, bool is_left) {
   return is_left ? PadRight(text, bytes) : PadLeft(text, bytes);
 }
 
-std::vector<std::size_t> ColumnWidths(const std::vector<Line>& lines) {
+std::vector<std::size_t> ColumnWidths(const std::vector<TableLine>& lines) {
   std::vector<std::size_t> widths(lines[0].size(), 0);
-  for (const Line& line : lines) {
+  for (const TableLine& line : lines) {
     for (std::size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], WidthOf(line[i]));
   }
   return widths;
 }
 
 // The header with the group before each name.
-Line FullHeader(const TextTable& table) {
-  Line header = table.header;
+TableLine FullHeader(const TextTable& table) {
+  TableLine header = table.header;
   std::size_t column = 0;
   for (const TextTable::Group& group : table.groups) {
     for (std::size_t i = 0; i < group.columns && column < header.size(); ++i, ++column) {
@@ -57,10 +57,10 @@ std::string MarkdownField(const std::string& text) {
 }
 
 std::string ToCsv(const TextTable& table) {
-  std::vector<Line> lines{FullHeader(table)};
+  std::vector<TableLine> lines{FullHeader(table)};
   lines.insert(lines.end(), table.rows.begin(), table.rows.end());
   std::string text;
-  for (const Line& line : lines) {
+  for (const TableLine& line : lines) {
     for (std::size_t i = 0; i < line.size(); ++i) text += (i > 0 ? "," : "") + CsvField(line[i]);
     text += "\n";
   }
@@ -68,9 +68,9 @@ std::string ToCsv(const TextTable& table) {
 }
 
 std::string ToMarkdown(const TextTable& table) {
-  std::vector<Line> lines{FullHeader(table)};
+  std::vector<TableLine> lines{FullHeader(table)};
   lines.insert(lines.end(), table.rows.begin(), table.rows.end());
-  for (Line& line : lines) std::transform(line.begin(), line.end(), line.begin(), MarkdownField);
+  for (TableLine& line : lines) std::transform(line.begin(), line.end(), line.begin(), MarkdownField);
   const std::vector<std::size_t> widths = ColumnWidths(lines);
   std::string text = table.title.empty() ? std::string() : "## " + table.title + "\n\n";
   for (std::size_t row = 0; row < lines.size(); ++row) {
@@ -89,7 +89,7 @@ std::string ToMarkdown(const TextTable& table) {
 }
 
 std::string ToText(const TextTable& table) {
-  std::vector<Line> lines{table.header};
+  std::vector<TableLine> lines{table.header};
   lines.insert(lines.end(), table.rows.begin(), table.rows.end());
   std::vector<std::size_t> widths = ColumnWidths(lines);
   constexpr std::size_t kGap = 2;
@@ -112,7 +112,7 @@ std::string ToText(const TextTable& table) {
     }
     text += heading.erase(heading.find_last_not_of(' ') + 1) + "\n";
   }
-  for (const Line& line : lines) {
+  for (const TableLine& line : lines) {
     std::string row;
     for (std::size_t i = 0; i < line.size(); ++i) {
       row += std::string(i > 0 ? kGap : 0, ' ') + Pad(line[i], widths[i], i < table.num_left);

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -21,6 +20,8 @@
 #include "platform/file_sink.h"
 #include "platform/session/session.h"
 #include "platform/vocabulary_loader.h"
+#include "tools/command/configuration_options.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/latency/board_state.h"
 #include "tools/latency/latency_page.h"
@@ -38,7 +39,7 @@ namespace fs = std::filesystem;
 
 constexpr int kExitRequirementNotMet = 1;
 
-struct LatencyArguments {
+struct LatencyArguments : ConfigurationOptions {
   std::string sequence;
   bool rendered = false;
   std::string out;
@@ -52,22 +53,14 @@ struct LatencyArguments {
   int stress_cpu = 0;
   int stress_memory = 0;
   bool stress_gpu = false;
-  std::string config;
-  std::vector<std::string> assignments;
-  std::string device = "cpu";
-  int threads = 0;
   bool halve = false;
 };
 
-std::atomic<bool> stop_requested{false};
-
-void RequestStop(int) { stop_requested.store(true); }
-
-int Fail(const Status& status, int exit_code) {
+int FailLatency(const Status& status, int exit_code) {
   std::fprintf(stderr, "haustra latency: %s\n", status.message().c_str());
   return exit_code;
 }
-int Fail(const Status& status) { return Fail(status, ExitCodeFor(status.code())); }
+int FailLatency(const Status& status) { return FailLatency(status, ExitCodeFor(status.code())); }
 
 // A folder of our own that goes when it is no longer needed.
 class TemporaryFolder {
@@ -144,37 +137,38 @@ std::string LoadText(const LatencyArguments& arguments, const StressOptions& str
 
 int Measure(LatencyArguments arguments) {
   if (arguments.rendered == !arguments.sequence.empty()) {
-    return Fail(InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
+    return FailLatency(InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
   }
   // What can be wrong with the arguments is said before anything is read or rendered.
   std::optional<Requirement> requirement;
   if (!arguments.require.empty()) {
     const Result<Requirement> loaded = LoadRequirement(arguments.require);
-    if (!loaded.ok()) return Fail(loaded.status());
+    if (!loaded.ok()) return FailLatency(loaded.status());
     requirement = *loaded;
   }
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
-  if (!loaded.ok()) return Fail(loaded.status(), kExitConfig);
+  if (!loaded.ok()) return FailLatency(loaded.status(), kExitConfig);
   const EngineConfig& config = loaded->config();
   if (!arguments.out.empty()) {
     std::error_code error;
     fs::create_directories(arguments.out, error);
     if (!fs::is_directory(arguments.out)) {
-      return Fail(Unavailable(arguments.out + ": not a folder and cannot be made one"), kExitIo);
+      return FailLatency(Unavailable(arguments.out + ": not a folder and cannot be made one"), kExitIo);
     }
   }
 
   const Result<std::unique_ptr<LoopedSource>> source = LoadFrames(arguments);
-  if (!source.ok()) return Fail(source.status());
+  if (!source.ok()) return FailLatency(source.status());
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
-  if (!camera.ok()) return Fail(camera.status());
+  if (!camera.ok()) return FailLatency(camera.status());
   const Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
-  if (!device.ok()) return Fail(device.status());
-  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return Fail(status);
+  if (!device.ok()) return FailLatency(device.status());
+  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok())
+    return FailLatency(status);
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
-  if (!vocabulary.ok()) return Fail(vocabulary.status());
+  if (!vocabulary.ok()) return FailLatency(vocabulary.status());
   const SystemClock clock;
   Engine engine(config, *camera, **device, Engine::Mode::kRealTime, &clock, SceneShare((*source)->static_mask()),
                 vocabulary->get());
@@ -189,7 +183,7 @@ int Measure(LatencyArguments arguments) {
   std::unique_ptr<VisionDevice> stress_device;
   if (arguments.stress_gpu) {
     Result<std::unique_ptr<VisionDevice>> made = MakeStressDevice(arguments, calibration);
-    if (!made.ok()) return Fail(made.status());
+    if (!made.ok()) return FailLatency(made.status());
     stress_device = std::move(made).value();
   }
 
@@ -218,8 +212,7 @@ int Measure(LatencyArguments arguments) {
   report.record = &record;
   std::fprintf(stderr, "haustra latency: measuring for %.0f s\n", seconds);
 
-  std::signal(SIGINT, RequestStop);
-  std::signal(SIGTERM, RequestStop);
+  const std::atomic<bool>& stop_requested = CatchStopSignals();
   RealTimeOptions options;
   options.rate = arguments.rate;
   options.rt = config.rt;
@@ -238,12 +231,12 @@ int Measure(LatencyArguments arguments) {
     is_over = true;
     timer.join();
   }
-  if (!session.ok()) return Fail(session.status());
+  if (!session.ok()) return FailLatency(session.status());
   report.board_after = ReadBoardState("");
   if (requirement) report.verdict = Judge(*requirement, record.Values());
   std::printf("%s", ToText(report).c_str());
   if (!arguments.out.empty()) {
-    if (const Status status = WriteResults(arguments.out, report); !status.ok()) return Fail(status, kExitIo);
+    if (const Status status = WriteResults(arguments.out, report); !status.ok()) return FailLatency(status, kExitIo);
     std::printf("  results in         %s (latency.html, latency.json, histogram.txt, trace.json)\n",
                 arguments.out.c_str());
   }
@@ -287,14 +280,7 @@ void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--stress-memory", arguments->stress_memory, "Threads that copy memory")
       ->check(CLI::Range(0, 256));
   command->add_flag("--stress-gpu", arguments->stress_gpu, "A second user of the vision device, of low priority");
-  command->add_option("--config", arguments->config, "Configuration file (YAML); see config/");
-  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value");
-  command->add_option("--device", arguments->device, "Vision device")
-      ->check(CLI::IsMember({"cpu", "cuda"}))
-      ->capture_default_str();
-  command->add_option("--threads", arguments->threads, "Threads of the CPU device, 0: one a core")
-      ->check(CLI::Range(0, 256))
-      ->capture_default_str();
+  AddConfigurationOptions(*command, *arguments);
   command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Measure(*arguments); }; });
 }

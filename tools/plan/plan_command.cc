@@ -10,25 +10,22 @@
 #include "capture/open_sequence.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/memory_plan.h"
+#include "tools/command/configuration_options.h"
 #include "tools/exit_codes.h"
 #include "tools/plan/plan_text.h"
 
 namespace haustra {
 namespace {
 
-struct PlanArguments {
-  std::string config;
-  std::vector<std::string> assignments;
+struct PlanArguments : ConfigurationOptions {
   std::string sequence;
   std::string calibration;
   int width_px = 1440;
   int height_px = 1080;
-  std::string device = "cpu";
-  int threads = 0;
   bool json = false;
 };
 
-int Fail(const Status& status) {
+int FailPlan(const Status& status) {
   std::fprintf(stderr, "haustra plan: %s\n", status.ToString().c_str());
   return ExitCodeFor(status.code());
 }
@@ -53,9 +50,9 @@ int Plan(const PlanArguments& arguments) {
   }
   const EngineConfig& config = loaded->config();
   const Result<CameraCalibration> camera = CameraOf(arguments);
-  if (!camera.ok()) return Fail(camera.status());
+  if (!camera.ok()) return FailPlan(camera.status());
   const Result<MemoryPlan> plan = PlanMemory(config, *camera, arguments.device, arguments.threads);
-  if (!plan.ok()) return Fail(plan.status());
+  if (!plan.ok()) return FailPlan(plan.status());
   if (arguments.json) {
     std::fputs(PlanJson(*plan).c_str(), stdout);
   } else {
@@ -68,7 +65,7 @@ int Plan(const PlanArguments& arguments) {
     std::fprintf(stderr, "haustra plan: note: workspaces of the GPU's extraction and matching are not in the plan\n");
   }
   // After the table: what does not fit is to be seen in it.
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return Fail(status);
+  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailPlan(status);
   return kExitOk;
 }
 
@@ -77,9 +74,7 @@ int Plan(const PlanArguments& arguments) {
 void AddPlanCommand(CLI::App& app, std::function<int()>& action) {
   const auto arguments = std::make_shared<PlanArguments>();
   CLI::App* command = app.add_subcommand("plan", "Print what a configuration takes in memory, pool by pool");
-  command->add_option("--config", arguments->config, "Configuration file (YAML); see config/");
-  command->add_option("--set", arguments->assignments,
-                      "Overrides one key of the configuration: section.key=value, e.g. memory.profile=small");
+  AddConfigurationOptions(*command, *arguments);
   auto* sequence = command->add_option("--sequence", arguments->sequence, "Sequence whose images are planned for");
   auto* calibration = command->add_option("--calibration", arguments->calibration,
                                           "Camera calibration whose image size is planned for");
@@ -89,12 +84,6 @@ void AddPlanCommand(CLI::App& app, std::function<int()>& action) {
       ->capture_default_str();
   command->add_option("--height", arguments->height_px, "Of the images, when neither of these is given")
       ->check(CLI::Range(16, 8192))
-      ->capture_default_str();
-  command->add_option("--device", arguments->device, "Vision device")
-      ->check(CLI::IsMember({"cpu", "cuda"}))
-      ->capture_default_str();
-  command->add_option("--threads", arguments->threads, "Threads of the CPU device, 0: one a core")
-      ->check(CLI::Range(0, 256))
       ->capture_default_str();
   command->add_flag("--json", arguments->json, "Print JSON");
   command->callback([arguments, &action] { action = [arguments] { return Plan(*arguments); }; });

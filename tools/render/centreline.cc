@@ -9,7 +9,7 @@
 namespace haustra::render {
 namespace {
 
-constexpr double kStepMm = 0.25;
+constexpr double kCentrelineStepMm = 0.25;
 constexpr int kMaxAttempts = 64;
 
 }  // namespace
@@ -32,13 +32,13 @@ bool Centreline::Build(const Shape& shape, double max_curvature, Rng& rng) {
   Eigen::Vector3d position;
   for (int i = 0; i < 3; ++i) position[i] = rng.Uniform(-50.0, 50.0);
 
-  const int count = static_cast<int>(std::ceil(shape.length_mm / kStepMm)) + 2;
+  const int count = static_cast<int>(std::ceil(shape.length_mm / kCentrelineStepMm)) + 2;
   samples_.clear();
   samples_.reserve(count);
   for (int i = 0; i < count; ++i) {
     const Eigen::Matrix3d axes = attitude.toRotationMatrix();
     samples_.push_back({position, axes.col(2), axes.col(0), axes.col(1)});
-    const double s = (i + 0.5) * kStepMm;
+    const double s = (i + 0.5) * kCentrelineStepMm;
     double k1 = gain * shape.twin.Blend(s, [&](double x) { return bend_normal.At(x); });
     double k2 = gain * shape.twin.Blend(s, [&](double x) { return bend_binormal.At(x); });
     const double norm = std::hypot(k1, k2);
@@ -47,14 +47,14 @@ bool Centreline::Build(const Shape& shape, double max_curvature, Rng& rng) {
       k2 *= max_curvature / norm;
     }
     // The tangent turns towards the normal by k1 and towards the binormal by k2; half a turn before and after the step.
-    const Eigen::Quaterniond half_turn = ExpSO3(Eigen::Vector3d(-k2, k1, 0.0) * (0.5 * kStepMm));
+    const Eigen::Quaterniond half_turn = ExpSO3(Eigen::Vector3d(-k2, k1, 0.0) * (0.5 * kCentrelineStepMm));
     const Eigen::Quaterniond middle = attitude * half_turn;
-    position += kStepMm * (middle * Eigen::Vector3d::UnitZ());
+    position += kCentrelineStepMm * (middle * Eigen::Vector3d::UnitZ());
     attitude = (middle * half_turn).normalized();
   }
 
-  const int stride = static_cast<int>(4.0 / kStepMm);
-  const int near = static_cast<int>(1.6 * shape.clearance_mm / kStepMm);
+  const int stride = static_cast<int>(4.0 / kCentrelineStepMm);
+  const int near = static_cast<int>(1.6 * shape.clearance_mm / kCentrelineStepMm);
   for (int i = 0; i < count; i += stride) {
     for (int j = i + near; j < count; j += stride) {
       if ((samples_[i].position - samples_[j].position).norm() < shape.clearance_mm) return false;
@@ -64,7 +64,7 @@ bool Centreline::Build(const Shape& shape, double max_curvature, Rng& rng) {
 }
 
 CurveFrame Centreline::At(double arc_mm) const {
-  const double x = std::clamp(arc_mm, 0.0, length_mm_) / kStepMm;
+  const double x = std::clamp(arc_mm, 0.0, length_mm_) / kCentrelineStepMm;
   const int i = std::min(static_cast<int>(x), static_cast<int>(samples_.size()) - 2);
   const double t = x - i;
   const CurveFrame& a = samples_[i];
@@ -73,7 +73,7 @@ CurveFrame Centreline::At(double arc_mm) const {
   // Cubic Hermite: the direction of a camera that rides on the curve must not jump at the samples.
   const double t2 = t * t, t3 = t2 * t;
   out.position = (2 * t3 - 3 * t2 + 1) * a.position + (3 * t2 - 2 * t3) * b.position +
-                 kStepMm * ((t3 - 2 * t2 + t) * a.tangent + (t3 - t2) * b.tangent);
+                 kCentrelineStepMm * ((t3 - 2 * t2 + t) * a.tangent + (t3 - t2) * b.tangent);
   out.tangent = ((1 - t) * a.tangent + t * b.tangent).normalized();
   const Eigen::Vector3d normal = (1 - t) * a.normal + t * b.normal;
   out.normal = (normal - normal.dot(out.tangent) * out.tangent).normalized();

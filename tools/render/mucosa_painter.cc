@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "tools/render/smooth_step.h"
+
 namespace haustra::render {
 namespace {
 
@@ -14,11 +16,6 @@ constexpr float kFollicleRadius = 0.085f;  // cells
 constexpr int kCoarse = 8;                 // texels between two samples of what varies slowly
 constexpr int kCoarseColumns = kMucosaColumns / kCoarse;
 
-float Saturate(float x) { return std::clamp(x, 0.0f, 1.0f); }
-float SmoothStep(float low, float high, float x) {
-  const float t = Saturate((x - low) / (high - low));
-  return t * t * (3.0f - 2.0f * t);
-}
 int CellsAround(float wavelength_mm) { return std::max(1, static_cast<int>(kMucosaGirthMm / wavelength_mm)); }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "tools/render/parallel_for.h"
+#include "tools/render/smooth_step.h"
 
 namespace haustra::render {
 namespace {
@@ -17,12 +18,6 @@ constexpr int kMaxTaps = 4;
 // Four channels in one register of any machine with SIMD.
 using Vec4f = float __attribute__((vector_size(16)));
 using Vec4u8 = std::uint8_t __attribute__((vector_size(4)));
-
-float Saturate(float x) { return std::clamp(x, 0.0f, 1.0f); }
-float SmoothStep(float low, float high, float x) {
-  const float t = Saturate((x - low) / (high - low));
-  return t * t * (3.0f - 2.0f * t);
-}
 
 // Reflectance is stored as its square root: eight bits then suffice in the dark.
 std::uint8_t EncodeReflectance(float x) {

@@ -15,7 +15,7 @@
 namespace haustra {
 namespace {
 
-struct Arguments {
+struct RenderArguments {
   std::string out;
   std::string preset = "standard";
   std::string size;
@@ -38,7 +38,7 @@ Status ParseSize(const std::string& text, render::RenderOptions* options) {
   return Status::Ok();
 }
 
-Result<render::RenderOptions> OptionsFrom(const Arguments& arguments) {
+Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   HAUSTRA_ASSIGN(const render::Preset preset, render::FindPreset(arguments.preset));
   render::RenderOptions options = render::RenderOptions::FromPreset(preset);
   if (arguments.seconds != 0.0) options.seconds = arguments.seconds;
@@ -61,7 +61,7 @@ Result<render::RenderOptions> OptionsFrom(const Arguments& arguments) {
   return options;
 }
 
-int Run(const Arguments& arguments) {
+int RunRender(const RenderArguments& arguments) {
   const Result<render::RenderOptions> options = OptionsFrom(arguments);
   if (!options.ok()) {
     std::fprintf(stderr, "haustra render: %s\n", options.status().message().c_str());
@@ -93,7 +93,7 @@ int Run(const Arguments& arguments) {
 }  // namespace
 
 void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<RenderArguments>();
   CLI::App* command = app.add_subcommand("render", "Render a colon sequence with exact ground truth");
   std::string presets = "Kind of sequence:";
   for (const render::Preset& preset : render::Presets()) {
@@ -115,7 +115,7 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--quality", arguments->quality, "JPEG quality")->capture_default_str();
   command->add_flag("--overwrite", arguments->overwrite, "Replace a sequence that is already in OUT");
   command->add_flag("--quiet", arguments->quiet, "Say nothing unless it fails");
-  command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
+  command->callback([arguments, &action] { action = [arguments] { return RunRender(*arguments); }; });
 }
 
 }  // namespace haustra

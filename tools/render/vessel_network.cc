@@ -7,7 +7,7 @@
 namespace haustra::render {
 namespace {
 
-constexpr double kStepMm = 0.3;
+constexpr double kVesselStepMm = 0.3;
 constexpr double kHairWidthMm = 0.07;
 constexpr int kMaxDepth = 5;
 
@@ -44,7 +44,7 @@ void DrawStroke(double u0, double v0, double u1, double v1, double width_mm, dou
 // Draws one vessel and returns the shoots that leave it.
 void Grow(const Shoot& shoot, Rng& rng, SurfaceMap* map, std::vector<Shoot>* shoots) {
   double u = shoot.u, v = shoot.v, heading = shoot.heading_rad, bend = 0.0;
-  const int num_steps = static_cast<int>(shoot.length_mm / kStepMm);
+  const int num_steps = static_cast<int>(shoot.length_mm / kVesselStepMm);
   double until_branch = rng.Uniform(1.5, 5.0) * (0.6 + shoot.width_mm);
   const double wiggle = 0.055 + 0.010 * shoot.depth;
   for (int i = 0; i < num_steps; ++i) {
@@ -54,13 +54,13 @@ void Grow(const Shoot& shoot, Rng& rng, SurfaceMap* map, std::vector<Shoot>* sho
     bend = 0.88 * bend + wiggle * (rng.Uniform() + rng.Uniform() - 1.0);
     // Vessels wander, but they are on their way to somewhere: without this they curl up.
     heading += bend - 0.03 * (heading - shoot.heading_rad);
-    const double next_u = u + kStepMm * std::cos(heading), next_v = v + kStepMm * std::sin(heading);
+    const double next_u = u + kVesselStepMm * std::cos(heading), next_v = v + kVesselStepMm * std::sin(heading);
     // The end of a vessel dives below the surface.
     const double fade = std::min(1.0, 3.0 * (1.0 - progress));
     DrawStroke(u, v, next_u, next_v, width, shoot.opacity * fade, map);
     u = next_u;
     v = next_v;
-    until_branch -= kStepMm;
+    until_branch -= kVesselStepMm;
     if (until_branch <= 0.0 && shoot.depth < kMaxDepth) {
       until_branch = rng.Uniform(2.0, 8.0) * (0.8 + width);
       const double side = rng.Uniform() < 0.5 ? -1.0 : 1.0;

@@ -24,7 +24,7 @@ struct ReportArguments {
   evaluate::EvaluateOptions options;
 };
 
-int Fail(const Status& status) {
+int FailReport(const Status& status) {
   std::fprintf(stderr, "haustra report: %s\n", status.message().c_str());
   return ExitCodeFor(status.code());
 }
@@ -39,22 +39,22 @@ Result<std::map<int, report::MapModel>> ReadModels(const evaluate::RunOutput& ru
   return models;
 }
 
-int Run(const ReportArguments& arguments) {
+int RunReport(const ReportArguments& arguments) {
   evaluate::Reference reference;
   if (!arguments.groundtruth.empty()) {
     Result<evaluate::Reference> read = evaluate::ReadReference(arguments.groundtruth, arguments.events);
-    if (!read.ok()) return Fail(read.status());
+    if (!read.ok()) return FailReport(read.status());
     reference = std::move(*read);
   }
   const Result<evaluate::RunOutput> run = evaluate::ReadRunOutput(arguments.run);
-  if (!run.ok()) return Fail(run.status());
+  if (!run.ok()) return FailReport(run.status());
   const Result<std::map<int, report::MapModel>> models = ReadModels(*run);
-  if (!models.ok()) return Fail(models.status());
+  if (!models.ok()) return FailReport(models.status());
   const evaluate::Evaluation evaluation = evaluate::EvaluateRun(*run, reference, arguments.options);
   std::string pictures;
   if (!arguments.pictures.sequence.empty()) {
     Result<std::string> html = report::JoinPicturesHtml(*run, evaluation, *models, arguments.pictures);
-    if (!html.ok()) return Fail(html.status());
+    if (!html.ok()) return FailReport(html.status());
     pictures = std::move(*html);
   }
   const std::string page = report::MakePage({*run, reference, evaluation, *models, pictures});
@@ -107,7 +107,7 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::PositiveNumber);
   command->add_flag("--positions-only", arguments->options.joins.positions_only,
                     "The true orientations are not to be trusted: do not use them");
-  command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
+  command->callback([arguments, &action] { action = [arguments] { return RunReport(*arguments); }; });
 }
 
 }  // namespace haustra

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <map>
 #include <memory>
@@ -21,6 +20,8 @@
 #include "platform/session/session.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
+#include "tools/command/configuration_options.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/run/progress.h"
 #include "tools/run/run_outputs.h"
@@ -28,16 +29,12 @@
 namespace haustra {
 namespace {
 
-struct RunArguments {
+struct RunArguments : ConfigurationOptions {
   std::string sequence;
   std::string out;
   std::string mode = "sequential";
   double rate = 1.0;
   std::optional<std::uint64_t> seed;
-  std::string config;
-  std::vector<std::string> assignments;
-  std::string device = "cpu";
-  int threads = 0;
   std::uint32_t every_nth = 1;
   bool halve = false;
   std::string calibration;
@@ -48,11 +45,7 @@ struct RunArguments {
   bool print_config = false;
 };
 
-std::atomic<bool> stop_requested{false};
-
-void RequestStop(int) { stop_requested.store(true); }
-
-int Fail(const Status& status) {
+int FailRun(const Status& status) {
   std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());
   return ExitCodeFor(status.code());
 }
@@ -143,27 +136,28 @@ int Run(const RunArguments& arguments) {
   if (arguments.seed) config.seed = *arguments.seed;
 
   Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, OptionsOf(arguments));
-  if (!source.ok()) return Fail(source.status());
+  if (!source.ok()) return FailRun(source.status());
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
-  if (!camera.ok()) return Fail(camera.status());
+  if (!camera.ok()) return FailRun(camera.status());
   const HeapWatch* heap_watch = nullptr;
   if (arguments.trap_allocations != "off") {
     if (!AllocationTrap::IsAvailable()) {
-      return Fail(Unavailable("--trap-allocations: this build's malloc cannot be watched (sanitizer, or not glibc)"));
+      return FailRun(
+          Unavailable("--trap-allocations: this build's malloc cannot be watched (sanitizer, or not glibc)"));
     }
     heap_watch = arguments.trap_allocations == "abort" ? &AbortingHeapWatch() : &CountingHeapWatch();
   }
   const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
-  if (!plan.ok()) return Fail(plan.status());
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return Fail(status);
+  if (!plan.ok()) return FailRun(plan.status());
+  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailRun(status);
   Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
-  if (!device.ok()) return Fail(device.status());
-  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return Fail(status);
+  if (!device.ok()) return FailRun(device.status());
+  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return FailRun(status);
 
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
-  if (!vocabulary.ok()) return Fail(vocabulary.status());
+  if (!vocabulary.ok()) return FailRun(vocabulary.status());
 
   const bool is_live = IsV4l2Spec(arguments.sequence);
   const bool is_realtime = arguments.mode == "realtime";
@@ -171,26 +165,25 @@ int Run(const RunArguments& arguments) {
   Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
                 SceneShare((*source)->static_mask()), vocabulary->get());
   if (!arguments.load_atlas.empty()) {
-    if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok()) return Fail(status);
+    if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok()) return FailRun(status);
   }
 
   // Last of the checks: an earlier run's results in the folder go only when this run can start.
   if (const Status status = PrepareOutputFolder(arguments.out); !status.ok()) {
-    if (status.code() != StatusCode::kUnavailable) return Fail(status);
+    if (status.code() != StatusCode::kUnavailable) return FailRun(status);
     std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());
     return kExitIo;
   }
 
   // Better now than after the procedure.
   if (!arguments.save_atlas.empty()) {
-    if (const Status status = CheckAtlasFileCanBeSaved(arguments.save_atlas); !status.ok()) return Fail(status);
+    if (const Status status = CheckAtlasFileCanBeSaved(arguments.save_atlas); !status.ok()) return FailRun(status);
   }
   std::fprintf(stderr, "haustra run: %s, %u frames %dx%d, %s mode, device %s\n", arguments.sequence.c_str(),
                (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
                std::string((*device)->name()).c_str());
 
-  std::signal(SIGINT, RequestStop);
-  std::signal(SIGTERM, RequestStop);
+  const std::atomic<bool>& stop_requested = CatchStopSignals();
   Progress progress((*source)->num_frames());
   RunRecord record([&progress](const RunRecord& r) { progress.Update(r); }, heap_watch);
   RealTimeOptions options;
@@ -227,7 +220,7 @@ int Run(const RunArguments& arguments) {
     std::fprintf(stderr, "haustra run: %s\n", atlas_saved.ToString().c_str());
     return kExitIo;
   }
-  if (!session.ok()) return Fail(session.status());
+  if (!session.ok()) return FailRun(session.status());
   return kExitOk;
 }
 
@@ -253,15 +246,7 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--config", arguments->config, "Configuration file (YAML); see config/");
-  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value")
-      ->allow_extra_args(false);
-  command->add_option("--device", arguments->device, "Vision device")
-      ->check(CLI::IsMember({"cpu", "cuda"}))
-      ->capture_default_str();
-  command->add_option("--threads", arguments->threads, "Threads of the CPU device, 0: one a core")
-      ->check(CLI::Range(0, 256))
-      ->capture_default_str();
+  AddConfigurationOptions(*command, *arguments);
   command->add_option("--every-nth", arguments->every_nth, "Use only every n-th frame")
       ->check(CLI::Range(1u, 1000u))
       ->capture_default_str();

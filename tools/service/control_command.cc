@@ -18,7 +18,7 @@ struct ControlArguments {
   double timeout_s = 30.0;
 };
 
-int Fail(const Status& status) {
+int FailControl(const Status& status) {
   std::fprintf(stderr, "haustra control: %s\n", status.message().c_str());
   switch (status.code()) {
     case StatusCode::kInvalidArgument: return kExitUsage;
@@ -32,12 +32,12 @@ int Control(const ControlArguments& arguments) {
   for (const std::string& word : arguments.words) text += (text.empty() ? "" : " ") + word;
   // Here rather than there: a typing error needs no daemon.
   const Result<ControlRequest> request = ParseControlRequest(text);
-  if (!request.ok()) return Fail(request.status());
+  if (!request.ok()) return FailControl(request.status());
   Result<ControlClient> client = ControlClient::Connect(arguments.folder + "/control");
-  if (!client.ok()) return Fail(client.status());
+  if (!client.ok()) return FailControl(client.status());
   const Result<std::string> reply =
       client->Ask(*request, std::chrono::milliseconds(static_cast<std::int64_t>(1000 * arguments.timeout_s)));
-  if (!reply.ok()) return Fail(reply.status());
+  if (!reply.ok()) return FailControl(reply.status());
   std::fputs(reply->c_str(), stdout);
   return kExitOk;
 }

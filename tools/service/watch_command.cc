@@ -4,14 +4,15 @@
 #include <unistd.h>
 
 #include <atomic>
-#include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
 
 #include "platform/control/control_client.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/service/runtime_folder.h"
 #include "tools/service/watch_view.h"
@@ -25,8 +26,6 @@ constexpr std::size_t kKeptLatencies = 250;  // ten seconds
 constexpr std::size_t kKeptEvents = 8;
 constexpr int kStepsPerStatus = 5;
 constexpr milliseconds kStep{200};
-
-std::atomic<bool> stop_requested{false};
 
 struct WatchArguments {
   std::string folder = kRuntimeFolder;
@@ -132,8 +131,7 @@ int Watch(const WatchArguments& arguments) {
     std::fputs(WatchPage(model, 1000).c_str(), stdout);
     return model.is_connected ? kExitOk : kExitUnavailable;
   }
-  std::signal(SIGINT, [](int) { stop_requested = true; });
-  std::signal(SIGTERM, [](int) { stop_requested = true; });
+  const std::atomic<bool>& stop_requested = CatchStopSignals();
   const bool is_terminal = ::isatty(STDOUT_FILENO) != 0;
   for (int step = 0; !stop_requested; ++step) {
     const WatchModel& model = watcher.Look();

@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
-#include <csignal>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -16,6 +15,8 @@
 #include "platform/memory_plan.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
+#include "tools/command/configuration_options.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/soak/looping_source.h"
 #include "tools/soak/soak_monitor.h"
@@ -23,7 +24,7 @@
 namespace haustra {
 namespace {
 
-struct SoakArguments {
+struct SoakArguments : ConfigurationOptions {
   std::string sequence;
   double minutes = 60.0;
   double interval_s = 10.0;
@@ -35,20 +36,12 @@ struct SoakArguments {
   double max_growth_mb = SoakOptions{}.max_growth_mb;
   double max_latency_ratio = SoakOptions{}.max_latency_ratio;
   std::optional<std::uint64_t> seed;
-  std::string config;
-  std::vector<std::string> assignments;
-  std::string device = "cpu";
-  int threads = 0;
 };
 
 // Of what did not go as it should: not a usage error, not an internal one.
 constexpr int kExitFailed = 1;
 
-std::atomic<bool> stop_requested{false};
-
-void RequestStop(int) { stop_requested.store(true); }
-
-int Fail(const Status& status) {
+int FailSoak(const Status& status) {
   std::fprintf(stderr, "haustra soak: %s\n", status.ToString().c_str());
   return ExitCodeFor(status.code());
 }
@@ -74,23 +67,23 @@ int Soak(const SoakArguments& arguments) {
   };
   Result<std::unique_ptr<LoopingSource>> source =
       LoopingSource::Create(open, arguments.loop == "back-and-forth", Seconds(60.0 * arguments.minutes));
-  if (!source.ok()) return Fail(source.status());
+  if (!source.ok()) return FailSoak(source.status());
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
-  if (!camera.ok()) return Fail(camera.status());
+  if (!camera.ok()) return FailSoak(camera.status());
   const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
-  if (!plan.ok()) return Fail(plan.status());
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return Fail(status);
+  if (!plan.ok()) return FailSoak(plan.status());
+  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailSoak(status);
   Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
-  if (!device.ok()) return Fail(device.status());
-  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return Fail(status);
+  if (!device.ok()) return FailSoak(device.status());
+  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return FailSoak(status);
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
-  if (!vocabulary.ok()) return Fail(vocabulary.status());
+  if (!vocabulary.ok()) return FailSoak(vocabulary.status());
   std::unique_ptr<std::FILE, FileCloser> csv;
   if (!arguments.csv.empty()) {
     csv.reset(std::fopen(arguments.csv.c_str(), "w"));
-    if (csv == nullptr) return Fail(Unavailable(arguments.csv + ": cannot be written"));
+    if (csv == nullptr) return FailSoak(Unavailable(arguments.csv + ": cannot be written"));
     std::fputs(SoakCsvHeader().c_str(), csv.get());
   }
 
@@ -112,14 +105,13 @@ int Soak(const SoakArguments& arguments) {
     is_written = std::fputs(SoakCsvLine(sample).c_str(), csv.get()) >= 0 && std::fflush(csv.get()) == 0 && is_written;
   };
   SoakMonitor monitor(engine, options, write, AllocationTrap::IsAvailable() ? &CountingHeapWatch() : nullptr);
-  std::signal(SIGINT, RequestStop);
-  std::signal(SIGTERM, RequestStop);
+  const std::atomic<bool>& stop_requested = CatchStopSignals();
   const Result<SessionSummary> session =
       is_realtime ? RunRealTime(**source, engine, clock, arguments.rate, monitor, stop_requested)
                   : RunSequential(**source, engine, clock, monitor, stop_requested);
   std::fprintf(stderr, "\n");
-  if (!session.ok()) return Fail(session.status());
-  if (!is_written) return Fail(Unavailable(arguments.csv + ": could not be written"));
+  if (!session.ok()) return FailSoak(session.status());
+  if (!is_written) return FailSoak(Unavailable(arguments.csv + ": could not be written"));
 
   const EvictionCounters& evicted = engine.evictions();
   std::printf(
@@ -178,14 +170,7 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
       ->check(CLI::NonNegativeNumber);
-  command->add_option("--config", arguments->config, "Configuration file (YAML); see config/");
-  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value");
-  command->add_option("--device", arguments->device, "Vision device")
-      ->check(CLI::IsMember({"cpu", "cuda"}))
-      ->capture_default_str();
-  command->add_option("--threads", arguments->threads, "Threads of the CPU device, 0: one a core")
-      ->check(CLI::Range(0, 256))
-      ->capture_default_str();
+  AddConfigurationOptions(*command, *arguments);
   command->callback([arguments, &action] { action = [arguments] { return Soak(*arguments); }; });
 }
 

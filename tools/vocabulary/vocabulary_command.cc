@@ -18,7 +18,7 @@
 namespace haustra {
 namespace {
 
-struct Arguments {
+struct VocabularyArguments {
   std::string out;
   std::vector<std::string> sequences;
   int every_nth = 10;
@@ -31,12 +31,12 @@ struct Arguments {
   bool quiet = false;
 };
 
-int Fail(const Status& status) {
+int FailVocabulary(const Status& status) {
   std::fprintf(stderr, "haustra vocabulary: %s\n", status.ToString().c_str());
   return status.code() == StatusCode::kUnavailable ? kExitIo : ExitCodeFor(status.code());
 }
 
-Status Gather(const Arguments& arguments, TrainingSample* sample) {
+Status Gather(const VocabularyArguments& arguments, TrainingSample* sample) {
   for (const std::string& sequence : arguments.sequences) {
     const std::size_t before = sample->num_pictures();
     HAUSTRA_TRY(sample->AddSequence(sequence, arguments.every_nth));
@@ -56,7 +56,7 @@ Status Gather(const Arguments& arguments, TrainingSample* sample) {
   return Status::Ok();
 }
 
-int Run(Arguments arguments) {
+int RunVocabulary(VocabularyArguments arguments) {
   if (arguments.sequences.empty() && arguments.rendered.num_colons == 0) {
     std::fprintf(stderr, "haustra vocabulary: nothing to learn from: name sequences, or --rendered N\n");
     return kExitUsage;
@@ -71,19 +71,19 @@ int Run(Arguments arguments) {
       arguments.threads > 0 ? arguments.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   // Made first: where nothing can be written, nobody waits for the training.
   Result<FileSink> sink = FileSink::Create(arguments.out);
-  if (!sink.ok()) return Fail(sink.status());
+  if (!sink.ok()) return FailVocabulary(sink.status());
 
   const auto start = std::chrono::steady_clock::now();
   const auto elapsed_s = [&] {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
   TrainingSample sample(config->config(), arguments.features, arguments.threads);
-  if (const Status status = Gather(arguments, &sample); !status.ok()) return Fail(status);
+  if (const Status status = Gather(arguments, &sample); !status.ok()) return FailVocabulary(status);
   const double gathered_s = elapsed_s();
   const Result<Vocabulary> vocabulary = Vocabulary::Train(sample.sample(), arguments.options);
-  if (!vocabulary.ok()) return Fail(vocabulary.status());
-  if (const Status status = WriteVocabulary(*vocabulary, *sink); !status.ok()) return Fail(status);
-  if (const Status status = sink->Commit(); !status.ok()) return Fail(status);
+  if (!vocabulary.ok()) return FailVocabulary(vocabulary.status());
+  if (const Status status = WriteVocabulary(*vocabulary, *sink); !status.ok()) return FailVocabulary(status);
+  if (const Status status = sink->Commit(); !status.ok()) return FailVocabulary(status);
   if (!arguments.quiet) {
     std::printf("%s: %d words from %zu descriptors of %zu pictures, %.1f s (%.1f s of them training)\n",
                 arguments.out.c_str(), vocabulary->num_words(), sample.sample().num_descriptors(),
@@ -95,7 +95,7 @@ int Run(Arguments arguments) {
 }  // namespace
 
 void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<VocabularyArguments>();
   CLI::App* command = app.add_subcommand("vocabulary", "Learn the visual words for retrieval.kind=vocabulary");
   command->add_option("sequences", arguments->sequences, "Sequences to learn from, as for `haustra run`");
   command->add_option("--out", arguments->out, "File to write, for retrieval.vocabulary")->required();
@@ -121,12 +121,13 @@ void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   command->add_option("--config", arguments->config, "Configuration file (YAML): its features are those of the words");
-  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value");
+  command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value")
+      ->allow_extra_args(false);
   command->add_option("--threads", arguments->threads, "Threads, 0: one a core. The words do not depend on it")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
   command->add_flag("--quiet", arguments->quiet, "Say nothing unless it fails");
-  command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
+  command->callback([arguments, &action] { action = [arguments] { return RunVocabulary(*arguments); }; });
 }
 
 }  // namespace haustra

@@ -166,7 +166,7 @@ TEST(PoseGraph, SameInputGivesTheSameBits) {
   }
 }
 
-class SteppingClock : public Clock {
+class TickingClock : public Clock {
  public:
   TimePoint Now() const override { return TimePoint(std::chrono::milliseconds(++num_looks_)); }
 
@@ -177,7 +177,7 @@ class SteppingClock : public Clock {
 TEST(PoseGraph, DeadlineStopsItWithTheBestStateSoFar) {
   const SyntheticLoop loop = MakeSyntheticLoop({});
   std::vector<PoseGraphNode> nodes = loop.nodes;
-  const SteppingClock clock;
+  const TickingClock clock;
   PoseGraphOptions options;
   options.clock = &clock;
   options.deadline = TimePoint(std::chrono::milliseconds(2));

@@ -11,7 +11,7 @@
 namespace haustra {
 namespace {
 
-bool IsSameGeometry(const BundleProblem& a, const BundleProblem& b) {
+bool IsSameSolution(const BundleProblem& a, const BundleProblem& b) {
   for (std::size_t i = 0; i < a.poses.size(); ++i) {
     if (a.poses[i].cam_from_world.translation != b.poses[i].cam_from_world.translation ||
         a.poses[i].cam_from_world.rotation.coeffs() != b.poses[i].cam_from_world.rotation.coeffs()) {
@@ -91,7 +91,7 @@ TEST(SchurBundleAdjuster, MemoryOfEarlierCallsDoesNotShow) {
     BundleProblem fresh = bundle->start;
     const BundleSummary summary = adjuster.Adjust(bundle->camera, BundleOptions(), &reused).value();
     const BundleSummary expected = AdjustBundleSchur(bundle->camera, BundleOptions(), &fresh).value();
-    EXPECT_TRUE(IsSameGeometry(reused, fresh));
+    EXPECT_TRUE(IsSameSolution(reused, fresh));
     EXPECT_EQ(summary.final_cost, expected.final_cost);
     EXPECT_EQ(summary.num_outliers, expected.num_outliers);
   }
@@ -106,7 +106,7 @@ TEST(SchurBundleAdjuster, OrderOfObservationsOfDifferentPointsDoesNotMatter) {
                    [](const BundleObservation& a, const BundleObservation& b) { return a.point_idx < b.point_idx; });
   ASSERT_TRUE(AdjustBundleSchur(bundle.camera, BundleOptions(), &by_pose).ok());
   ASSERT_TRUE(AdjustBundleSchur(bundle.camera, BundleOptions(), &by_point).ok());
-  EXPECT_TRUE(IsSameGeometry(by_pose, by_point));
+  EXPECT_TRUE(IsSameSolution(by_pose, by_point));
 }
 
 }  // namespace

@@ -7,8 +7,6 @@
 namespace haustra::test {
 namespace {
 
-const Sim3 kMapFromWorld(2.5, ExpSO3({0.3, -0.8, 0.5}), {4.0, -2.0, 1.0});
-
 class CommonAreaTest : public testing::Test {
  protected:
   CommonAreaTest() : colon_(7), atlas_(colon_.MakeAtlas()), rng_(3) {}
@@ -24,15 +22,16 @@ class CommonAreaTest : public testing::Test {
   Rng rng_;
   CommonAreaConfig options_;
   CommonArea area_;
+  const Sim3 map_from_world_{2.5, ExpSO3({0.3, -0.8, 0.5}), {4.0, -2.0, 1.0}};
 };
 
 TEST_F(CommonAreaTest, OverlappingMapsGiveTheirSimilarity) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
   // z = 2.46 of the second map against z = 2.54 of the first.
   ASSERT_TRUE(Verify(first + 2, 11)) << verdict();
-  const Sim3 truth = kMapFromWorld.Inverse();
+  const Sim3 truth = map_from_world_.Inverse();
   const Eigen::Vector3d centre = atlas_.keyframe(area_.keyframe_a).cam_from_map.InverseTranslation();
   const Sim3Error error = ErrorAt(area_.b_from_a, truth, centre, 1.5);
   EXPECT_LT(error.position, 0.01);
@@ -52,7 +51,7 @@ TEST_F(CommonAreaTest, OverlappingMapsGiveTheirSimilarity) {
 TEST_F(CommonAreaTest, SameInputGivesTheSameBits) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
   rng_ = Rng(5);
   ASSERT_TRUE(Verify(first + 2, 11));
   const CommonArea once = area_;
@@ -66,7 +65,7 @@ TEST_F(CommonAreaTest, SameInputGivesTheSameBits) {
 TEST_F(CommonAreaTest, PlacesApartHaveFewMatches) {
   colon_.AddWall(0.0, 24.0, 8000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 12.0, 15.0, 14, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 12.0, 15.0, 14, map_from_world_).first;
   EXPECT_FALSE(Verify(first + 5, 5));
   EXPECT_EQ(verdict(), "few_matches");
   EXPECT_EQ(area_.counts.num_matches, 0);
@@ -78,7 +77,7 @@ TEST_F(CommonAreaTest, AlikeWallOfOtherShapeHasLowMatchShare) {
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddTwin(wall, 2500, 20.0, 0.3);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 20.0, 23.0, 14, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 20.0, 23.0, 14, map_from_world_).first;
   for (int i = 0; i < 14; i += 3) {
     EXPECT_FALSE(Verify(first + i, i)) << "keyframe " << i;
     EXPECT_GE(area_.counts.num_matches, 100);
@@ -100,7 +99,7 @@ TEST_F(CommonAreaTest, TwinPlaceOfOneMapIsNoDrift) {
 TEST_F(CommonAreaTest, NeighboursThatDisagreeRefuse) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const auto [first, last] = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld);
+  const auto [first, last] = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_);
   for (int f = first; f < last; ++f) {
     if (f == first + 2) continue;
     Keyframe& keyframe = atlas_.keyframe(colon_.frames()[f].keyframe);
@@ -124,7 +123,7 @@ TEST_F(CommonAreaTest, OppositeScaleOfUnitsIsRefused) {
 TEST_F(CommonAreaTest, PointsInOneCornerAreRefused) {
   colon_.AddWall(0.0, 9.0, 6000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
   // Of the new keyframe only what it sees in one part of the image is known.
   const KeyframeHandle handle = colon_.frames()[first + 2].keyframe;
   const Keyframe& keyframe = atlas_.keyframe(handle);
@@ -141,7 +140,7 @@ TEST_F(CommonAreaTest, KeyframeWithoutPointsIsRefused) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
   const MapHandle map = atlas_.CreateMap();
-  colon_.AddKeyframe(&atlas_, map, colon_.ViewFrom(2.0), kMapFromWorld);
+  colon_.AddKeyframe(&atlas_, map, colon_.ViewFrom(2.0), map_from_world_);
   EXPECT_FALSE(Verify(14, 8));
   EXPECT_EQ(verdict(), "few_points");
 }
@@ -149,7 +148,7 @@ TEST_F(CommonAreaTest, KeyframeWithoutPointsIsRefused) {
 TEST_F(CommonAreaTest, FailingDeviceIsNoProof) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
   colon_.device().SetLost(true);
   EXPECT_FALSE(Verify(first + 2, 11));
   EXPECT_EQ(verdict(), "device_failed");

@@ -8,8 +8,6 @@
 namespace haustra::test {
 namespace {
 
-const Sim3 kMapFromWorld(0.6, ExpSO3({-0.2, 0.7, 1.1}), {1.0, 3.0, -2.0});
-
 class PlaceRecogniserTest : public testing::Test {
  protected:
   PlaceRecogniserTest() : colon_(21), atlas_(colon_.MakeAtlas()) {}
@@ -28,12 +26,13 @@ class PlaceRecogniserTest : public testing::Test {
   PlaceConfig place_;
   CommonArea area_;
   PlaceReport report_;
+  const Sim3 map_from_world_{0.6, ExpSO3({-0.2, 0.7, 1.1}), {1.0, 3.0, -2.0}};
 };
 
 TEST_F(PlaceRecogniserTest, FindsTheMapThatShowsTheSameWall) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
   ASSERT_TRUE(Recognise(first + 2));
   EXPECT_EQ(area_.counts.map_b, 0u);
   EXPECT_EQ(area_.counts.map_a, 1u);
@@ -53,7 +52,7 @@ TEST_F(PlaceRecogniserTest, KeyframesThatAreConnectedAlreadyAreNoNews) {
 TEST_F(PlaceRecogniserTest, NewWallIsNotRecognised) {
   colon_.AddWall(0.0, 24.0, 8000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 12.0, 15.0, 14, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 12.0, 15.0, 14, map_from_world_).first;
   for (int i = 0; i < 14; ++i) EXPECT_FALSE(Recognise(first + i));
 }
 
@@ -62,7 +61,7 @@ TEST_F(PlaceRecogniserTest, TwoPlacesOfOneMapThatAgreeAreAmbiguous) {
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddTwin(wall, 2500, 8.0, 0.0);
   colon_.AddMap(&atlas_, 0.0, 11.0, 48, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 8.0, 10.0, 10, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 8.0, 10.0, 10, map_from_world_).first;
   EXPECT_FALSE(Recognise(first + 4));
   EXPECT_EQ(ToString(area_.counts.verdict), "ambiguous");
   EXPECT_EQ(ToString(report_.tried.back().verdict), "ambiguous");
@@ -71,7 +70,7 @@ TEST_F(PlaceRecogniserTest, TwoPlacesOfOneMapThatAgreeAreAmbiguous) {
 TEST_F(PlaceRecogniserTest, LostDeviceIsReported) {
   colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
-  const int first = colon_.AddMap(&atlas_, 2.0, 4.0, 10, kMapFromWorld).first;
+  const int first = colon_.AddMap(&atlas_, 2.0, 4.0, 10, map_from_world_).first;
   colon_.device().SetLost(true);
   EXPECT_FALSE(Recognise(first + 2));
   ASSERT_EQ(report_.tried.size(), 1u);

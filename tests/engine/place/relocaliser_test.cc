@@ -8,8 +8,6 @@
 namespace haustra::test {
 namespace {
 
-const Sim3 kMapFromWorld(1.7, ExpSO3({0.1, 0.4, -0.9}), {2.0, 0.5, -3.0});
-
 class RelocaliserTest : public testing::Test {
  protected:
   RelocaliserTest() : colon_(31), atlas_(colon_.MakeAtlas()), elsewhere_(colon_.MakeAtlas()) {}
@@ -37,15 +35,17 @@ class RelocaliserTest : public testing::Test {
   PlaceConfig place_;
   Relocalisation found_;
   std::vector<RelocalisationCounts> tried_;
+  const Sim3 map_from_world_{1.7, ExpSO3({0.1, 0.4, -0.9}), {2.0, 0.5, -3.0}};
 };
 
 TEST_F(RelocaliserTest, FindsThePoseInTheMap) {
   colon_.AddWall(0.0, 12.0, 4000);
-  colon_.AddMap(&atlas_, 0.0, 8.0, 30, kMapFromWorld);
+  colon_.AddMap(&atlas_, 0.0, 8.0, 30, map_from_world_);
   const SE3 view = colon_.ViewFrom(4.1);
   ASSERT_TRUE(Relocalise(See(view)));
-  const SE3 truth = TransformPose(view, kMapFromWorld);
-  EXPECT_LT((found_.cam_from_map.InverseTranslation() - truth.InverseTranslation()).norm() / kMapFromWorld.scale, 0.01);
+  const SE3 truth = TransformPose(view, map_from_world_);
+  EXPECT_LT((found_.cam_from_map.InverseTranslation() - truth.InverseTranslation()).norm() / map_from_world_.scale,
+            0.01);
   EXPECT_LT(RotationAngle(found_.cam_from_map.rotation, truth.rotation), 0.005);
   EXPECT_EQ(found_.counts.map_id, 0u);
   EXPECT_GE(found_.seen.size(), 150u);
@@ -58,7 +58,7 @@ TEST_F(RelocaliserTest, FindsThePoseInTheMap) {
 
 TEST_F(RelocaliserTest, UnknownWallHasNoCandidate) {
   colon_.AddWall(0.0, 24.0, 8000);
-  colon_.AddMap(&atlas_, 0.0, 8.0, 30, kMapFromWorld);
+  colon_.AddMap(&atlas_, 0.0, 8.0, 30, map_from_world_);
   EXPECT_FALSE(Relocalise(See(colon_.ViewFrom(15.0))));
   ASSERT_EQ(tried_.size(), 1u);
   EXPECT_EQ(ToString(tried_[0].verdict), "no_candidate");
@@ -68,7 +68,7 @@ TEST_F(RelocaliserTest, AlikeWallOfOtherShapeIsRefused) {
   RecordProperty("req", "MRG-001");
   const int wall = colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddTwin(wall, 2500, 20.0, 0.45);
-  colon_.AddMap(&atlas_, 0.0, 4.0, 16, kMapFromWorld);
+  colon_.AddMap(&atlas_, 0.0, 4.0, 16, map_from_world_);
   for (const double z : {20.5, 21.5, 22.5}) {
     EXPECT_FALSE(Relocalise(See(colon_.ViewFrom(z)))) << "z " << z;
     EXPECT_GE(tried_.size(), 1u);
@@ -79,7 +79,7 @@ TEST_F(RelocaliserTest, AlikeWallOfOtherShapeIsRefused) {
 
 TEST_F(RelocaliserTest, ExcludedMapIsNotSearched) {
   colon_.AddWall(0.0, 12.0, 4000);
-  colon_.AddMap(&atlas_, 0.0, 8.0, 30, kMapFromWorld);
+  colon_.AddMap(&atlas_, 0.0, 8.0, 30, map_from_world_);
   const MapHandle map = atlas_.keyframe(colon_.frames()[0].keyframe).map;
   const FrameFeatures& features = See(colon_.ViewFrom(4.1));
   EXPECT_FALSE(Relocalise(features, [map](KeyframeHandle, const Keyframe& k) { return k.map == map; }));
@@ -88,7 +88,7 @@ TEST_F(RelocaliserTest, ExcludedMapIsNotSearched) {
 
 TEST_F(RelocaliserTest, LostDeviceIsReported) {
   colon_.AddWall(0.0, 12.0, 4000);
-  colon_.AddMap(&atlas_, 0.0, 8.0, 30, kMapFromWorld);
+  colon_.AddMap(&atlas_, 0.0, 8.0, 30, map_from_world_);
   const FrameFeatures& features = See(colon_.ViewFrom(4.1));
   colon_.device().SetLost(true);
   EXPECT_FALSE(Relocalise(features));

@@ -25,7 +25,7 @@ Vocabulary SmallVocabulary() {
 std::span<const std::uint8_t> AsBytes(std::string_view text) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
-std::string BytesOf(const Vocabulary& vocabulary) {
+std::string FileOf(const Vocabulary& vocabulary) {
   StringSink sink;
   EXPECT_TRUE(WriteVocabulary(vocabulary, sink).ok());
   return sink.bytes();
@@ -56,10 +56,10 @@ std::string FileOf(const Sections& sections) {
 
 TEST(VocabularyFile, WhatIsReadIsWhatWasWritten) {
   const Vocabulary vocabulary = SmallVocabulary();
-  const std::string bytes = BytesOf(vocabulary);
+  const std::string bytes = FileOf(vocabulary);
   const Result<Vocabulary> read = Read(bytes);
   ASSERT_TRUE(read.ok()) << read.status().ToString();
-  EXPECT_EQ(BytesOf(*read), bytes);
+  EXPECT_EQ(FileOf(*read), bytes);
   EXPECT_TRUE(read->tree().root_sift);
   EXPECT_EQ(read->tree().num_pictures, 3u);
   EXPECT_EQ(read->tree().num_descriptors, 144u);
@@ -72,7 +72,7 @@ TEST(VocabularyFile, WhatIsReadIsWhatWasWritten) {
 }
 
 TEST(VocabularyFile, CutOffAtAnyLengthIsRefused) {
-  const std::string bytes = BytesOf(SmallVocabulary());
+  const std::string bytes = FileOf(SmallVocabulary());
   for (std::size_t length = 0; length < bytes.size(); ++length) {
     ASSERT_FALSE(Read(std::string_view(bytes).substr(0, length)).ok()) << length;
   }
@@ -80,7 +80,7 @@ TEST(VocabularyFile, CutOffAtAnyLengthIsRefused) {
 }
 
 TEST(VocabularyFile, EveryChangedBitIsNoticed) {
-  std::string bytes = BytesOf(SmallVocabulary());
+  std::string bytes = FileOf(SmallVocabulary());
   for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     bytes[bit / 8] = static_cast<char>(bytes[bit / 8] ^ (1 << (bit % 8)));
     ASSERT_FALSE(Read(bytes).ok()) << bit;
@@ -90,7 +90,7 @@ TEST(VocabularyFile, EveryChangedBitIsNoticed) {
 }
 
 TEST(VocabularyFile, MessagesSayWhatIsWrong) {
-  const Sections good = SectionsOf(BytesOf(SmallVocabulary()));
+  const Sections good = SectionsOf(FileOf(SmallVocabulary()));
   ASSERT_EQ(good.size(), 4u);
   const auto message = [&](std::size_t number_in_head, std::uint32_t value) {
     Sections sections = good;
@@ -117,7 +117,7 @@ TEST(VocabularyFile, MessagesSayWhatIsWrong) {
 
 // Seeded damage behind right checksums: refused, or a tree in which every descriptor finds a word.
 TEST(VocabularyFile, ForgedFilesAreRefusedOrUsable) {
-  const Sections good = SectionsOf(BytesOf(SmallVocabulary()));
+  const Sections good = SectionsOf(FileOf(SmallVocabulary()));
   const VocabularySample sample = ClusteredSample(9, 20, 1, 1);
   Rng rng(17);
   int num_refused = 0, num_read = 0;

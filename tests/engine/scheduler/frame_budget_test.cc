@@ -14,7 +14,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-constexpr Duration kPeriod = milliseconds(40);
+constexpr Duration kPeriodOfBudget = milliseconds(40);
 
 TEST(StageExpectation, IsTheNearestRankOfTheLastDurations) {
   Rng rng(5);
@@ -86,7 +86,7 @@ class Driver {
   Rung Frame(const Costs& costs, Duration late = Duration{0}) {
     const TimePoint due = clock_.Now();
     clock_.Advance(late);
-    budget_.BeginFrame(due + kPeriod, true);
+    budget_.BeginFrame(due + kPeriodOfBudget, true);
     Run(budget_.has_fewer_features() ? Stage::kExtractReduced : Stage::kExtract,
         budget_.has_fewer_features() ? costs.extract_reduced : costs.extract);
     Run(Stage::kMotion, costs.motion);
@@ -95,7 +95,7 @@ class Driver {
         budget_.has_fewer_points() ? costs.local_map_reduced : costs.local_map);
     latency_ = clock_.Now() - due;
     budget_.EndFrame();
-    clock_.AdvanceTo(due + kPeriod);
+    clock_.AdvanceTo(due + kPeriodOfBudget);
     return budget_.rung();
   }
   void Run(Stage stage, int ms) {
@@ -126,13 +126,13 @@ TEST(FrameBudget, SlowerExtractionTakesFewerFeaturesThenFewerPointsToo) {
   for (int i = 0; i < 2; ++i) driver.Frame({34, 20, 5, 8, 4});
   for (int i = 0; i < 20; ++i) {
     EXPECT_EQ(driver.Frame({34, 20, 5, 8, 4}), Rung::kFewerFeatures) << i;
-    EXPECT_LE(driver.latency(), kPeriod);
+    EXPECT_LE(driver.latency(), kPeriodOfBudget);
   }
   // 26 + 5 + 8 do not; 26 + 5 + 4 do.
   for (int i = 0; i < 2; ++i) driver.Frame({45, 26, 5, 8, 4});
   for (int i = 0; i < 3; ++i) {
     EXPECT_EQ(driver.Frame({45, 26, 5, 8, 4}), Rung::kFewerPoints) << i;
-    EXPECT_LE(driver.latency(), kPeriod);
+    EXPECT_LE(driver.latency(), kPeriodOfBudget);
   }
 }
 
@@ -182,7 +182,7 @@ TEST(FrameBudget, RecoveryIsRefusedWithoutTimeAndTriedAgainInTheEnd) {
   FrameBudget& budget = driver.budget();
   std::vector<bool> may;
   for (int i = 0; i < 6; ++i) {
-    budget.BeginFrame(driver.clock().Now() + kPeriod, false);
+    budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, false);
     may.push_back(budget.MayRecover(true));
     if (may.back()) driver.Run(Stage::kRecovery, 200);
     EXPECT_EQ(budget.rung(), may.back() ? Rung::kFull : Rung::kNoRecovery);
@@ -194,12 +194,12 @@ TEST(FrameBudget, RecoveryIsRefusedWithoutTimeAndTriedAgainInTheEnd) {
 TEST(FrameBudget, RecoveryWhileTrackingIsNeverWorthTheDeadline) {
   Driver driver;
   FrameBudget& budget = driver.budget();
-  budget.BeginFrame(driver.clock().Now() + kPeriod, true);
+  budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, true);
   ASSERT_TRUE(budget.MayRecover(false));
   driver.Run(Stage::kRecovery, 2000);
   budget.EndFrame();
   for (int i = 0; i < 20; ++i) {
-    budget.BeginFrame(driver.clock().Now() + kPeriod, true);
+    budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, true);
     EXPECT_FALSE(budget.MayRecover(false)) << i;
     budget.EndFrame();
   }
@@ -208,7 +208,7 @@ TEST(FrameBudget, RecoveryWhileTrackingIsNeverWorthTheDeadline) {
 TEST(FrameBudget, WaitsEndBeforeTheDeadline) {
   Driver driver;
   const TimePoint now = driver.clock().Now();
-  driver.budget().BeginFrame(now + kPeriod, true);
+  driver.budget().BeginFrame(now + kPeriodOfBudget, true);
   EXPECT_EQ(driver.budget().wait_deadline(), now + milliseconds(38));
   driver.clock().Advance(milliseconds(50));  // too late already: as soon as it can be, but not for ever
   EXPECT_GT(driver.budget().wait_deadline(), driver.clock().Now());
@@ -241,7 +241,7 @@ TEST(FrameBudget, SwitchedOffLeavesNothingOut) {
   config.degrade = false;
   FrameBudget budget(config, &clock);
   for (int i = 0; i < 3; ++i) {
-    budget.BeginFrame(clock.Now() + kPeriod, true);
+    budget.BeginFrame(clock.Now() + kPeriodOfBudget, true);
     EXPECT_FALSE(budget.has_fewer_features());
     const FrameBudget::Timer timer(budget, Stage::kExtract);
     clock.Advance(milliseconds(90));

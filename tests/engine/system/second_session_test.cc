@@ -16,6 +16,7 @@
 #include "engine/geometry/rng.h"
 #include "hal/fakes/scripted_frame_source.h"
 #include "hal/fakes/scripted_vision_device.h"
+#include "tests/engine/system/small_config.h"
 #include "tests/geometry/synthetic.h"
 
 namespace haustra {
@@ -23,21 +24,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
-EngineConfig SmallConfig() {
-  EngineConfig config;
-  config.features.max = 600;
-  config.memory.max_keyframes = 200;
-  config.memory.max_map_points = 30000;
-  config.memory.max_maps = 16;
-  config.memory.max_keyframe_ids = 1000;
-  config.memory.max_local_points = 6000;
-  return config;
-}
-
 // The scope flies along a wavy tube of radius 1.
 class Session {
  public:
-  explicit Session(const EngineConfig& config = SmallConfig())
+  explicit Session(const EngineConfig& config = test::SmallEngineConfig())
       : camera_(CameraModel::Create(test::ColonCalibration()).value()),
         device_(Engine::PlanFor(config, camera_.calibration()), {}),
         source_(camera_.calibration()),
@@ -260,7 +250,7 @@ TEST_F(SecondSession, PlaceThatTheLoadedMapDoesNotHoldStaysApart) {
 TEST_F(SecondSession, RefusedFileLeavesTheEngineAsItWas) {
   std::string damaged = *file_;
   damaged[damaged.size() / 3] = static_cast<char>(damaged[damaged.size() / 3] ^ 1);
-  EngineConfig config = SmallConfig();
+  EngineConfig config = test::SmallEngineConfig();
   Session with_file(config), without(config);
   EXPECT_EQ(with_file.Load(damaged).code(), StatusCode::kDataLoss);
   for (Session* session : {&with_file, &without}) {

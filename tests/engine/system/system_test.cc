@@ -13,6 +13,7 @@
 #include "engine/geometry/rng.h"
 #include "hal/fakes/scripted_frame_source.h"
 #include "hal/fakes/scripted_vision_device.h"
+#include "tests/engine/system/small_config.h"
 #include "tests/geometry/synthetic.h"
 
 namespace haustra {
@@ -21,17 +22,6 @@ namespace {
 using test::ColonCalibration;
 
 constexpr Duration kPeriod = std::chrono::milliseconds(40);
-
-EngineConfig SmallConfig() {
-  EngineConfig config;
-  config.features.max = 600;
-  config.memory.max_keyframes = 200;
-  config.memory.max_map_points = 30000;
-  config.memory.max_maps = 16;
-  config.memory.max_keyframe_ids = 1000;
-  config.memory.max_local_points = 6000;
-  return config;
-}
 
 // A scope in a wavy tube of radius 1 along z. A position that is not a number is an occluded frame.
 class Procedure {
@@ -175,7 +165,7 @@ class Procedure {
 };
 
 TEST(System, TubeIsMappedInOneMapAndPosesAgreeWithTheTruth) {
-  Procedure procedure(SmallConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 6.0, 150);
   procedure.Run();
   const auto centres = procedure.FinalCentres();
@@ -186,7 +176,7 @@ TEST(System, TubeIsMappedInOneMapAndPosesAgreeWithTheTruth) {
 }
 
 TEST(System, ReferenceThatNoMotionExplainsIsRenewedSoon) {
-  Procedure procedure(SmallConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Shake(60.0);
   procedure.Add(0.0);
   procedure.Shake(0.5);
@@ -209,7 +199,7 @@ TEST(System, FineFeaturesOffByMoreThanTheirScaleFoundAMap) {
 
 TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {
   RecordProperty("req", "TRK-001");
-  Procedure procedure(SmallConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 3.0, 75);
   procedure.Occlude(15);
   procedure.Move(3.0, 4.0, 25);
@@ -222,7 +212,7 @@ TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {
 
 // The third stretch shows what the stored map holds; the map tracked last holds nothing of it.
 TEST(System, LostFrameIsFoundInAStoredMap) {
-  Procedure procedure(SmallConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 4.0, 100);
   procedure.Occlude(5);
   procedure.Move(12.0, 15.0, 75);
@@ -250,7 +240,7 @@ TEST(System, LostFrameIsFoundInAStoredMap) {
 }
 
 TEST(System, EveryFeatureSetIsGivenBackButThoseOfKeyframes) {
-  Procedure procedure(SmallConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 4.0, 100);
   procedure.Occlude(5);
   procedure.Move(12.0, 15.0, 75);
@@ -266,7 +256,7 @@ TEST(System, EveryFeatureSetIsGivenBackButThoseOfKeyframes) {
 
 TEST(System, MapBegunElsewhereIsMergedWhenTheScopeComesBack) {
   RecordProperty("req", "MRG-002");
-  Procedure procedure(SmallConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 4.0, 100);
   procedure.Occlude(5);
   procedure.Move(9.0, 3.0, 150);  // lands far away, and comes back to what the first map holds
@@ -286,7 +276,7 @@ TEST(System, MapBegunElsewhereIsMergedWhenTheScopeComesBack) {
 
 TEST(System, PlacesThatShareNothingStayTwoMaps) {
   RecordProperty("req", "MRG-001");
-  Procedure procedure(SmallConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 3.0, 75);
   procedure.Occlude(5);
   procedure.Move(12.0, 15.0, 75);
@@ -296,7 +286,7 @@ TEST(System, PlacesThatShareNothingStayTwoMaps) {
 }
 
 TEST(System, FailedExtractionCostsItsFrameOnly) {
-  Procedure procedure(SmallConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 3.0, 75);
   procedure.device().AddFailure(ScriptedVisionDevice::Operation::kExtract, 50,
                                 ScriptedVisionDevice::FailurePoint::kWait, StatusCode::kDeadlineExceeded);
@@ -308,7 +298,7 @@ TEST(System, FailedExtractionCostsItsFrameOnly) {
 
 TEST(System, FullKeyframePoolRefusesKeyframesAndKeepsTracking) {
   RecordProperty("req", "MEM-001");
-  EngineConfig config = SmallConfig();
+  EngineConfig config = test::SmallEngineConfig();
   config.memory.max_keyframes = 10;
   Procedure procedure(config);
   procedure.Move(0.0, 1.5, 100);
@@ -322,7 +312,7 @@ TEST(System, FullKeyframePoolRefusesKeyframesAndKeepsTracking) {
 TEST(System, TwoRunsGiveTheSameResultsToTheBit) {
   std::vector<FrameResult> first;
   for (int run = 0; run < 2; ++run) {
-    Procedure procedure(SmallConfig());
+    Procedure procedure(test::SmallEngineConfig());
     procedure.Move(0.0, 2.0, 60);
     procedure.Occlude(5);
     procedure.Move(5.0, 1.5, 90);

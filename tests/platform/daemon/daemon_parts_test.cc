@@ -30,13 +30,13 @@ namespace fs = std::filesystem;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-class Folder {
+class StateFolder {
  public:
-  Folder() {
+  StateFolder() {
     std::string pattern = testing::TempDir() + "daemon_parts_XXXXXX";
     path_ = mkdtemp(pattern.data());
   }
-  ~Folder() { fs::remove_all(path_); }
+  ~StateFolder() { fs::remove_all(path_); }
   std::string operator/(const std::string& name) const { return path_ + "/" + name; }
   const std::string& path() const { return path_; }
 
@@ -53,7 +53,7 @@ std::string Read(const std::string& path) {
 // --- Configuration.
 
 TEST(DaemonConfig, OneFileHoldsEngineAndService) {
-  const Folder folder;
+  const StateFolder folder;
   Write(folder / "a.yaml", "noise:\n  k: 2\nsource:\n  path: /dev/video0\ncheckpoint:\n  interval_s: 7\n");
   const auto loaded = LoadDaemonConfig(folder / "a.yaml", {"procedure.keep_data=true"});
   ASSERT_TRUE(loaded.ok()) << loaded.status().ToString();
@@ -71,7 +71,7 @@ TEST(DaemonConfig, OneFileHoldsEngineAndService) {
 
 TEST(DaemonConfig, TypingErrorsAreRefusedWithTheirPlace) {
   RecordProperty("req", "DMN-001");
-  const Folder folder;
+  const StateFolder folder;
   Write(folder / "a.yaml", "checkpoint:\n  intervall_s: 7\n");
   const auto loaded = LoadDaemonConfig(folder / "a.yaml", {});
   ASSERT_FALSE(loaded.ok());
@@ -141,7 +141,7 @@ TEST(ProcedureRecord, IsReadAsItWasWrittenAndNothingElseIs) {
   EXPECT_FALSE(ParseProcedureRecord("haustra procedure 1\nlabel x\nboot b\nwritten_at_ns 1e9\n").ok());
 }
 
-std::unique_ptr<ProcedureStore> OpenStore(const Folder& folder) {
+std::unique_ptr<ProcedureStore> OpenStore(const StateFolder& folder) {
   auto store = ProcedureStore::Open(folder.path());
   EXPECT_TRUE(store.ok()) << store.status().ToString();
   return store.ok() ? std::move(*store) : nullptr;
@@ -149,7 +149,7 @@ std::unique_ptr<ProcedureStore> OpenStore(const Folder& folder) {
 
 TEST(ProcedureStore, OpenProcedureIsFoundByTheNextDaemonAndAnEndedOneIsNot) {
   RecordProperty("req", "DMN-005");
-  const Folder folder;
+  const StateFolder folder;
   {
     const auto store = OpenStore(folder);
     EXPECT_FALSE(store->interrupted());
@@ -170,7 +170,7 @@ TEST(ProcedureStore, OpenProcedureIsFoundByTheNextDaemonAndAnEndedOneIsNot) {
 
 TEST(ProcedureStore, OnlyAYoungProcedureOfThisBootMayGoOnByItself) {
   RecordProperty("req", "DATA-003");
-  const Folder folder;
+  const StateFolder folder;
   ASSERT_TRUE(OpenStore(folder)->WriteOpen("case-1").ok());
   EXPECT_FALSE(OpenStore(folder)->MayResume(Duration(0)));
   ProcedureRecord record = *OpenStore(folder)->interrupted();
@@ -189,7 +189,7 @@ TEST(ProcedureStore, OnlyAYoungProcedureOfThisBootMayGoOnByItself) {
 
 TEST(ProcedureStore, LeftoversOfACrashAreRemoved) {
   RecordProperty("req", "DMN-006");
-  const Folder folder;
+  const StateFolder folder;
   OpenStore(folder);
   Write(folder / "checkpoint.atlas.partial-4711", "half");
   Write(folder / "saved/a.atlas.partial-4711", "half");
@@ -203,7 +203,7 @@ TEST(ProcedureStore, LeftoversOfACrashAreRemoved) {
 }
 
 TEST(ProcedureStore, OneDaemonAFolder) {
-  const Folder folder;
+  const StateFolder folder;
   const auto store = OpenStore(folder);
   EXPECT_EQ(ProcedureStore::Open(folder.path()).code(), StatusCode::kFailedPrecondition);
   EXPECT_EQ(ProcedureStore::Open(folder / "none").code(), StatusCode::kNotFound);
@@ -211,7 +211,7 @@ TEST(ProcedureStore, OneDaemonAFolder) {
 
 TEST(WipeFile, BytesAreOverwrittenBeforeTheNameGoes) {
   RecordProperty("req", "DATA-001");
-  const Folder folder;
+  const StateFolder folder;
   const std::string secret(100000, 's');
   Write(folder / "a", secret);
   fs::create_hard_link(folder / "a", folder / "b");

@@ -20,8 +20,6 @@ using test::RecordingObserver;
 using test::ScriptedColon;
 
 constexpr double kFast = 1000.0;  // 25 000 frames a second: the pace never waits
-const std::atomic<bool> kNeverStop{false};
-
 // Calls `before_extract` on the tracking thread before each extraction.
 class HookedDevice final : public VisionDevice {
  public:
@@ -96,7 +94,7 @@ TEST(RealTimeSession, FramesThatTrackingKeepsUpWithAreAllAnswered) {
   Lockstep lockstep(colon);
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
   RecordingObserver observer;
-  const auto session = RunRealTime(lockstep.source, *engine, SystemClock(), kFast, observer, kNeverStop);
+  const auto session = RunRealTime(lockstep.source, *engine, SystemClock(), kFast, observer, test::kNeverStop);
   ASSERT_TRUE(session.ok()) << session.status().ToString();
   ASSERT_EQ(observer.frames.size(), 20u);
   for (std::uint32_t i = 0; i < 20; ++i) {
@@ -123,7 +121,7 @@ TEST(RealTimeSession, SlowTrackingGetsTheNewestFrameAndTheOthersCountAsDropped) 
   });
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, device);
   RecordingObserver observer;
-  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), kFast, observer, kNeverStop).ok());
+  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), kFast, observer, test::kNeverStop).ok());
   ASSERT_EQ(observer.frames.size(), 12u);
   for (std::uint32_t i = 0; i < 12; ++i) {
     EXPECT_EQ(observer.frames[i].result.frame_index, i);
@@ -142,7 +140,7 @@ TEST(RealTimeSession, DamagedFramesAreReportedInTheMiddleAndAtBothEnds) {
   colon.Damage("five");
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
   RecordingObserver observer;
-  ASSERT_TRUE(RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, kNeverStop).ok());
+  ASSERT_TRUE(RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, test::kNeverStop).ok());
   ASSERT_EQ(observer.frames.size(), 6u);
   for (std::uint32_t i = 0; i < 6; ++i) {
     EXPECT_EQ(observer.frames[i].result.frame_index, i);
@@ -160,7 +158,7 @@ TEST(RealTimeSession, LongDamageIsCountedFrameByFrame) {
   colon.Occlude(1);
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
   RecordingObserver observer;
-  ASSERT_TRUE(RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, kNeverStop).ok());
+  ASSERT_TRUE(RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, test::kNeverStop).ok());
   ASSERT_EQ(observer.frames.size(), 1002u);
   int num_damaged = 0;
   for (const FrameOutcome& frame : observer.frames) num_damaged += frame.is_damaged;
@@ -173,7 +171,7 @@ TEST(RealTimeSession, ErrorOfTheSourceEndsTheSessionWithItsStatus) {
   colon.Fail(StatusCode::kUnavailable, "grabber: cable pulled");
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
   RecordingObserver observer;
-  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, kNeverStop);
+  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, test::kNeverStop);
   EXPECT_EQ(session.code(), StatusCode::kUnavailable);
   EXPECT_EQ(session.status().message(), "grabber: cable pulled");
   EXPECT_EQ(observer.frames.size(), 3u);
@@ -183,7 +181,7 @@ TEST(RealTimeSession, EmptySourceEndsAtOnce) {
   ScriptedColon colon;
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
   RecordingObserver observer;
-  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, kNeverStop);
+  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, test::kNeverStop);
   ASSERT_TRUE(session.ok());
   EXPECT_EQ(session->video_time, Duration{0});
   EXPECT_TRUE(observer.calls.empty());
@@ -205,7 +203,7 @@ TEST(RealTimeSession, PaceOfZeroIsRefused) {
   colon.Occlude(1);
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
   RecordingObserver observer;
-  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), 0.0, observer, kNeverStop);
+  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), 0.0, observer, test::kNeverStop);
   EXPECT_EQ(session.code(), StatusCode::kInvalidArgument);
   EXPECT_TRUE(observer.calls.empty());
 }
@@ -217,7 +215,7 @@ TEST(RealTimeSession, MappingThreadFoundsAMapThatTrackingAdopts) {
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
   RecordingObserver observer;
   // An ordinary pace: the map has time to be made.
-  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 2.0, observer, kNeverStop).ok());
+  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 2.0, observer, test::kNeverStop).ok());
   ASSERT_EQ(observer.frames.size(), 100u);
   ASSERT_FALSE(observer.events.empty());
   EXPECT_EQ(observer.events[0].kind, MapEventKind::kMapCreated);
@@ -312,7 +310,7 @@ TEST(RealTimeSession, MissingPrivilegeIsFatalOnlyWhenRequired) {
     options.rate = kFast;
     options.rt.require = is_required;
     options.system = &system;
-    const auto session = RunRealTime(colon.source(), *engine, SystemClock(), options, observer, kNeverStop);
+    const auto session = RunRealTime(colon.source(), *engine, SystemClock(), options, observer, test::kNeverStop);
     EXPECT_EQ(session.code(), is_required ? StatusCode::kFailedPrecondition : StatusCode::kOk);
     EXPECT_EQ(observer.frames.size(), is_required ? 0u : 3u);
     EXPECT_EQ(observer.reports.size(), is_required ? 0u : 1u);
@@ -330,7 +328,7 @@ TEST(RealTimeSession, LateFramesAreCountedAgainstTheDeadline) {
     Lockstep lockstep(colon);
     const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
     RecordingObserver observer;
-    ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 2.0, observer, kNeverStop).ok());
+    ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 2.0, observer, test::kNeverStop).ok());
     ASSERT_EQ(observer.frames.size(), 5u);
     for (const FrameOutcome& frame : observer.frames) {
       EXPECT_EQ(frame.is_late, frame.latency > frame.deadline - frame.due);

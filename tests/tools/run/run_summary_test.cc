@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -16,8 +15,6 @@ namespace {
 
 using std::chrono::milliseconds;
 using test::ScriptedColon;
-
-const std::atomic<bool> kNeverStop{false};
 
 FrameOutcome OutcomeWithLatency(std::uint32_t index, Duration latency) {
   FrameOutcome outcome;
@@ -88,7 +85,7 @@ TEST(RunSummary, RealTimeRatioIsWallTimeOverVideoTime) {
 class ScriptedRun {
  public:
   explicit ScriptedRun(ScriptedColon& colon) : engine_(colon.MakeEngine()) {
-    const auto session = RunSequential(colon.source(), *engine_, ManualClock(), record_, kNeverStop);
+    const auto session = RunSequential(colon.source(), *engine_, ManualClock(), record_, test::kNeverStop);
     EXPECT_TRUE(session.ok()) << session.status().ToString();
     poses_ = ResolveAll(record_, *engine_);
     summary_ = Summarise(record_, poses_, *engine_, *session);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -14,29 +15,20 @@
 #include "engine/geometry/rng.h"
 #include "hal/fakes/scripted_frame_source.h"
 #include "hal/fakes/scripted_vision_device.h"
+#include "tests/engine/system/small_config.h"
 #include "tests/geometry/synthetic.h"
 
 namespace haustra::test {
 
+inline const std::atomic<bool> kNeverStop{false};
 inline constexpr Duration kFramePeriod = std::chrono::milliseconds(40);
-
-inline EngineConfig SmallEngineConfig() {
-  EngineConfig config;
-  config.features.max = 600;
-  config.memory.max_keyframes = 200;
-  config.memory.max_map_points = 30000;
-  config.memory.max_maps = 16;
-  config.memory.max_keyframe_ids = 1000;
-  config.memory.max_local_points = 6000;
-  return config;
-}
 
 class ScriptedColon {
  public:
   explicit ScriptedColon(TimePoint start = TimePoint{}, const EngineConfig& config = SmallEngineConfig())
       : start_(start),
         config_(config),
-        camera_(CameraModel::Create(ColonCalibration()).value()),
+        camera_(ColonCamera()),
         device_(Engine::PlanFor(config_, camera_.calibration()), {}),
         source_(camera_.calibration()) {
     Rng rng(17);

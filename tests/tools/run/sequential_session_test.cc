@@ -15,15 +15,13 @@ namespace {
 using test::RecordingObserver;
 using test::ScriptedColon;
 
-const std::atomic<bool> kNeverStop{false};
-
 TEST(SequentialSession, EveryFrameIsAnsweredInOrder) {
   ScriptedColon colon;
   colon.Occlude(4);
   const auto engine = colon.MakeEngine();
   RecordingObserver observer;
   const ManualClock clock;
-  const auto session = RunSequential(colon.source(), *engine, clock, observer, kNeverStop);
+  const auto session = RunSequential(colon.source(), *engine, clock, observer, test::kNeverStop);
   ASSERT_TRUE(session.ok()) << session.status().ToString();
   EXPECT_EQ(observer.calls, (std::vector<std::string>{"frame 0", "frame 1", "frame 2", "frame 3"}));
   for (std::uint32_t i = 0; i < 4; ++i) {
@@ -40,7 +38,7 @@ TEST(SequentialSession, DamagedFrameIsToldThenAnsweredAndTheNextGoesOn) {
   colon.Occlude(1);
   const auto engine = colon.MakeEngine();
   RecordingObserver observer;
-  const auto session = RunSequential(colon.source(), *engine, ManualClock(), observer, kNeverStop);
+  const auto session = RunSequential(colon.source(), *engine, ManualClock(), observer, test::kNeverStop);
   ASSERT_TRUE(session.ok()) << session.status().ToString();
   EXPECT_EQ(observer.calls,
             (std::vector<std::string>{"frame 0", "frame 1", "damaged 2 two.jpg: truncated", "frame 2", "frame 3"}));
@@ -57,7 +55,7 @@ TEST(SequentialSession, ErrorOfTheSourceEndsTheSessionWithItsStatus) {
   colon.Occlude(3);
   const auto engine = colon.MakeEngine();
   RecordingObserver observer;
-  const auto session = RunSequential(colon.source(), *engine, ManualClock(), observer, kNeverStop);
+  const auto session = RunSequential(colon.source(), *engine, ManualClock(), observer, test::kNeverStop);
   EXPECT_EQ(session.code(), StatusCode::kUnavailable);
   EXPECT_EQ(session.status().message(), "grabber: cable pulled");
   EXPECT_EQ(observer.frames.size(), 3u);
@@ -82,7 +80,7 @@ TEST(SequentialSession, MapIsFoundedInTheFrameThatProposesIt) {
   colon.Move(0.0, 1.2, 30);
   const auto engine = colon.MakeEngine();
   RecordingObserver observer;
-  ASSERT_TRUE(RunSequential(colon.source(), *engine, ManualClock(), observer, kNeverStop).ok());
+  ASSERT_TRUE(RunSequential(colon.source(), *engine, ManualClock(), observer, test::kNeverStop).ok());
   ASSERT_FALSE(observer.events.empty());
   EXPECT_EQ(observer.events[0].kind, MapEventKind::kMapCreated);
   const std::uint32_t founded = observer.events[0].frame_index;

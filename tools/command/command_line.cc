@@ -1,0 +1,56 @@
+#include "tools/command/command_line.h"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <functional>
+
+#include "tools/atlas/atlas_command.h"
+#include "tools/bench/bench_command.h"
+#include "tools/capture/capture_command.h"
+#include "tools/evaluate/evaluate_command.h"
+#include "tools/exit_codes.h"
+#include "tools/latency/latency_command.h"
+#include "tools/plan/plan_command.h"
+#include "tools/render/render_command.h"
+#include "tools/report/report_command.h"
+#include "tools/run/run_command.h"
+#include "tools/service/control_command.h"
+#include "tools/service/watch_command.h"
+#include "tools/soak/soak_command.h"
+#include "tools/vocabulary/vocabulary_command.h"
+
+namespace haustra {
+
+int RunCommandLine(int argc, char** argv) {
+  CLI::App app{"haustra: monocular visual SLAM for endoscopy"};
+  app.set_version_flag("--version", "haustra 0.1.0");
+  app.require_subcommand(1);
+  std::function<int()> action;
+  AddRenderCommand(app, action);
+  AddRunCommand(app, action);
+  AddEvaluateCommand(app, action);
+  AddReportCommand(app, action);
+  AddAtlasCommand(app, action);
+  AddVocabularyCommand(app, action);
+  AddBenchCommand(app, action);
+  AddCaptureCommand(app, action);
+  AddPlanCommand(app, action);
+  AddLatencyCommand(app, action);
+  AddSoakCommand(app, action);
+  AddControlCommand(app, action);
+  AddWatchCommand(app, action);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kExitOk : kExitUsage;
+  }
+  try {
+    return action();
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "haustra: %s\n", error.what());
+    return kExitInternal;
+  }
+}
+
+}  // namespace haustra

@@ -1,0 +1,20 @@
+// The options by which commands choose configuration and vision device, in the same words.
+#pragma once
+
+#include <CLI/App.hpp>
+#include <string>
+#include <vector>
+
+namespace haustra {
+
+struct ConfigurationOptions {
+  std::string config;                    // file; empty: the defaults
+  std::vector<std::string> assignments;  // section.key=value, over the file
+  std::string device = "cpu";            // or cuda
+  int threads = 0;                       // of the CPU device; 0: one a core
+};
+
+// --config, --set, --device and --threads. `options` must outlive the parsing.
+void AddConfigurationOptions(CLI::App& command, ConfigurationOptions& options);
+
+}  // namespace haustra

@@ -1,0 +1,11 @@
+// SIGINT and SIGTERM as a flag, for commands that then end in good order.
+#pragma once
+
+#include <atomic>
+
+namespace haustra {
+
+// From now on both set the flag, which stands for the whole process.
+const std::atomic<bool>& CatchStopSignals();
+
+}  // namespace haustra

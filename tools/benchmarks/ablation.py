@@ -23,6 +23,7 @@ VARIANTS = {
     "vocabulary": ("retrieval by visual words, not by descriptors", ["retrieval.kind=vocabulary"]),
     "linear_noise": ("noise grows with scale, from 0 (paper's phantom: k 1)", ["noise.k=1", "noise.sigma_0_px=0"]),
     "paper_noise": ("the paper's affine model (k 2, sigma_0 5 px)", ["noise.k=2", "noise.sigma_0_px=5"]),
+    "exact_founding": ("no noise floor between the two views of a founding", ["initialisation.noise_sigma_0_px=0"]),
     "root_sift": ("RootSIFT descriptors", ["features.root_sift=true"]),
 }
 

@@ -263,6 +263,9 @@
   const stageColour = stage => STAGE_COLOURS[stage.split('/')[0]] || '#666';
   const totals = data.times.filter(time => time.stage.endsWith('/total'));
 
+  // Stages that had nothing to do took microseconds: they would stretch a logarithmic axis over decades that say nothing.
+  const drawn = ms => Math.max(ms, 0.1);
+
   const drawTimesOverTime = (id, stages, deadline_ms) => {
     if (document.getElementById(id) === null) return;
     chart(id, {
@@ -271,7 +274,7 @@
         label: time.stage, backgroundColor: stageColour(time.stage), borderColor: stageColour(time.stage),
         pointRadius: time.stage === 'merging/total' ? 5 : 1.6, pointBorderWidth: 0,
         pointStyle: time.stage === 'merging/total' ? 'triangle' : 'circle',
-        data: time.samples.map(([x, y]) => ({x, y})),
+        data: time.samples.map(([x, y]) => ({x, y: drawn(y)})),
       }))},
       options: {
         scales: {x: timeAxis(), y: {type: 'logarithmic', afterFit: fixedWidth, grid: {color: GRID}, title: title('time (ms)'),
@@ -284,10 +287,11 @@
     });
   };
 
-  // 1, 2, 5 of each decade; the others would overlap.
+  // 1, 2, 5 of each decade, over many decades 1 only; the others would overlap.
   function logTick(value) {
     const digit = value / Math.pow(10, Math.floor(Math.log10(value) + 1e-9));
-    return [1, 2, 5].some(d => Math.abs(d - digit) < 1e-6) ? String(Number(value.toPrecision(3))) : '';
+    const labelled = this.max > 1000 * this.min ? [1] : [1, 2, 5];
+    return labelled.some(d => Math.abs(d - digit) < 1e-6) ? String(Number(value.toPrecision(3))) : '';
   }
 
   const logTimeAxis = () => ({type: 'logarithmic', grid: {color: GRID}, title: title('time (ms)'),
@@ -303,7 +307,7 @@
         const step = Math.max(1, Math.floor(sorted.length / 400));
         const points = [];
         for (let i = 0; i < sorted.length; i += i + 50 < sorted.length ? step : 1) {
-          points.push({x: sorted[i], y: 100 * (i + 1) / sorted.length});
+          points.push({x: drawn(sorted[i]), y: 100 * (i + 1) / sorted.length});
         }
         return {type: 'line', label: time.stage, borderColor: stageColour(time.stage),
                 backgroundColor: stageColour(time.stage), borderWidth: 1.8, pointRadius: 0, stepped: 'before',

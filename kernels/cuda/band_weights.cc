@@ -8,7 +8,7 @@
 namespace haustra::kernels::cuda {
 namespace {
 
-constexpr int kUnitsPerOne = 1 << 13;
+constexpr int kUnitsPerOne = 1 << 16;
 
 // A symmetric kernel of any radius, for products.
 struct WideKernel {
@@ -25,11 +25,19 @@ WideKernel Identity() {
   return kernel;
 }
 
-WideKernel Product(const WideKernel& a, const GaussianKernel& b) {
+WideKernel Wide(const GaussianKernel& kernel) {
+  WideKernel wide;
+  wide.radius = kernel.radius;
+  for (int j = 0; j <= kernel.radius; ++j) wide.w[j] = kernel.weights[j];
+  return wide;
+}
+
+// First a, then b on every `spacing`-th pixel.
+WideKernel Product(const WideKernel& a, const WideKernel& b, int spacing = 1) {
   WideKernel product;
-  product.radius = a.radius + b.radius;
+  product.radius = a.radius + spacing * b.radius;
   for (int i = 0; i <= product.radius; ++i) {
-    for (int j = -b.radius; j <= b.radius; ++j) product.w[i] += a.at(i - j) * b.weights[std::abs(j)];
+    for (int j = -b.radius; j <= b.radius; ++j) product.w[i] += a.at(i - spacing * j) * b.at(j);
   }
   return product;
 }
@@ -37,13 +45,13 @@ WideKernel Product(const WideKernel& a, const GaussianKernel& b) {
 // From level 0 of an octave to one of its levels.
 WideKernel KernelToLevel(int level) {
   WideKernel kernel = Identity();
-  for (int l = 1; l <= level; ++l) kernel = Product(kernel, KernelOfLevel(l));
+  for (int l = 1; l <= level; ++l) kernel = Product(kernel, Wide(KernelOfLevel(l)));
   return kernel;
 }
 
 // A level of octave -1 from the enlarged image, then also from the grey image: odd pixels of the enlarged one are means
 // of their neighbours. Distances in pixels of the enlarged image, between grey pixels twice that of their indices.
-WideKernel KernelFromEnlarged(int level) { return Product(KernelToLevel(level), KernelOfLevel(0)); }
+WideKernel KernelFromEnlarged(int level) { return Product(KernelToLevel(level), Wide(KernelOfLevel(0))); }
 WideKernel WithEnlargement(const WideKernel& kernel) {
   WideKernel with;
   with.radius = kernel.radius + 1;
@@ -62,7 +70,7 @@ WideKernel KernelToOctaveZero() {
 
 WideKernel KernelFromGrey(int level) {
   WideKernel kernel = KernelToOctaveZero();
-  for (int l = 1; l <= level; ++l) kernel = Product(kernel, KernelOfLevel(l));
+  for (int l = 1; l <= level; ++l) kernel = Product(kernel, Wide(KernelOfLevel(l)));
   return kernel;
 }
 
@@ -74,15 +82,17 @@ std::vector<float> CutOff(const WideKernel& kernel, int radius) {
   return weights;
 }
 
-// Half-precision floats have 11 significant bits.
-bool IsExactAsHalf(int units) {
-  while (units > 2048 && units % 2 == 0) units /= 2;
-  return units <= 2048;
+// Half-precision floats have 11 significant bits: larger weights come in steps of more than a unit.
+int StepOf(int units) {
+  int step = 1;
+  while (units >= 2048 * step) step *= 2;
+  return step;
 }
+bool IsExactAsHalf(int units) { return units >= 0 && units % StepOf(units) == 0; }
 
 // A symmetric kernel whose weight j is at distance `first + j * step` on both sides (distance 0 counts once), in units
-// that add up to kUnitsPerOne. Rounding keeps the variance: the even and the odd pixels of an enlarged picture have
-// different weights, and must be blurred alike.
+// that add up to kUnitsPerOne, each exact as a half-precision float. Rounding keeps the variance as well as it can: the
+// even and the odd pixels of an enlarged picture have different weights, and must be blurred alike.
 std::vector<int> ToUnits(const std::vector<double>& weights, int first, int step) {
   const auto times = [&](std::size_t j) { return first + static_cast<int>(j) * step == 0 ? 1 : 2; };
   const auto square = [&](std::size_t j) {
@@ -90,53 +100,64 @@ std::vector<int> ToUnits(const std::vector<double>& weights, int first, int step
     return distance * distance;
   };
   double sum = 0.0;
-  double moment = 0.0;
-  for (std::size_t j = 0; j < weights.size(); ++j) {
-    sum += times(j) * weights[j];
-    moment += times(j) * weights[j] * square(j);
-  }
+  for (std::size_t j = 0; j < weights.size(); ++j) sum += times(j) * weights[j];
   std::vector<int> units;
-  int rest = kUnitsPerOne;
-  double excess = -moment / sum * kUnitsPerOne;  // of the second moment
+  int rest = kUnitsPerOne;  // still to be given out
+  double excess = 0.0;      // of the second moment
   for (std::size_t j = 0; j < weights.size(); ++j) {
-    units.push_back(static_cast<int>(std::lround(weights[j] / sum * kUnitsPerOne)));
+    const double exact = weights[j] / sum * kUnitsPerOne;
+    const int grain = StepOf(static_cast<int>(exact));
+    units.push_back(static_cast<int>(std::lround(exact / grain)) * grain);
     rest -= times(j) * units[j];
-    excess += times(j) * units[j] * square(j);
+    excess += times(j) * (units[j] - exact) * square(j);
   }
-  // What rounding left over goes to the first; then units move between two weights as long as that helps.
   const auto give = [&](std::size_t to, int count) {
     units[to] += count;
+    rest -= times(to) * count;
     excess += times(to) * count * square(to);
   };
-  give(0, rest / times(0));
-  const auto is_exact = [&] {
-    return std::all_of(units.begin(), units.end(), [](int u) { return u >= 0 && IsExactAsHalf(u); });
-  };
+  // What rounding left over goes, a step at a time, to where it serves the variance best.
+  while (rest != 0) {
+    std::size_t best_to = units.size();
+    int best_count = 0;
+    double best = std::numeric_limits<double>::max();
+    for (std::size_t to = 0; to < units.size(); ++to) {
+      const int count = rest > 0 ? StepOf(units[to]) : -StepOf(units[to]);
+      if (!IsExactAsHalf(units[to] + count) || std::abs(times(to) * count) > std::abs(rest)) continue;
+      const double after = std::abs(excess + times(to) * count * square(to));
+      if (after < best) {
+        best = after;
+        best_to = to;
+        best_count = count;
+      }
+    }
+    if (best_to == units.size()) break;  // none is fine enough: a test sees to it that this does not happen
+    give(best_to, best_count);
+  }
+  // Then units move between two weights as long as that helps.
   while (true) {
     std::size_t best_from = 0;
     std::size_t best_to = 0;
-    double best = is_exact() ? std::abs(excess) : std::numeric_limits<double>::max();
-    const double before = excess;
+    int best_amount = 0;
+    double best = std::abs(excess);
     for (std::size_t from = 0; from < units.size(); ++from) {
       for (std::size_t to = 0; to < units.size(); ++to) {
-        // Two of a single weight for one of a pair.
-        const int given = 2 / times(to);
-        const int taken = 2 / times(from);
-        give(from, -taken);
-        give(to, given);
-        if (from != to && is_exact() && std::abs(excess) < best) {
-          best = std::abs(excess);
-          best_from = from;
-          best_to = to;
+        const int amount = std::max(StepOf(units[from]) * times(from), StepOf(units[to]) * times(to));
+        if (from == to || !IsExactAsHalf(units[from] - amount / times(from)) ||
+            !IsExactAsHalf(units[to] + amount / times(to))) {
+          continue;
         }
-        give(from, taken);
-        give(to, -given);
-        excess = before;
+        const double after = std::abs(excess + amount * (square(to) - square(from)));
+        if (after >= best) continue;
+        best = after;
+        best_from = from;
+        best_to = to;
+        best_amount = amount;
       }
     }
     if (best_from == best_to) return units;
-    give(best_from, -2 / times(best_from));
-    give(best_to, 2 / times(best_to));
+    give(best_from, -best_amount / times(best_from));
+    give(best_to, best_amount / times(best_to));
   }
 }
 
@@ -207,8 +228,10 @@ BandWeights MakeBandWeights(BandSource source) {
   return weights;
 }
 
-std::vector<float> WeightsToNextOctave(int radius) { return CutOff(KernelToLevel(kScalesPerOctave), radius); }
-
-std::vector<float> WeightsFromGreyToOctaveOne(int radius) { return CutOff(KernelFromGrey(kScalesPerOctave), radius); }
+std::vector<float> WeightsOfReduction(int factor, bool from_grey) {
+  const WideKernel to_next = KernelToLevel(kScalesPerOctave);
+  const WideKernel first = from_grey ? KernelFromGrey(kScalesPerOctave) : to_next;
+  return CutOff(factor == 2 ? first : Product(first, to_next, 2), ReductionRadius(factor));
+}
 
 }  // namespace haustra::kernels::cuda

@@ -1,8 +1,8 @@
 // Gaussian blur as products of matrices, for tensor cores: 16 rows of a level are a band matrix times the rows of the
-// source around them, and its columns likewise. All levels of an octave are made
-// from one source at once, by the products of the kernels in between.
+// source around them, and its columns likewise. All levels of an octave are made from one source at once, by the
+// products of the kernels in between.
 //
-// Weights are multiples of 2^-13 that add up to exactly 1 and are exact as half-precision floats, so blur keeps a
+// Weights are multiples of 2^-16 that add up to exactly 1 and are exact as half-precision floats, so blur keeps a
 // constant picture to the bit.
 #pragma once
 
@@ -30,7 +30,8 @@ inline constexpr int kMaxBandSteps = 3;
 inline constexpr int BandMargin(BandSource source) { return source == BandSource::kEnlargedGrey ? 12 : 16; }
 
 // Fragments of `mma.m16n8k16` as a lane loads them: half-precision weights times kBandScale, two to a word.
-inline constexpr float kBandScale = 128.0f;
+// (2^15: a weight of 1 is exact, and so is one of 2^-16.)
+inline constexpr float kBandScale = 32768.0f;
 struct BandFragment {
   std::uint32_t words[4];
 };
@@ -44,12 +45,12 @@ struct BandWeights {
 BandWeights MakeBandWeights(BandSource source);
 
 // Weight of source row `source_row` (from the first that the band reads) for row `row` of the level, in units of
-// 2^-13. For tests.
+// 2^-16. For tests.
 int BandWeight(BandSource source, int level, int row, int source_row);
 
-// From level 0 of an octave to level 0 of the next, and from the grey image to level 0 of octave 1: blur, then every
-// second pixel. Symmetric weights up to `radius`.
-std::vector<float> WeightsToNextOctave(int radius);
-std::vector<float> WeightsFromGreyToOctaveOne(int radius);
+// Blur before every second (factor 2) or fourth pixel is taken: makes level 0 of an octave from level 0 of the one or
+// two finer ones, or level 0 of octave 1 or 2 from the grey image. Symmetric weights up to ReductionRadius.
+inline constexpr int ReductionRadius(int factor) { return 8 * factor - 1; }
+std::vector<float> WeightsOfReduction(int factor, bool from_grey);
 
 }  // namespace haustra::kernels::cuda

@@ -407,7 +407,7 @@ __global__ void __launch_bounds__(kThreads, 2)
     const int query = first_query + thread;
     TopTwo top;
     if (query < job.query.size && query_norms[thread] >= 0.0f) {
-      constexpr int kAtOnce = 8;  // loads under way together
+      constexpr int kAtOnce = 16;  // loads under way together
       const int4* partial = reinterpret_cast<const int4*>(work.partial) + blockIdx.x * kQueryTile + thread;
       for (int first = 0; first < static_cast<int>(gridDim.y); first += kAtOnce) {
         int4 others[kAtOnce];

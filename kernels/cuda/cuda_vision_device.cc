@@ -209,7 +209,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
       case FeatureSetSlots::WriteClaim::kWrittenBefore:
         return FailedPrecondition("feature set to write was written before; a set is written once");
     }
-    Status status = state.extractor->Enqueue(request.image, request.set.index);
+    Status status = state.extractor->Enqueue(request.image, request.set.index, request.max_features);
     if (status.ok()) status = ToStatus(cudaEventRecord(state.extraction.done, state.stream), "event");
     if (!status.ok()) {
       slots_.AbandonWrite(request.set);
@@ -378,6 +378,11 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     return Status::Ok();
   }
 
+  Status MeasureLimits(DeviceLimits* limits) override {
+    HAUSTRA_TRY(Select());
+    return Lose(ToStatus(MeasureDeviceLimits(limits), "measurement of the device's limits"));
+  }
+
  private:
   std::int32_t NumFeatures(FeatureSetHandle set) const override { return slots_.NumFeatures(set); }
 
@@ -447,9 +452,11 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   }
 
   Status WaitFor(Work& work, TimePoint deadline) {
-    // Results are due in tens of microseconds: look often at first, then leave the processor to others.
-    constexpr int kImpatientLooks = 200;
-    for (int looks = 0;; ++looks) {
+    // Results are due in tens or hundreds of microseconds: look without pause at first, then leave the processor to
+    // others.
+    constexpr Duration kImpatience = std::chrono::microseconds(500);
+    const TimePoint begin = Now();
+    while (true) {
       const cudaError_t error = cudaEventQuery(work.done);
       if (error == cudaSuccess) return Status::Ok();
       if (error != cudaErrorNotReady) {
@@ -460,8 +467,9 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
         work.kind = WorkKind::kNone;
         return Lose(ToStatus(error, "work on the device"));
       }
-      if (looks < kImpatientLooks) continue;
-      if (deadline != kNoDeadline && Now() >= deadline) return Status(StatusCode::kDeadlineExceeded);
+      const TimePoint now = Now();
+      if (deadline != kNoDeadline && now >= deadline) return Status(StatusCode::kDeadlineExceeded);
+      if (now - begin < kImpatience) continue;
       const timespec pause{0, 20'000};
       nanosleep(&pause, nullptr);
     }

@@ -14,6 +14,7 @@
 
 #include "hal/core/status.h"
 #include "hal/vision_device.h"
+#include "kernels/cuda/device_limits.h"
 #include "kernels/cuda/extractor.h"
 #include "kernels/cuda/match_kernels.h"
 
@@ -38,6 +39,7 @@ class CudaVisionDevice : public VisionDevice {
   // memory is used as it is, whether written or not.
   virtual Status MeasureMatching(std::int64_t num_query, std::int64_t num_train, bool mutual, int repeats,
                                  double* median_us, double* p99_us) = 0;
+  virtual Status MeasureLimits(kernels::cuda::DeviceLimits* limits) = 0;
 };
 
 // kUnavailable: no CUDA device, or no driver. kInvalidArgument: plan or options out of range. kCapacityExceeded: not

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "kernels/cuda/extract_kernels.h"
+#include "kernels/cuda/kernel_launch.cuh"
 #include "kernels/cuda/patch.cuh"
 #include "kernels/cuda/plane_value.cuh"
 
@@ -23,6 +24,7 @@ struct Scratch {
   std::int32_t histogram[kDescriptorBytes];  // in units of 1 / kUnits: sums of integers have no order
   float sums[2][kWarps];
   int counts[2][kWarps];
+  alignas(16) std::uint32_t kept[kRanksPerChunk / 4];  // angles within the limit, a byte a rank
 };
 constexpr float kUnits = 128.0f;  // a cell's sum stays below 2^31: 36 samples of at most 65535 * sqrt(2) counts
 
@@ -120,6 +122,21 @@ __device__ bool GoesBefore(const ExtractBuffers& buffers, int point_a, float ang
   return buffers.keys[point_a].tie < buffers.keys[point_b].tie;
 }
 
+// Of the angles of rank `other`, those that go before angle `angle_idx` of `rank`, which has the same short key.
+__device__ int NumBeforeAtSamePlace(const ExtractBuffers& buffers, int other, int num_angles, int rank, int angle_idx) {
+  const SelectedPoint* mine = buffers.selected + rank;
+  const SelectedPoint* theirs = buffers.selected + other;
+  const float my_angle = mine->angles[angle_idx];
+  int count = 0;
+  for (int k = 0; k < num_angles; ++k) {
+    const float angle = theirs->angles[k];
+    const bool goes_before = other == rank ? k != angle_idx && angle < my_angle
+                                           : GoesBefore(buffers, theirs->point, angle, mine->point, my_angle);
+    count += goes_before ? 1 : 0;
+  }
+  return count;
+}
+
 struct Place {
   int place = 0;     // of the feature in the output; -1: beyond the limit, or a twin
   int num_features;  // of the whole output
@@ -128,7 +145,6 @@ struct Place {
 // Features are counted in order of rank until the limit; the place of one is the number of those that go before it.
 __device__ Place FindPlace(const ExtractBuffers& buffers, int rank, int angle_idx, int num_wanted, Scratch& scratch) {
   const std::uint64_t my_place = buffers.places[rank];
-  const SelectedPoint mine = buffers.selected[rank];
   const int lane = threadIdx.x % 32;
   const int warp = threadIdx.x / 32;
   int num_before = 0;
@@ -156,36 +172,38 @@ __device__ Place FindPlace(const ExtractBuffers& buffers, int rank, int angle_id
       if (w < warp) taken += scratch.counts[0][w];
       num_taken += scratch.counts[0][w];
     }
-    __syncthreads();
-    // Most threads' ranks are all within the limit, without twins; those beyond it have nothing to tell.
-    if (taken >= num_wanted) continue;
+    // What the limit leaves of the ranks of this thread, for all threads.
+    std::uint32_t kept[4] = {words[0], words[1], words[2], words[3]};
+    constexpr std::uint32_t kTwinFlags = 0x01010101u * kTwinFlag;
+    if (taken + sum > num_wanted || ((words[0] | words[1] | words[2] | words[3]) & kTwinFlags) != 0) {
 #pragma unroll
-    for (int i = 0; i < kRanksPerThread; i += 2) {
-      const ulonglong2 two = __ldg(reinterpret_cast<const ulonglong2*>(buffers.places + first_rank + i));
+      for (int i = 0; i < kRanksPerThread; ++i) {
+        const int shift = 8 * (i % 4);
+        const std::uint32_t byte = words[i / 4] >> shift & 255;
+        const int count = byte & kCountMask;
+        const int left = (byte & kTwinFlag) != 0 ? 0 : min(count, max(num_wanted - taken, 0));
+        taken += count;
+        kept[i / 4] = (kept[i / 4] & ~(255u << shift)) | static_cast<std::uint32_t>(left) << shift;
+      }
+    }
+#pragma unroll
+    for (int w = 0; w < 4; ++w) num_kept = __dp4a(kept[w], 0x01010101u, static_cast<std::uint32_t>(num_kept));
+    reinterpret_cast<uint4*>(scratch.kept)[threadIdx.x] = make_uint4(kept[0], kept[1], kept[2], kept[3]);
+    __syncthreads();
+    // Two ranks to a thread at a time, those of a warp side by side.
+#pragma unroll
+    for (int i = 2 * threadIdx.x; i < kRanksPerChunk; i += 2 * kThreads) {
+      const ulonglong2 two = *reinterpret_cast<const ulonglong2*>(buffers.places + first + i);
+      const std::uint32_t counts = reinterpret_cast<const std::uint16_t*>(scratch.kept)[i / 2];
 #pragma unroll
       for (int e = 0; e < 2; ++e) {
-        const int other = first_rank + i + e;
-        const std::uint32_t byte = words[(i + e) / 4] >> (8 * ((i + e) % 4)) & 255;
-        const int count = byte & kCountMask;
-        const bool is_twin = (byte & kTwinFlag) != 0;
-        const int kept = is_twin ? 0 : min(count, max(num_wanted - taken, 0));
-        taken += count;
-        num_kept += kept;
-        if (other == rank) is_within = angle_idx < kept;
-        if (kept == 0) continue;
+        const int other = first + i + e;
+        const int count = counts >> (8 * e) & 255;
         const std::uint64_t place = e == 0 ? two.x : two.y;
-        if (place < my_place) {
-          num_before += kept;
-        } else if (place == my_place) {
-          const SelectedPoint selected = buffers.selected[other];
-          for (int k = 0; k < kept; ++k) {
-            if (other == rank) {
-              num_before += k != angle_idx && selected.angles[k] < mine.angles[angle_idx] ? 1 : 0;
-            } else {
-              num_before +=
-                  GoesBefore(buffers, selected.point, selected.angles[k], mine.point, mine.angles[angle_idx]) ? 1 : 0;
-            }
-          }
+        if (place < my_place) num_before += count;
+        if (place == my_place && count > 0) {
+          if (other == rank) is_within = angle_idx < count;
+          num_before += NumBeforeAtSamePlace(buffers, other, count, rank, angle_idx);
         }
       }
     }
@@ -212,11 +230,13 @@ __device__ Place FindPlace(const ExtractBuffers& buffers, int rank, int angle_id
 __global__ void __launch_bounds__(kThreads)
     DescriptorKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                      const __grid_constant__ SetBuffers sets, const __grid_constant__ FrameOutput output,
-                     int num_wanted, int root_sift) {
+                     int root_sift) {
   __shared__ Scratch scratch;
   __shared__ std::uint32_t bytes[kThreads / 4];
   const int rank = blockIdx.x;
   const int angle_idx = blockIdx.y;
+  WaitForKernelBefore();
+  const int num_wanted = buffers.params->num_wanted;
   const bool is_first = rank == 0 && angle_idx == 0;  // tells how many there are, even when there is none
   if (!is_first && angle_idx >= (buffers.angle_counts[rank] & kCountMask)) return;
   const Place place = FindPlace(buffers, rank, angle_idx, num_wanted, scratch);
@@ -257,9 +277,8 @@ cudaError_t LaunchDescriptors(const ScaleSpaceLayout& layout, const ExtractSetti
                               const ExtractBuffers& buffers, const SetBuffers& sets, const FrameOutput& output,
                               cudaStream_t stream) {
   const dim3 grid(settings.num_features, kMaxOrientations);
-  DescriptorKernel<<<grid, kThreads, 0, stream>>>(layout, buffers, sets, output, settings.num_features,
-                                                  settings.root_sift);
-  return cudaGetLastError();
+  return LaunchAfter(settings.can_launch_early, DescriptorKernel, grid, kThreads, 0, stream, layout, buffers, sets,
+                     output, settings.root_sift);
 }
 
 }  // namespace haustra::kernels::cuda

@@ -64,9 +64,17 @@ struct ScaleSpaceLayout {
   MaskLayout masks[kMaxOctaves];  // of octaves 0 and up; octave -1 uses that of octave 0
 };
 
-// What changes from frame to frame; in mapped host memory.
+// What changes from frame to frame; in mapped host memory, and copied to the device by the first kernel.
 struct FrameParams {
   std::uint32_t set_index = 0;
+  std::int32_t num_wanted = 0;     // features, at most ExtractSettings::num_features
+  float halvings_per_rank = 0.0f;  // of the priority of a point, for each stronger one of its cell
+};
+
+// Rows [begin, end) of the input.
+struct RowRange {
+  int begin = 0;
+  int end = 0;
 };
 
 // Set to zero at the start of every frame, in one piece.
@@ -99,13 +107,6 @@ struct CellPoint {
   std::int32_t spare;
 };
 
-// The points that may be selected: those whose priority is in the bin of the last one that is, or in a higher one.
-struct Survivor {
-  std::uint64_t priority;  // bits of the float, then the complement of tie
-  std::int32_t point;
-  std::int32_t spare;
-};
-
 // By rank.
 struct SelectedPoint {
   std::int32_t point;
@@ -134,10 +135,11 @@ struct ExtractBuffers {
   uint2* extrema = nullptr;  // x | y << 16, level | octave slot << 8
   ScaleSpacePoint* points = nullptr;
   PointKey* keys = nullptr;
-  std::uint64_t* priorities = nullptr;  // of each point, as in Survivor
+  std::uint64_t* priorities = nullptr;  // of each point: bits of the float, then the complement of tie
   CellPoint* cell_points = nullptr;     // kMaxPointsPerCell a cell
-  const float* halvings = nullptr;      // 2^(-rank / points per halving), kMaxPointsPerCell long
-  Survivor* survivors = nullptr;
+  // The points that may be selected: those whose priority is in the bin of the last one that is, or in a higher one.
+  std::uint64_t* survivor_priorities = nullptr;
+  std::int32_t* survivor_points = nullptr;
   // By rank, num_features rounded up to kRanksPerChunk; counts beyond the selected points are 0.
   SelectedPoint* selected = nullptr;
   std::uint8_t* angle_counts = nullptr;
@@ -154,6 +156,7 @@ struct ExtractSettings {
   int has_static_mask = 0;
   int num_features = 0;
   int root_sift = 0;
+  int can_launch_early = 0;  // kernel_launch.cuh
 };
 
 // Feature sets on the device: all in one piece, max_features to a set.

@@ -7,10 +7,15 @@
 
 namespace haustra::kernels::cuda {
 
-// From the frame in pinned host memory: grey, counters to zero, dark ends of the rows.
+// Whether the kernels of the device at hand were compiled so that they may be launched early (kernel_launch.cuh). Made
+// from the PTX of an older architecture they were not, whatever the device.
+cudaError_t CanLaunchEarly(bool* can);
+
+// A band of the frame in pinned host memory to grey. With the first one, counters become zero and the frame's
+// parameters are taken over.
 cudaError_t LaunchIngest(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
-                         const std::uint8_t* frame, cudaStream_t stream);
-// Makes an instantiated graph take the frame from elsewhere. node: the one that LaunchIngest was captured as.
+                         const std::uint8_t* frame, const RowRange& rows, cudaStream_t stream);
+// Makes an instantiated graph take the frame from elsewhere. node: one that LaunchIngest was captured as.
 cudaError_t SetFrameOfIngest(cudaGraphExec_t graph, cudaGraphNode_t node, const std::uint8_t* frame);
 // Bits of the exclusion masks of all octaves, undilated.
 cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
@@ -18,9 +23,12 @@ cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& s
 
 // Must be called once before the first launch.
 cudaError_t PrepareOctaves();
-// Levels and extrema of octaves -1 and 0, from the grey image.
-cudaError_t LaunchFineOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
-                              const ExtractBuffers& buffers, cudaStream_t stream);
+// Levels and extrema of octaves -1 and 0, from the grey image: the tiles that its rows up to rows.end suffice for, less
+// those that rows.begin sufficed for.
+cudaError_t LaunchFinestOctave(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                               const ExtractBuffers& buffers, const RowRange& rows, cudaStream_t stream);
+cudaError_t LaunchOctaveZero(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                             const ExtractBuffers& buffers, const RowRange& rows, cudaStream_t stream);
 // Level 0 of octaves 1 and up, from the grey image and from one another; then their levels and extrema. There must be
 // an octave 1.
 cudaError_t LaunchCoarseOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,

@@ -46,20 +46,29 @@ Extractor::~Extractor() {
   (void)cudaStreamSynchronize(stream_);
   if (graph_ != nullptr) (void)cudaGraphExecDestroy(graph_);
   if (graph_source_ != nullptr) (void)cudaGraphDestroy(graph_source_);
-  for (cudaEvent_t event : {ingested_, masks_made_, coarse_made_}) {
+  for (cudaEvent_t event : ingested_) {
     if (event != nullptr) (void)cudaEventDestroy(event);
   }
-  for (cudaStream_t stream : {mask_stream_, coarse_stream_}) {
-    if (stream != nullptr) (void)cudaStreamDestroy(stream);
+  for (Branch& branch : branches_) {
+    if (branch.done != nullptr) (void)cudaEventDestroy(branch.done);
+    if (branch.stream != nullptr) (void)cudaStreamDestroy(branch.stream);
   }
 }
 
 Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
-  for (cudaStream_t* stream : {&mask_stream_, &coarse_stream_}) {
-    HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(stream, cudaStreamNonBlocking, branch_priority), "stream"));
+  bool can_launch_early = false;
+  HAUSTRA_TRY(ToStatus(CanLaunchEarly(&can_launch_early), "attributes of a kernel"));
+  settings_.can_launch_early = can_launch_early ? 1 : 0;
+  int main_priority = 0;
+  HAUSTRA_TRY(ToStatus(cudaStreamGetPriority(stream_, &main_priority), "priority of the stream"));
+  for (int i = 0; i < kNumBranches; ++i) {
+    Branch& branch = branches_[i];
+    const int priority = i < kFirstFineBranch ? branch_priority : main_priority;
+    HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(&branch.stream, cudaStreamNonBlocking, priority), "stream"));
+    HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&branch.done, cudaEventDisableTiming), "event"));
   }
-  for (cudaEvent_t* event : {&ingested_, &masks_made_, &coarse_made_}) {
-    HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(event, cudaEventDisableTiming), "event"));
+  for (cudaEvent_t& event : ingested_) {
+    HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "event"));
   }
   const ScaleSpaceLayout largest = MakeLayout(plan.max_width_px, plan.max_height_px);
   const LayoutSizes sizes = SizesOf(largest);
@@ -82,8 +91,8 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   HAUSTRA_TRY(keys_.Allocate(sizes.max_extrema));
   HAUSTRA_TRY(priorities_.Allocate(sizes.max_extrema));
   HAUSTRA_TRY(cell_points_.Allocate(static_cast<std::size_t>(largest.num_cells) * kMaxPointsPerCell));
-  HAUSTRA_TRY(halvings_.Allocate(kMaxPointsPerCell));
-  HAUSTRA_TRY(survivors_.Allocate(sizes.max_extrema));
+  HAUSTRA_TRY(survivor_priorities_.Allocate(AlignUp(static_cast<int>(sizes.max_extrema), 2)));
+  HAUSTRA_TRY(survivor_points_.Allocate(sizes.max_extrema));
   const std::size_t num_ranks = AlignUp(settings_.num_features, kRanksPerChunk);
   HAUSTRA_TRY(selected_.Allocate(num_ranks));
   HAUSTRA_TRY(angle_counts_.Allocate(num_ranks));
@@ -107,9 +116,9 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   buffers_.keys = keys_.data();
   buffers_.priorities = priorities_.data();
   buffers_.cell_points = cell_points_.data();
-  buffers_.halvings = halvings_.data();
   buffers_.selected = selected_.data();
-  buffers_.survivors = survivors_.data();
+  buffers_.survivor_priorities = survivor_priorities_.data();
+  buffers_.survivor_points = survivor_points_.data();
   buffers_.angle_counts = angle_counts_.data();
   buffers_.places = places_.data();
   output_ = {keypoints_.device_data(), num_features_.device_data()};
@@ -128,47 +137,74 @@ Status Extractor::SetSource(int width_px, int height_px, PixelFormat format, std
   if (!is_same_size) layout_ = MakeLayout(width_px, height_px);
   layout_.format = format;
   layout_.pitch_bytes = pitch_bytes;
-  if (is_same_size) return Capture();
-  std::vector<float> halvings(kMaxPointsPerCell);
-  const float points_per_halving =
-      kSharesPerHalving * static_cast<float>(settings_.num_features) / static_cast<float>(layout_.num_cells);
-  for (int rank = 0; rank < kMaxPointsPerCell; ++rank) {
-    halvings[rank] = std::exp2(-static_cast<float>(rank) / points_per_halving);
-  }
-  HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(halvings_.data(), halvings.data(), halvings.size() * sizeof(float),
-                                       cudaMemcpyHostToDevice, stream_),
-                       "table of halvings"));
-  HAUSTRA_TRY(ToStatus(cudaStreamSynchronize(stream_), "table of halvings"));
   return Capture();
 }
 
-cudaError_t Extractor::LaunchAll() {
+// Rows are shared out evenly.
+RowRange Extractor::BandOf(int band) const {
+  const auto begin_of = [&](int b) { return layout_.height * b / kNumBands; };
+  return {begin_of(band), begin_of(band + 1)};
+}
+
 #define HAUSTRA_CUDA_TRY(expression) \
   if (const cudaError_t error = (expression); error != cudaSuccess) return error
-  // Three branches: the fine octaves, the coarse ones, the masks.
-  const bool has_coarse = layout_.num_octaves > kFirstCoarseSlot;
-  HAUSTRA_CUDA_TRY(LaunchIngest(layout_, settings_, buffers_, frame_, stream_));
-  HAUSTRA_CUDA_TRY(cudaEventRecord(ingested_, stream_));
 
-  if (has_coarse) {
-    HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(coarse_stream_, ingested_, 0));
-    HAUSTRA_CUDA_TRY(LaunchCoarseOctaves(layout_, settings_, buffers_, coarse_stream_));
-    HAUSTRA_CUDA_TRY(cudaEventRecord(coarse_made_, coarse_stream_));
+// During capture; remembers the node.
+cudaError_t Extractor::LaunchIngestOf(int band) {
+  HAUSTRA_CUDA_TRY(LaunchIngest(layout_, settings_, buffers_, frame_, BandOf(band), stream_));
+  cudaStreamCaptureStatus status{};
+  const cudaGraphNode_t* last_nodes = nullptr;
+  std::size_t num_last_nodes = 0;
+#if CUDART_VERSION >= 13000
+  HAUSTRA_CUDA_TRY(cudaStreamGetCaptureInfo(stream_, &status, nullptr, nullptr, &last_nodes, nullptr, &num_last_nodes));
+#else
+  HAUSTRA_CUDA_TRY(cudaStreamGetCaptureInfo_v2(stream_, &status, nullptr, nullptr, &last_nodes, &num_last_nodes));
+#endif
+  if (num_last_nodes != 1) return cudaErrorUnknown;
+  ingest_nodes_[band] = last_nodes[0];
+  return cudaEventRecord(ingested_[band], stream_);
+}
+
+cudaError_t Extractor::LaunchAll() {
+  // Bands do not wait for one another, so their users wait for all up to theirs.
+  const auto begin = [&](int branch, int band) {
+    cudaError_t error = cudaSuccess;
+    for (int b = 0; b <= band && error == cudaSuccess; ++b) {
+      error = cudaStreamWaitEvent(branches_[branch].stream, ingested_[b], 0);
+    }
+    return error;
+  };
+  const auto end = [&](int branch) { return cudaEventRecord(branches_[branch].done, branches_[branch].stream); };
+
+  for (int band = 0; band < kNumBands; ++band) HAUSTRA_CUDA_TRY(LaunchIngestOf(band));
+  // Nobody waits for the fine octaves of a band but the frame; the others need the whole picture.
+  for (int band = 0; band < kNumBands; ++band) {
+    const int zero = kFirstFineBranch + 2 * band;
+    HAUSTRA_CUDA_TRY(begin(zero, band));
+    HAUSTRA_CUDA_TRY(LaunchOctaveZero(layout_, settings_, buffers_, BandOf(band), branches_[zero].stream));
+    HAUSTRA_CUDA_TRY(end(zero));
+    const int finest = zero + 1;
+    HAUSTRA_CUDA_TRY(begin(finest, band));
+    HAUSTRA_CUDA_TRY(LaunchFinestOctave(layout_, settings_, buffers_, BandOf(band), branches_[finest].stream));
+    HAUSTRA_CUDA_TRY(end(finest));
   }
+  HAUSTRA_CUDA_TRY(begin(kCoarseBranch, kNumBands - 1));
+  if (layout_.num_octaves > kFirstCoarseSlot) {
+    HAUSTRA_CUDA_TRY(LaunchCoarseOctaves(layout_, settings_, buffers_, branches_[kCoarseBranch].stream));
+  }
+  HAUSTRA_CUDA_TRY(end(kCoarseBranch));
+  HAUSTRA_CUDA_TRY(begin(kMaskBranch, kNumBands - 1));
+  HAUSTRA_CUDA_TRY(LaunchMasks(layout_, settings_, buffers_, branches_[kMaskBranch].stream));
+  HAUSTRA_CUDA_TRY(end(kMaskBranch));
 
-  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(mask_stream_, ingested_, 0));
-  HAUSTRA_CUDA_TRY(LaunchMasks(layout_, settings_, buffers_, mask_stream_));
-  HAUSTRA_CUDA_TRY(cudaEventRecord(masks_made_, mask_stream_));
-
-  HAUSTRA_CUDA_TRY(LaunchFineOctaves(layout_, settings_, buffers_, stream_));
-  if (has_coarse) HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream_, coarse_made_, 0));
-  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream_, masks_made_, 0));
+  for (const Branch& branch : branches_) HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream_, branch.done, 0));
   HAUSTRA_CUDA_TRY(LaunchRefinement(layout_, settings_, buffers_, stream_));
   HAUSTRA_CUDA_TRY(LaunchPriorities(layout_, settings_, buffers_, stream_));
   HAUSTRA_CUDA_TRY(LaunchOrientations(layout_, settings_, buffers_, stream_));
   HAUSTRA_CUDA_TRY(LaunchDescriptors(layout_, settings_, buffers_, sets_, output_, stream_));
   return cudaSuccess;
 }
+#undef HAUSTRA_CUDA_TRY
 
 Status Extractor::Capture() {
   if (graph_ != nullptr) (void)cudaGraphExecDestroy(graph_);
@@ -180,13 +216,10 @@ Status Extractor::Capture() {
   const cudaError_t ended = cudaStreamEndCapture(stream_, &graph);
   HAUSTRA_TRY(ToStatus(launched, "launch of the extraction"));
   HAUSTRA_TRY(ToStatus(ended, "capture of the graph"));
-  std::size_t num_roots = 1;  // the graph begins with the frame
-  const cudaError_t searched = cudaGraphGetRootNodes(graph, &ingest_node_, &num_roots);
   const cudaError_t instantiated =
       cudaGraphInstantiateWithFlags(&graph_, graph, cudaGraphInstantiateFlagUseNodePriority);
   if (graph_source_ != nullptr) (void)cudaGraphDestroy(graph_source_);
-  graph_source_ = graph;  // the node of the ingest is named by it
-  HAUSTRA_TRY(ToStatus(searched, "graph of the extraction"));
+  graph_source_ = graph;  // nodes are named by it
   HAUSTRA_TRY(ToStatus(instantiated, "graph of the extraction"));
   return ToStatus(cudaGraphUpload(graph_, stream_), "graph of the extraction");
 }
@@ -228,36 +261,43 @@ const std::uint8_t* Extractor::Place(const ImageView& image, std::int64_t* pitch
   return picture_.device_data();
 }
 
-Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index) {
+Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int max_features) {
   std::int64_t pitch_bytes = 0;
   const std::uint8_t* frame = Place(image, &pitch_bytes);
   HAUSTRA_TRY(SetSource(image.width, image.height, image.format, pitch_bytes));
-  params_.data()->set_index = set_index;
+  const int num_wanted = max_features > 0 ? std::min(max_features, settings_.num_features) : settings_.num_features;
+  const float points_per_halving =
+      kSharesPerHalving * static_cast<float>(num_wanted) / static_cast<float>(layout_.num_cells);
+  *params_.data() = {set_index, num_wanted, 1.0f / points_per_halving};
   if (frame != frame_) {
-    HAUSTRA_TRY(ToStatus(SetFrameOfIngest(graph_, ingest_node_, frame), "source of the frame"));
+    for (const cudaGraphNode_t node : ingest_nodes_) {
+      HAUSTRA_TRY(ToStatus(SetFrameOfIngest(graph_, node, frame), "source of the frame"));
+    }
     frame_ = frame;
   }
   return ToStatus(cudaGraphLaunch(graph_, stream_), "launch of the extraction");
 }
 
 Status Extractor::MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out) {
+  const RowRange all = {0, layout_.height};
   const auto run = [&](int step) -> cudaError_t {
     switch (step) {
-      case 0: return LaunchIngest(layout_, settings_, buffers_, frame_, stream_);
+      case 0: return LaunchIngest(layout_, settings_, buffers_, frame_, all, stream_);
       case 1: return LaunchMasks(layout_, settings_, buffers_, stream_);
       case 2:
         if (layout_.num_octaves <= kFirstCoarseSlot) return cudaSuccess;
         return LaunchCoarseOctaves(layout_, settings_, buffers_, stream_);
-      case 3: return LaunchFineOctaves(layout_, settings_, buffers_, stream_);
-      case 4: return LaunchRefinement(layout_, settings_, buffers_, stream_);
-      case 5: return LaunchPriorities(layout_, settings_, buffers_, stream_);
-      case 6: return LaunchOrientations(layout_, settings_, buffers_, stream_);
+      case 3: return LaunchOctaveZero(layout_, settings_, buffers_, all, stream_);
+      case 4: return LaunchFinestOctave(layout_, settings_, buffers_, all, stream_);
+      case 5: return LaunchRefinement(layout_, settings_, buffers_, stream_);
+      case 6: return LaunchPriorities(layout_, settings_, buffers_, stream_);
+      case 7: return LaunchOrientations(layout_, settings_, buffers_, stream_);
       default: return LaunchDescriptors(layout_, settings_, buffers_, sets_, output_, stream_);
     }
   };
-#undef HAUSTRA_CUDA_TRY
-  static constexpr const char* kNames[kNumSteps] = {"ingest",     "masks",      "coarse octaves", "fine octaves",
-                                                    "refinement", "priorities", "orientations",   "descriptors"};
+  static constexpr const char* kNames[kNumSteps] = {"ingest",     "masks",        "coarse octaves",
+                                                    "octave 0",   "octave -1",    "refinement",
+                                                    "priorities", "orientations", "descriptors"};
   cudaEvent_t events[kNumSteps + 1] = {};
   Status status;
   for (cudaEvent_t& event : events) {

@@ -33,7 +33,8 @@ class Extractor {
 
   // Queues the extraction into the set; the last one must be done. A picture in pinned memory is read where it lies
   // (its address and pitch must be multiples of 16 bytes, its width of 16 pixels); any other is copied first.
-  Status Enqueue(const ImageView& image, std::uint32_t set_index);
+  // max_features: the strongest so many; 0: as planned.
+  Status Enqueue(const ImageView& image, std::uint32_t set_index, int max_features);
 
   // Valid when the work is done.
   std::int32_t num_features() const { return *num_features_.data(); }
@@ -45,7 +46,7 @@ class Extractor {
     const char* name;
     double median_us;
   };
-  static constexpr int kNumSteps = 8;
+  static constexpr int kNumSteps = 9;
   Status MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out);
 
  private:
@@ -54,19 +55,27 @@ class Extractor {
   Status SetSource(int width_px, int height_px, PixelFormat format, std::int64_t pitch_bytes);
   Status Capture();
   cudaError_t LaunchAll();
+  cudaError_t LaunchIngestOf(int band);
+  RowRange BandOf(int band) const;
   const std::uint8_t* Place(const ImageView& image, std::int64_t* pitch_bytes);
+
+  // The picture is taken in so many bands of rows, one after another.
+  static constexpr int kNumBands = 2;
+  // What runs beside the main line of a frame.
+  enum { kMaskBranch, kCoarseBranch, kFirstFineBranch, kNumBranches = kFirstFineBranch + 2 * kNumBands };
+  struct Branch {
+    cudaStream_t stream = nullptr;
+    cudaEvent_t done = nullptr;
+  };
 
   ExtractSettings settings_;
   SetBuffers sets_;
   cudaStream_t stream_;
-  cudaStream_t mask_stream_ = nullptr;
-  cudaStream_t coarse_stream_ = nullptr;
-  cudaEvent_t ingested_ = nullptr;
-  cudaEvent_t masks_made_ = nullptr;
-  cudaEvent_t coarse_made_ = nullptr;
+  Branch branches_[kNumBranches];
+  cudaEvent_t ingested_[kNumBands] = {};
   cudaGraph_t graph_source_ = nullptr;
   cudaGraphExec_t graph_ = nullptr;
-  cudaGraphNode_t ingest_node_ = nullptr;
+  cudaGraphNode_t ingest_nodes_[kNumBands] = {};
   const std::uint8_t* frame_ = nullptr;  // where the graph reads the picture, as the device sees it
   ScaleSpaceLayout layout_;
   ExtractBuffers buffers_;
@@ -89,8 +98,8 @@ class Extractor {
   DeviceBuffer<PointKey> keys_;
   DeviceBuffer<std::uint64_t> priorities_;
   DeviceBuffer<CellPoint> cell_points_;
-  DeviceBuffer<float> halvings_;
-  DeviceBuffer<Survivor> survivors_;
+  DeviceBuffer<std::uint64_t> survivor_priorities_;
+  DeviceBuffer<std::int32_t> survivor_points_;
   DeviceBuffer<SelectedPoint> selected_;
   DeviceBuffer<std::uint8_t> angle_counts_;
   DeviceBuffer<std::uint64_t> places_;

@@ -1,14 +1,16 @@
 // Frame into device memory as grey, and the masks. The frame is read where it lies in host memory: once, in whole
-// lines, by all blocks at once, which takes no longer than a copy and saves one (on Jetson, host memory is the
-// device's).
+// lines, which takes no longer than a copy and saves one (on Jetson, host memory is the device's). It comes in bands of
+// rows, so that the fine octaves begin before all of it is there.
+#include <algorithm>
 #include <cstdint>
 
 #include "kernels/cuda/extract_kernels.h"
+#include "kernels/cuda/kernel_launch.cuh"
 
 namespace haustra::kernels::cuda {
 namespace {
 
-constexpr int kIngestWarps = 8;
+constexpr int kIngestThreads = 128;
 constexpr int kPixelsPerLoad = 16;
 
 // Integer luma (Rec. 601), rounded; the same as the CPU device's.
@@ -53,54 +55,38 @@ __device__ uint4 LoadLuma(const std::uint8_t* row, int chunk, PixelFormat format
   return in[chunk];
 }
 
-// A warp to a row, 16 pixels to a lane at a time.
-__global__ void __launch_bounds__(32 * kIngestWarps)
-    IngestKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
-                 const __grid_constant__ ExtractBuffers buffers, const std::uint8_t* frame) {
+// A thread to 16 pixels of the rows [first_row, last_row), so that all of them are under way at once. The bands do not
+// wait for one another: each only begins when the one before has asked for its pixels.
+__global__ void __launch_bounds__(kIngestThreads)
+    IngestKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                 int num_ranks, const std::uint8_t* frame, int first_row, int last_row) {
   const int thread = blockIdx.x * blockDim.x + threadIdx.x;
-  const int num_threads = gridDim.x * blockDim.x;
-  const int num_counters = sizeof(FrameCounters) / sizeof(std::int32_t) + layout.num_cells;
-  std::int32_t* counters = reinterpret_cast<std::int32_t*>(buffers.counters);
-  for (int i = thread; i < num_counters; i += num_threads) counters[i] = 0;
-  for (int i = thread; i < settings.num_features; i += num_threads) buffers.angle_counts[i] = 0;
-  if (thread == 0) *buffers.params = *buffers.host_params;
-
-  const int lane = threadIdx.x % 32;
-  const int y = thread / 32;
-  if (y >= layout.height) return;
-  const std::uint8_t* row = frame + y * layout.pitch_bytes;
-  uint4* out = reinterpret_cast<uint4*>(buffers.grey + static_cast<std::size_t>(y) * layout.grey_pitch);
-  int first = layout.width;
-  int last = -1;
-  for (int chunk = lane; chunk * kPixelsPerLoad < layout.width; chunk += 32) {
-    const uint4 grey = LoadLuma(row, chunk, layout.format);
-    out[chunk] = grey;
-    const std::uint32_t words[4] = {grey.x, grey.y, grey.z, grey.w};
-#pragma unroll
-    for (int i = 0; i < kPixelsPerLoad; ++i) {
-      const int value = (words[i / 4] >> (8 * (i % 4))) & 255;
-      const int x = chunk * kPixelsPerLoad + i;
-      if (value >= settings.border_threshold && x < layout.width) {
-        first = min(first, x);
-        last = max(last, x);
-      }
-    }
+  const int chunks = (layout.width + kPixelsPerLoad - 1) / kPixelsPerLoad;
+  const int y = first_row + thread / chunks;
+  const int chunk = thread % chunks;
+  const bool is_inside = y < last_row;
+  const uint4 grey = is_inside ? LoadLuma(frame + y * layout.pitch_bytes, chunk, layout.format) : uint4{};
+  LetKernelAfterBegin();
+  if (first_row == 0) {
+    const int num_threads = gridDim.x * blockDim.x;
+    const int num_counters = sizeof(FrameCounters) / sizeof(std::int32_t) + layout.num_cells;
+    std::int32_t* counters = reinterpret_cast<std::int32_t*>(buffers.counters);
+    for (int i = thread; i < num_counters; i += num_threads) counters[i] = 0;
+    for (int i = thread; i < num_ranks; i += num_threads) buffers.angle_counts[i] = 0;
+    if (thread == 0) *buffers.params = *buffers.host_params;
   }
-  first = __reduce_min_sync(0xffffffffu, first);
-  last = __reduce_max_sync(0xffffffffu, last);
-  if (lane == 0) {
-    buffers.row_first[y] = first;
-    buffers.row_last[y] = last;
-  }
+  if (!is_inside) return;
+  reinterpret_cast<uint4*>(buffers.grey + static_cast<std::size_t>(y) * layout.grey_pitch)[chunk] = grey;
 }
 
 constexpr int kColumnGroups = 8;
 constexpr int kRowGroups = 32;
+constexpr int kLineThreads = kColumnGroups * kRowGroups;
+constexpr int kRowsPerBlock = kLineThreads / 32;
 
 // Dark ends of the columns: four columns to a thread, the rows shared out among kRowGroups threads.
-__global__ void __launch_bounds__(kColumnGroups* kRowGroups)
-    ColumnEndsKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
-                     const __grid_constant__ ExtractBuffers buffers) {
+__device__ void FindColumnEnds(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int border_threshold,
+                               int block) {
   __shared__ int first[4 * kColumnGroups];
   __shared__ int last[4 * kColumnGroups];
   const int group = threadIdx.x % kColumnGroups;
@@ -110,7 +96,7 @@ __global__ void __launch_bounds__(kColumnGroups* kRowGroups)
     last[threadIdx.x] = -1;
   }
   __syncthreads();
-  const int x = 4 * (blockIdx.x * kColumnGroups + group);
+  const int x = 4 * (block * kColumnGroups + group);
   int my_first[4];
   int my_last[4];
 #pragma unroll
@@ -125,7 +111,7 @@ __global__ void __launch_bounds__(kColumnGroups* kRowGroups)
           *reinterpret_cast<const std::uint32_t*>(buffers.grey + static_cast<std::size_t>(y) * layout.grey_pitch + x);
 #pragma unroll
       for (int k = 0; k < 4; ++k) {
-        if (static_cast<int>((word >> (8 * k)) & 255) < settings.border_threshold) continue;
+        if (static_cast<int>((word >> (8 * k)) & 255) < border_threshold) continue;
         my_first[k] = min(my_first[k], y);
         my_last[k] = max(my_last[k], y);
       }
@@ -137,10 +123,48 @@ __global__ void __launch_bounds__(kColumnGroups* kRowGroups)
     }
   }
   __syncthreads();
-  const int column = 4 * blockIdx.x * kColumnGroups + threadIdx.x;
+  const int column = 4 * block * kColumnGroups + threadIdx.x;
   if (threadIdx.x < 4 * kColumnGroups && column < layout.width) {
     buffers.column_first[column] = first[threadIdx.x];
     buffers.column_last[column] = last[threadIdx.x];
+  }
+}
+
+// Dark ends of a row, by a warp; four pixels to a lane at a time.
+__device__ void FindRowEnds(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int border_threshold,
+                            int y) {
+  if (y >= layout.height) return;
+  const std::uint8_t* row = buffers.grey + static_cast<std::size_t>(y) * layout.grey_pitch;
+  int first = layout.width;
+  int last = -1;
+#pragma unroll 4
+  for (int x = 4 * (threadIdx.x % 32); x < layout.width; x += 128) {
+    const std::uint32_t word = *reinterpret_cast<const std::uint32_t*>(row + x);
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+      if (static_cast<int>((word >> (8 * k)) & 255) < border_threshold || x + k >= layout.width) continue;
+      first = min(first, x + k);
+      last = max(last, x + k);
+    }
+  }
+  first = __reduce_min_sync(0xffffffffu, first);
+  last = __reduce_max_sync(0xffffffffu, last);
+  if (threadIdx.x % 32 == 0) {
+    buffers.row_first[y] = first;
+    buffers.row_last[y] = last;
+  }
+}
+
+// The first blocks do columns, the others rows.
+__global__ void __launch_bounds__(kLineThreads)
+    LineEndsKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                   int border_threshold, int num_column_blocks) {
+  const int block = blockIdx.x;
+  if (block < num_column_blocks) {
+    FindColumnEnds(layout, buffers, border_threshold, block);
+  } else {
+    FindRowEnds(layout, buffers, border_threshold,
+                (block - num_column_blocks) * kRowsPerBlock + static_cast<int>(threadIdx.x) / 32);
   }
 }
 
@@ -205,24 +229,35 @@ int Blocks(int count, int per_block) { return (count + per_block - 1) / per_bloc
 
 }  // namespace
 
+cudaError_t CanLaunchEarly(bool* can) {
+  cudaFuncAttributes attributes{};
+  const cudaError_t error = cudaFuncGetAttributes(&attributes, IngestKernel);
+  *can = error == cudaSuccess && attributes.ptxVersion >= 90;
+  return error;
+}
+
 cudaError_t LaunchIngest(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
-                         const std::uint8_t* frame, cudaStream_t stream) {
-  IngestKernel<<<Blocks(layout.height, kIngestWarps), 32 * kIngestWarps, 0, stream>>>(layout, settings, buffers, frame);
-  return cudaGetLastError();
+                         const std::uint8_t* frame, const RowRange& rows, cudaStream_t stream) {
+  // At least one block: the first band has more to do than its rows, of which a flat picture may have none.
+  const int num_chunks = std::max(Blocks(layout.width, kPixelsPerLoad) * (rows.end - rows.begin), 1);
+  return LaunchAfter(settings.can_launch_early && rows.begin > 0, IngestKernel, Blocks(num_chunks, kIngestThreads),
+                     kIngestThreads, 0, stream, layout, buffers, settings.num_features, frame, rows.begin, rows.end);
 }
 
 cudaError_t SetFrameOfIngest(cudaGraphExec_t graph, cudaGraphNode_t node, const std::uint8_t* frame) {
   cudaKernelNodeParams params{};
   if (const cudaError_t error = cudaGraphKernelNodeGetParams(node, &params); error != cudaSuccess) return error;
-  void* arguments[] = {params.kernelParams[0], params.kernelParams[1], params.kernelParams[2], &frame};
+  void* arguments[] = {params.kernelParams[0], params.kernelParams[1], params.kernelParams[2], &frame,
+                       params.kernelParams[4], params.kernelParams[5]};
   params.kernelParams = arguments;
   return cudaGraphExecKernelNodeSetParams(graph, node, &params);
 }
 
 cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
                         cudaStream_t stream) {
-  ColumnEndsKernel<<<Blocks(layout.width, 4 * kColumnGroups), kColumnGroups * kRowGroups, 0, stream>>>(layout, settings,
-                                                                                                       buffers);
+  const int num_column_blocks = Blocks(layout.width, 4 * kColumnGroups);
+  LineEndsKernel<<<num_column_blocks + Blocks(layout.height, kRowsPerBlock), kLineThreads, 0, stream>>>(
+      layout, buffers, settings.border_threshold, num_column_blocks);
   FinestMaskKernel<<<Blocks(layout.masks[0].words * layout.height, 8), 256, 0, stream>>>(layout, settings, buffers);
   // Masks for the octaves that there are.
   const int num_octaves = layout.num_octaves + kFirstOctave;

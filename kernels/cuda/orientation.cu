@@ -2,6 +2,7 @@
 #include <cstdint>
 
 #include "kernels/cuda/extract_kernels.h"
+#include "kernels/cuda/kernel_launch.cuh"
 #include "kernels/cuda/patch.cuh"
 #include "kernels/cuda/plane_value.cuh"
 
@@ -125,19 +126,23 @@ __device__ int FindPeaks(Scratch& scratch, float* angles) {
 
 // A block to a survivor.
 __global__ void __launch_bounds__(kThreads, 18)
-    OrientationKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
-                      int num_wanted) {
+    OrientationKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers) {
   __shared__ Scratch scratch;
+  WaitForKernelBefore();
+  const int num_wanted = buffers.params->num_wanted;
   const int num_survivors = buffers.counters->num_survivors;
   for (int i = blockIdx.x; i < num_survivors; i += gridDim.x) {
-    const Survivor survivor = buffers.survivors[i];
-    const ScaleSpacePoint point = buffers.points[survivor.point];
-    const PointKey key = buffers.keys[survivor.point];
+    const std::uint64_t priority = buffers.survivor_priorities[i];
+    const std::int32_t point_idx = buffers.survivor_points[i];
+    const ScaleSpacePoint point = buffers.points[point_idx];
+    const PointKey key = buffers.keys[point_idx];
     const OctaveLayout& octave = layout.octaves[key.octave];
     int rank = 0;
 #pragma unroll 8
-    for (int j = threadIdx.x; j < num_survivors; j += kThreads) {
-      rank += __ldg(&buffers.survivors[j].priority) > survivor.priority ? 1 : 0;
+    for (int j = 2 * threadIdx.x; j < num_survivors; j += 2 * kThreads) {
+      const ulonglong2 two = *reinterpret_cast<const ulonglong2*>(buffers.survivor_priorities + j);
+      rank += two.x > priority ? 1 : 0;
+      rank += two.y > priority && j + 1 < num_survivors ? 1 : 0;
     }
     rank = __reduce_add_sync(0xffffffffu, rank);
     if (threadIdx.x % 32 == 0) scratch.ranks[threadIdx.x / 32] = rank;
@@ -165,7 +170,7 @@ __global__ void __launch_bounds__(kThreads, 18)
         float angles[kMaxOrientations] = {};
         const int count = FindPeaks(scratch, angles);
         if (threadIdx.x == 0) {
-          SelectedPoint selected{survivor.point, {}};
+          SelectedPoint selected{point_idx, {}};
 #pragma unroll
           for (int k = 0; k < kMaxOrientations; ++k) selected.angles[k] = angles[k];
           buffers.selected[rank] = selected;
@@ -187,8 +192,7 @@ cudaError_t LaunchOrientations(const ScaleSpaceLayout& layout, const ExtractSett
                                const ExtractBuffers& buffers, cudaStream_t stream) {
   // A few more survive than are selected; what there is beyond is taken in turn.
   const int num_blocks = settings.num_features + settings.num_features / 8 + 1;
-  OrientationKernel<<<num_blocks, kThreads, 0, stream>>>(layout, buffers, settings.num_features);
-  return cudaGetLastError();
+  return LaunchAfter(settings.can_launch_early, OrientationKernel, num_blocks, kThreads, 0, stream, layout, buffers);
 }
 
 }  // namespace haustra::kernels::cuda

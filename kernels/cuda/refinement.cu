@@ -2,6 +2,7 @@
 #include <cstdint>
 
 #include "kernels/cuda/extract_kernels.h"
+#include "kernels/cuda/kernel_launch.cuh"
 #include "kernels/cuda/plane_value.cuh"
 
 namespace haustra::kernels::cuda {
@@ -132,6 +133,7 @@ constexpr int kRefineBlocks = 132 * 16;
 __global__ void __launch_bounds__(32 * kRefineWarps)
     RefineKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
                  const __grid_constant__ ExtractBuffers buffers) {
+  WaitForKernelBefore();
   const int num_extrema = buffers.counters->num_extrema;
   for (int i = blockIdx.x * kRefineWarps + threadIdx.x / 32; i < num_extrema; i += gridDim.x * kRefineWarps) {
     const uint2 extremum = buffers.extrema[i];
@@ -140,18 +142,18 @@ __global__ void __launch_bounds__(32 * kRefineWarps)
     const int level = extremum.y & 0xff;
     const int slot = extremum.y >> 8;
     const OctaveLayout& octave = layout.octaves[slot];
-    const int dilation_px = settings.mask_dilation_px;
-    if (IsExcluded(layout, buffers.mask_bits, dilation_px, octave.octave, static_cast<float>(x),
-                   static_cast<float>(y))) {
-      continue;
-    }
     ScaleSpacePoint point;
     int settled_level = 0;
     if (!Refine(octave, buffers.planes, settings.contrast_threshold, settings.edge_threshold, x, y, level, &point,
                 &settled_level)) {
       continue;
     }
-    if (IsExcluded(layout, buffers.mask_bits, dilation_px, octave.octave, point.x, point.y)) continue;
+    // Many extrema are too weak or on edges; masks are asked about the others only.
+    const int dilation_px = settings.mask_dilation_px;
+    const bool was_excluded =
+        IsExcluded(layout, buffers.mask_bits, dilation_px, octave.octave, static_cast<float>(x), static_cast<float>(y));
+    const bool is_excluded = IsExcluded(layout, buffers.mask_bits, dilation_px, octave.octave, point.x, point.y);
+    if (was_excluded || is_excluded) continue;
     if (threadIdx.x % 32 != 0) continue;
     const float to_input = ToInput(octave.octave);
     const int column =

@@ -5,18 +5,21 @@
 // down the columns, then along the rows; the results of the first are operands of the second without leaving their
 // registers. The differences of a tile are searched for extrema while it is in shared memory.
 //
-// Half-precision operands hold bytes exactly: 0x4b00 | b is 14 + b / 128. Values of 16 bits are two operands, high and
-// low byte, and sums are taken in float, so nothing is lost but a rounding to 16 bits after each of the two products.
+// A byte b is a half-precision operand as it is: 0x00bb is b * 2^-24. Values of 16 bits are two operands, high and low
+// byte, and sums are taken in float, so nothing is lost but a rounding to 16 bits after each of the two products.
 #include <cstdint>
+#include <vector>
 
 #include "kernels/cuda/extract_kernels.h"
+#include "kernels/cuda/kernel_launch.cuh"
 #include "kernels/cuda/plane_value.cuh"
 
 namespace haustra::kernels::cuda {
 namespace {
 
-constexpr int kThreads = 256;
-constexpr int kWarps = kThreads / 32;
+constexpr int kFineThreads = 256;
+// The few tiles of the coarse octaves are waited for: more threads to each.
+constexpr int kCoarseThreads = 512;
 // A tile as it is computed: 64 x 64 pixels, two to a word; the outer two on each side belong to the neighbours.
 constexpr int kSide = 64;
 constexpr int kBorder = (kSide - kOctaveTilePx) / 2;
@@ -24,9 +27,10 @@ constexpr int kWords = kSide / 2;
 constexpr int kLevelWords = kSide * kWords;
 static_assert(kBorder == 2);
 
-constexpr std::uint32_t kByteBase = 0x4b4b4b4bu;
-constexpr float kOffsetOfByte = 14.0f * kBandScale;  // what a product adds for 0x4b00, in units of the byte
-constexpr float kIntegerBase = 8388608.0f;           // 2^23: the low bits of a float above it are an integer
+constexpr float kIntegerBase = 8388608.0f;  // 2^23: the low bits of a float above it are an integer
+// What a sum of products is to be multiplied by: bytes are times 2^-24, weights for high bytes, which count as 2^8,
+// times kBandScale.
+constexpr float kUnitsPerSum = 16777216.0f * 256.0f / kBandScale;
 
 __device__ __forceinline__ int Clamp(int v, int low, int high) { return min(max(v, low), high); }
 
@@ -40,12 +44,8 @@ struct SourceTile {
   // Rows of 16-byte pieces, an odd number of them: eight rows meet in no bank.
   static constexpr int kPitch = (kSize / 8 | 1) * 8;
 };
-// Levels, then the source.
-constexpr int kSharedBytes =
-    kNumLevels * kLevelWords * 4 + SourceTile<BandSource::kPlane>::kSize * SourceTile<BandSource::kPlane>::kPitch * 2;
 
-// Bytes of a grey tile become operands at once.
-template <BandSource kSource, typename Pixel>
+template <BandSource kSource, int kThreads, typename Pixel>
 __device__ __forceinline__ void LoadSource(const Pixel* __restrict__ source, int width, int height, int pitch,
                                            int first_x, int first_y, std::uint32_t* tile) {
   using Tile = SourceTile<kSource>;
@@ -62,7 +62,7 @@ __device__ __forceinline__ void LoadSource(const Pixel* __restrict__ source, int
     const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(Clamp(first_y + row, 0, height - 1)) * pitch;
     const std::uint32_t two =
         static_cast<std::uint32_t>(__ldg(left + at)) | static_cast<std::uint32_t>(__ldg(right + at)) << 16;
-    out[row * (Tile::kPitch / 2)] = Tile::kIsGrey ? two | 0x4b004b00u : two;
+    out[row * (Tile::kPitch / 2)] = two;
   }
 }
 
@@ -81,23 +81,23 @@ __device__ __forceinline__ void MultiplyAdd(float (&sum)[4], const std::uint32_t
       : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
 }
 
-// Weights for high bytes: 256 times those for low bytes, exactly.
-__device__ __forceinline__ std::uint32_t Times256(std::uint32_t two) {
-  constexpr std::uint32_t kTwo256 = 0x5c005c00u;  // 256 as a half-precision float
+// Weights for low bytes: those for high bytes by 256, exactly.
+__device__ __forceinline__ std::uint32_t By256(std::uint32_t two) {
+  constexpr std::uint32_t kTwoFractions = 0x1c001c00u;  // 1 / 256 as a half-precision float
   std::uint32_t result;
-  asm("mul.f16x2 %0, %1, %2;" : "=r"(result) : "r"(two), "r"(kTwo256));
+  asm("mul.f16x2 %0, %1, %2;" : "=r"(result) : "r"(two), "r"(kTwoFractions));
   return result;
 }
 
 __device__ __forceinline__ void LoadFragment(const BandFragment& fragment, std::uint32_t (&low)[4],
                                              std::uint32_t (&high)[4]) {
   const uint4 words = __ldg(reinterpret_cast<const uint4*>(&fragment));
-  low[0] = words.x;
-  low[1] = words.y;
-  low[2] = words.z;
-  low[3] = words.w;
+  high[0] = words.x;
+  high[1] = words.y;
+  high[2] = words.z;
+  high[3] = words.w;
 #pragma unroll
-  for (int i = 0; i < 4; ++i) high[i] = Times256(low[i]);
+  for (int i = 0; i < 4; ++i) low[i] = By256(high[i]);
 }
 
 // Operands of the second product from eight columns of results of the first.
@@ -110,20 +110,22 @@ struct Piece {
 // neither the eight rows of a fragment nor the words of a row meet in a bank.
 __device__ __forceinline__ int WordAt(int row, int word) { return row * kWords + (word ^ (row & 7) << 2); }
 
-// All levels of a tile, from its source in `tile`, into `shared`. A warp makes 16 rows and 32 columns.
-template <BandSource kSource>
+// All levels of a tile, from its source in `tile`, into `shared`. A warp makes 16 rows and kBlocks times 16 columns.
+template <BandSource kSource, int kThreads>
 __device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std::uint32_t* tile,
                                            std::uint32_t* shared) {
   using Tile = SourceTile<kSource>;
   constexpr int kSteps = Tile::kSteps;
   constexpr int kPiecesPer16 = Tile::kPixelsPer16 / 8;
-  constexpr int kNumPieces = 2 * kSteps + kPiecesPer16;
+  constexpr int kBlocks = 16 * 32 / kThreads;
+  constexpr int kWarpsPerStrip = 4 / kBlocks;
+  constexpr int kNumPieces = 2 * kSteps + (kBlocks - 1) * kPiecesPer16;
   const int lane = threadIdx.x % 32;
-  const int strip = threadIdx.x / 32 / 2;
-  const int half = threadIdx.x / 32 % 2;
+  const int strip = threadIdx.x / 32 / kWarpsPerStrip;
+  const int first_block = threadIdx.x / 32 % kWarpsPerStrip * kBlocks;
 
   const std::uint32_t first = static_cast<std::uint32_t>(__cvta_generic_to_shared(tile)) +
-                              2 * (strip * Tile::kPixelsPer16 * Tile::kPitch + half * 2 * Tile::kPixelsPer16);
+                              2 * (strip * Tile::kPixelsPer16 * Tile::kPitch + first_block * Tile::kPixelsPer16);
 #pragma unroll 1
   for (int level = 0; level < kNumLevels; ++level) {
     std::uint32_t low[kSteps][4];
@@ -155,18 +157,18 @@ __device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std
         if constexpr (Tile::kIsGrey) {
           MultiplyAdd(sum, high[step], b0, b1);
         } else {
-          MultiplyAdd(sum, high[step], __byte_perm(b0, kByteBase, 0x4341), __byte_perm(b1, kByteBase, 0x4341));
-          MultiplyAdd(sum, low[step], __byte_perm(b0, kByteBase, 0x4240), __byte_perm(b1, kByteBase, 0x4240));
+          MultiplyAdd(sum, high[step], __byte_perm(b0, 0, 0x4341), __byte_perm(b1, 0, 0x4341));
+          MultiplyAdd(sum, low[step], __byte_perm(b0, 0, 0x4240), __byte_perm(b1, 0, 0x4240));
         }
       }
-      constexpr float kOffset = Tile::kIsGrey ? 256 * kOffsetOfByte : 257 * kOffsetOfByte;
+      // Of grey images in units of 1/256 grey level: below 2^16, so that byte 2 of the float's bits is zero.
       std::uint32_t bits[4];
 #pragma unroll
-      for (int i = 0; i < 4; ++i) bits[i] = __float_as_uint(sum[i] + (kIntegerBase - kOffset));
+      for (int i = 0; i < 4; ++i) bits[i] = __float_as_uint(fmaf(sum[i], kUnitsPerSum, kIntegerBase));
 #pragma unroll
       for (int i = 0; i < 2; ++i) {
-        pieces[p].high[i] = __byte_perm(bits[2 * i], bits[2 * i + 1], 0x7531);
-        pieces[p].low[i] = __byte_perm(bits[2 * i], bits[2 * i + 1], 0x7430);
+        pieces[p].high[i] = __byte_perm(bits[2 * i], bits[2 * i + 1], 0x6521);
+        pieces[p].low[i] = __byte_perm(bits[2 * i], bits[2 * i + 1], 0x6420);
       }
     }
 #pragma unroll
@@ -175,7 +177,7 @@ __device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std
     }
     std::uint32_t* out = shared + level * kLevelWords;
 #pragma unroll
-    for (int block = 0; block < 2; ++block) {
+    for (int block = 0; block < kBlocks; ++block) {
 #pragma unroll
       for (int n = 0; n < 2; ++n) {
         float sum[4] = {};
@@ -188,14 +190,12 @@ __device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std
           MultiplyAdd(sum, {left.low[0], left.low[1], right.low[0], right.low[1]}, low[step][2 * n],
                       low[step][2 * n + 1]);
         }
-        // Of grey images the values are in units of 1/256 grey level so far.
-        constexpr float kFactor = Tile::kIsGrey ? kCountsPerGrey / 256 : 1.0f;
-        constexpr float kOffset = 257 * kOffsetOfByte * kFactor;
+        constexpr float kFactor = kUnitsPerSum * (Tile::kIsGrey ? kCountsPerGrey / 256 : 1.0f);
         std::uint32_t bits[4];
 #pragma unroll
-        for (int i = 0; i < 4; ++i) bits[i] = __float_as_uint(fmaf(sum[i], kFactor, kIntegerBase - kOffset));
+        for (int i = 0; i < 4; ++i) bits[i] = __float_as_uint(fmaf(sum[i], kFactor, kIntegerBase));
         const int row = 16 * strip + lane / 4;
-        const int word = 16 * half + 8 * block + 4 * n + lane % 4;
+        const int word = 8 * (first_block + block) + 4 * n + lane % 4;
         out[WordAt(row, word)] = __byte_perm(bits[0], bits[1], 0x5410);
         out[WordAt(row + 8, word)] = __byte_perm(bits[2], bits[3], 0x5410);
       }
@@ -294,10 +294,11 @@ __device__ __forceinline__ void Examine(const std::uint32_t* shared, const TileP
 
 // Goes through the rows of the tile: a warp to some of them, a lane to two columns. Finds pixels that none of their
 // eight neighbours surpasses, and on the way writes the levels to `planes`.
-template <bool kWrite>
+template <int kThreads, bool kWrite>
 __device__ __forceinline__ void SearchRows(const std::uint32_t* shared, const TilePlace& place, int threshold,
                                            int first_written_level, PlaneValue* planes, int stride,
                                            std::size_t plane_size, Finds& finds) {
+  constexpr int kWarps = kThreads / 32;
   const int lane = threadIdx.x % 32;
   const int warp = threadIdx.x / 32;
   const int first_row = kBorder + kOctaveTilePx * warp / kWarps;
@@ -372,6 +373,7 @@ __device__ __forceinline__ void SearchRows(const std::uint32_t* shared, const Ti
 }
 
 // Extrema of a tile whose levels are in `shared`.
+template <int kThreads>
 __device__ __forceinline__ void FindExtrema(const std::uint32_t* shared, const ExtractBuffers& buffers,
                                             const OctaveLayout& octave, int slot, const TilePlace& place,
                                             int lowest_threshold, int first_written_level, Finds& finds) {
@@ -384,9 +386,10 @@ __device__ __forceinline__ void FindExtrema(const std::uint32_t* shared, const E
     }
     __syncthreads();
     if (threshold == lowest_threshold) {
-      SearchRows<true>(shared, place, threshold, first_written_level, planes, octave.stride, octave.plane_size, finds);
+      SearchRows<kThreads, true>(shared, place, threshold, first_written_level, planes, octave.stride,
+                                 octave.plane_size, finds);
     } else {
-      SearchRows<false>(shared, place, threshold, 0, nullptr, 0, 0, finds);
+      SearchRows<kThreads, false>(shared, place, threshold, 0, nullptr, 0, 0, finds);
     }
     __syncthreads();
     const int num_candidates = min(finds.num_candidates, kMaxCandidates);
@@ -411,104 +414,165 @@ __device__ __forceinline__ void FindExtrema(const std::uint32_t* shared, const E
   }
 }
 
-template <BandSource kSource, typename Pixel>
-__device__ __forceinline__ void MakeTile(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int slot,
-                                         int tile, const Pixel* source, int width, int height, int pitch, int threshold,
-                                         std::uint32_t* shared, Finds& finds) {
-  const OctaveLayout& octave = layout.octaves[slot];
+// Levels, then the source; when the levels are made, the finds take its place.
+template <BandSource kSource>
+constexpr int SharedBytes() {
+  using Tile = SourceTile<kSource>;
+  constexpr int kSourceBytes = Tile::kSize * Tile::kPitch * 2;
+  static_assert(sizeof(Finds) <= kSourceBytes);
+  return kNumLevels * kLevelWords * 4 + kSourceBytes;
+}
+
+template <BandSource kSource, int kThreads, typename Pixel>
+__device__ __forceinline__ void MakeTile(const ExtractBuffers& buffers, const OctaveLayout& octave, int slot, int tile,
+                                         const Pixel* source, int width, int height, int pitch, int threshold) {
+  extern __shared__ __align__(16) std::uint32_t shared[];
+  std::uint32_t* behind_levels = shared + kNumLevels * kLevelWords;
   const TilePlace place = {tile % octave.tile_columns * kOctaveTilePx - kBorder,
                            tile / octave.tile_columns * kOctaveTilePx - kBorder, octave.width, octave.height};
   constexpr int kMargin = SourceTile<kSource>::kMargin;
   constexpr int kFactor = kSource == BandSource::kEnlargedGrey ? 2 : 1;
-  LoadSource<kSource>(source, width, height, pitch, place.first_x / kFactor - kMargin,
-                      place.first_y / kFactor - kMargin, shared + kNumLevels * kLevelWords);
+  LoadSource<kSource, kThreads>(source, width, height, pitch, place.first_x / kFactor - kMargin,
+                                place.first_y / kFactor - kMargin, behind_levels);
   __syncthreads();
-  MakeLevels<kSource>(buffers.band_weights[static_cast<int>(kSource)], shared + kNumLevels * kLevelWords, shared);
+  MakeLevels<kSource, kThreads>(buffers.band_weights[static_cast<int>(kSource)], behind_levels, shared);
   __syncthreads();
-  FindExtrema(shared, buffers, octave, slot, place, threshold, kSource == BandSource::kPlane ? 1 : 0, finds);
+  FindExtrema<kThreads>(shared, buffers, octave, slot, place, threshold, kSource == BandSource::kPlane ? 1 : 0,
+                        *reinterpret_cast<Finds*>(behind_levels));
 }
 
-// Octaves -1 and 0. The tiles of octave 0 come first: they take longer.
-__global__ void __launch_bounds__(kThreads, 3)
-    FineOctavesKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
-                      int num_of_octave_zero, int threshold) {
-  extern __shared__ __align__(16) std::uint32_t shared[];
-  __shared__ Finds finds;
-  const int tile = blockIdx.x;
-  if (tile < num_of_octave_zero) {
-    MakeTile<BandSource::kGrey>(layout, buffers, 1, tile, buffers.grey, layout.width, layout.height, layout.grey_pitch,
-                                threshold, shared, finds);
-  } else {
-    MakeTile<BandSource::kEnlargedGrey>(layout, buffers, 0, tile - num_of_octave_zero, buffers.grey, layout.width,
-                                        layout.height, layout.grey_pitch, threshold, shared, finds);
-  }
+template <BandSource kSource>
+constexpr int kSlotOf = kSource == BandSource::kEnlargedGrey ? 0 : 1;
+// As many blocks as find room on a multiprocessor of 227 KB.
+template <BandSource kSource>
+constexpr int kFineBlocks = kSource == BandSource::kEnlargedGrey ? 4 : 3;
+
+// Tiles of octave -1 or 0.
+template <BandSource kSource>
+__global__ void __launch_bounds__(kFineThreads, kFineBlocks<kSource>)
+    FineOctaveKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                     int first_tile, int threshold) {
+  constexpr int kSlot = kSlotOf<kSource>;
+  MakeTile<kSource, kFineThreads>(buffers, layout.octaves[kSlot], kSlot, first_tile + blockIdx.x, buffers.grey,
+                                  layout.width, layout.height, layout.grey_pitch, threshold);
 }
 
 // Octaves 1 and up, from their level 0.
-__global__ void __launch_bounds__(kThreads, 2)
+__global__ void __launch_bounds__(kCoarseThreads, 1)
     CoarseOctavesKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                         int threshold) {
-  extern __shared__ __align__(16) std::uint32_t shared[];
-  __shared__ Finds finds;
+  WaitForKernelBefore();
   const int tile = blockIdx.x + layout.octaves[kFirstCoarseSlot].first_tile;
   int slot = layout.num_octaves - 1;
   while (tile < layout.octaves[slot].first_tile) --slot;
   const OctaveLayout& octave = layout.octaves[slot];
-  MakeTile<BandSource::kPlane>(layout, buffers, slot, tile - octave.first_tile, buffers.planes + octave.first_value,
-                               octave.width, octave.height, octave.stride, threshold, shared, finds);
+  MakeTile<BandSource::kPlane, kCoarseThreads>(buffers, octave, slot, tile - octave.first_tile,
+                                               buffers.planes + octave.first_value, octave.width, octave.height,
+                                               octave.stride, threshold);
 }
 
-constexpr int kHalvedRadius = 15;
-constexpr int kHalvedColumns = 32;
-constexpr int kHalvedRows = 8;
+// Blur, then every kFactor-th pixel of every kFactor-th row.
+template <int kFactor>
+struct Reduction {
+  static constexpr int kRadius = ReductionRadius(kFactor);
+  static constexpr int kColumns = kFactor == 2 ? 32 : 16;  // of a block
+  static constexpr int kRows = 8;
+  static constexpr int kWidth = kFactor * kColumns + 2 * kRadius;  // that they are made from
+  static constexpr int kHeight = kFactor * kRows + 2 * kRadius;
+  static constexpr int kTmpBytes = kRows * kWidth * 4;
+  static constexpr int kBytes = kTmpBytes + kHeight * kWidth * 2;
+};
+constexpr int kReduceThreads = 256;
+constexpr int kReduceBytes = Reduction<4>::kBytes;
+static_assert(Reduction<2>::kBytes <= kReduceBytes);
 
 // Symmetric, in constant memory as a kernel parameter.
+template <int kFactor>
 struct BlurWeights {
-  float w[kHalvedRadius + 1] = {};
+  float w[Reduction<kFactor>::kRadius + 1] = {};
 };
 
-// Level 0 of an octave by blur and every second pixel: from the grey image (octave 1), or from level 0 of the octave
-// before.
 template <typename Pixel>
-__global__ void __launch_bounds__(256)
-    HalveKernel(const Pixel* __restrict__ in, int in_width, int in_height, int in_pitch, int counts_per_value,
-                PlaneValue* __restrict__ out, int width, int height, int stride,
-                const __grid_constant__ BlurWeights weights) {
-  constexpr int kWidth = 2 * kHalvedColumns + 2 * kHalvedRadius;
-  constexpr int kHeight = 2 * kHalvedRows + 2 * kHalvedRadius;
-  // In little shared memory, so that a block finds room beside those of FineOctavesKernel.
-  __shared__ PlaneValue in_tile[kHeight][kWidth];
-  __shared__ float tmp[kHalvedRows][kWidth];
-  const int first_x = 2 * kHalvedColumns * blockIdx.x - kHalvedRadius;
-  const int first_y = 2 * kHalvedRows * blockIdx.y - kHalvedRadius;
-#pragma unroll 8
-  for (int i = threadIdx.x; i < kWidth * kHeight; i += 256) {
-    const int x = Clamp(first_x + i % kWidth, 0, in_width - 1);
-    const int y = Clamp(first_y + i / kWidth, 0, in_height - 1);
-    in_tile[i / kWidth][i % kWidth] =
-        static_cast<PlaneValue>(counts_per_value * __ldg(in + static_cast<std::ptrdiff_t>(y) * in_pitch + x));
-  }
-  __syncthreads();
-  for (int i = threadIdx.x; i < kWidth * kHalvedRows; i += 256) {
-    const int x = i % kWidth;
-    const int y = 2 * (i / kWidth) + kHalvedRadius;
-    float sum = weights.w[0] * ToCounts(in_tile[y][x]);
+struct ReductionSource {
+  const Pixel* pixels;
+  int width;
+  int height;
+  int pitch;
+};
+struct ReductionTarget {
+  PlaneValue* values;
+  int width;
+  int height;
+  int stride;
+};
+
+template <int kFactor, typename Pixel>
+__device__ __forceinline__ void Reduce(const ReductionSource<Pixel>& in, const ReductionTarget& out,
+                                       const BlurWeights<kFactor>& weights, int block, unsigned char* scratch) {
+  using R = Reduction<kFactor>;
+  constexpr int kCountsPerValue = sizeof(Pixel) == 1 ? static_cast<int>(kCountsPerGrey) : 1;
+  float* tmp = reinterpret_cast<float*>(scratch);
+  PlaneValue* tile = reinterpret_cast<PlaneValue*>(scratch + R::kTmpBytes);
+  const int block_columns = (out.width + R::kColumns - 1) / R::kColumns;
+  const int out_x = block % block_columns * R::kColumns;
+  const int out_y = block / block_columns * R::kRows;
+  // A warp to a row, here and below.
+  constexpr int kWarps = kReduceThreads / 32;
+  constexpr int kSteps = (R::kWidth + 31) / 32;
+  const int lane = threadIdx.x % 32;
+  const int warp = threadIdx.x / 32;
+  int columns[kSteps];
 #pragma unroll
-    for (int j = 1; j <= kHalvedRadius; ++j) {
-      sum = fmaf(weights.w[j], static_cast<float>(in_tile[y - j][x] + in_tile[y + j][x]), sum);
+  for (int k = 0; k < kSteps; ++k) {
+    columns[k] = Clamp(kFactor * out_x - R::kRadius + lane + 32 * k, 0, in.width - 1);
+  }
+#pragma unroll 4
+  for (int row = warp; row < R::kHeight; row += kWarps) {
+    const int y = Clamp(kFactor * out_y - R::kRadius + row, 0, in.height - 1);
+    const Pixel* in_row = in.pixels + static_cast<std::ptrdiff_t>(y) * in.pitch;
+#pragma unroll
+    for (int k = 0; k < kSteps; ++k) {
+      if (lane + 32 * k >= R::kWidth) continue;
+      tile[row * R::kWidth + lane + 32 * k] = static_cast<PlaneValue>(kCountsPerValue * __ldg(in_row + columns[k]));
     }
-    tmp[i / kWidth][x] = sum;
   }
   __syncthreads();
-  const int column = threadIdx.x % kHalvedColumns;
-  const int row = threadIdx.x / kHalvedColumns;
-  const float* line = tmp[row] + 2 * column + kHalvedRadius;
-  float sum = weights.w[0] * line[0];
+  static_assert(R::kRows == kWarps);
+  for (int column = lane; column < R::kWidth; column += 32) {
+    const PlaneValue* centre = tile + (kFactor * warp + R::kRadius) * R::kWidth + column;
+    float sum = weights.w[0] * ToCounts(*centre);
 #pragma unroll
-  for (int j = 1; j <= kHalvedRadius; ++j) sum = fmaf(weights.w[j], line[-j] + line[j], sum);
-  const int x = kHalvedColumns * blockIdx.x + column;
-  const int y = kHalvedRows * blockIdx.y + row;
-  if (x < width && y < height) out[static_cast<std::size_t>(y) * stride + x] = ToPlaneValue(sum);
+    for (int j = 1; j <= R::kRadius; ++j) {
+      sum = fmaf(weights.w[j], static_cast<float>(centre[-j * R::kWidth] + centre[j * R::kWidth]), sum);
+    }
+    tmp[warp * R::kWidth + column] = sum;
+  }
+  __syncthreads();
+  for (int i = threadIdx.x; i < R::kColumns * R::kRows; i += kReduceThreads) {
+    const float* centre = tmp + i / R::kColumns * R::kWidth + kFactor * (i % R::kColumns) + R::kRadius;
+    float sum = weights.w[0] * centre[0];
+#pragma unroll
+    for (int j = 1; j <= R::kRadius; ++j) sum = fmaf(weights.w[j], centre[-j] + centre[j], sum);
+    const int x = out_x + i % R::kColumns;
+    const int y = out_y + i / R::kColumns;
+    if (x < out.width && y < out.height) out.values[static_cast<std::size_t>(y) * out.stride + x] = ToPlaneValue(sum);
+  }
+}
+
+// Level 0 of two octaves from one source: the first blocks make the one of half the size, the others that of a quarter.
+template <typename Pixel>
+__global__ void __launch_bounds__(kReduceThreads)
+    ReduceKernel(const ReductionSource<Pixel> in, const ReductionTarget half, const ReductionTarget quarter,
+                 int num_half_blocks, const __grid_constant__ BlurWeights<2> half_weights,
+                 const __grid_constant__ BlurWeights<4> quarter_weights) {
+  __shared__ __align__(16) unsigned char scratch[kReduceBytes];
+  WaitForKernelBefore();
+  const int block = blockIdx.x;
+  if (block < num_half_blocks) {
+    Reduce<2>(in, half, half_weights, block, scratch);
+  } else {
+    Reduce<4>(in, quarter, quarter_weights, block - num_half_blocks, scratch);
+  }
 }
 
 int NumTiles(int size, int tile) { return (size + tile - 1) / tile; }
@@ -519,50 +583,101 @@ int LowestThreshold(const ExtractSettings& settings) {
   return static_cast<int>(counts < 15000.0f ? counts : 15000.0f) + 1;
 }
 
+template <int kFactor>
+int NumReduceBlocks(const OctaveLayout& to) {
+  using R = Reduction<kFactor>;
+  return NumTiles(to.width, R::kColumns) * NumTiles(to.height, R::kRows);
+}
+
+template <int kFactor>
+BlurWeights<kFactor> ReductionWeights(bool from_grey) {
+  const std::vector<float> values = WeightsOfReduction(kFactor, from_grey);
+  BlurWeights<kFactor> weights;
+  for (std::size_t j = 0; j < values.size(); ++j) weights.w[j] = values[j];
+  return weights;
+}
+
+// Level 0 of octave `slot` and of the one after it, if there is one.
+template <typename Pixel>
+cudaError_t LaunchReduction(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                            const ExtractBuffers& buffers, const ReductionSource<Pixel>& in, int slot,
+                            cudaStream_t stream) {
+  const auto target = [&](const OctaveLayout& octave) {
+    return ReductionTarget{buffers.planes + octave.first_value, octave.width, octave.height, octave.stride};
+  };
+  const bool has_quarter = slot + 1 < layout.num_octaves;
+  const OctaveLayout& half = layout.octaves[slot];
+  const OctaveLayout& quarter = layout.octaves[has_quarter ? slot + 1 : slot];
+  const int num_half_blocks = NumReduceBlocks<2>(half);
+  const int num_blocks = num_half_blocks + (has_quarter ? NumReduceBlocks<4>(quarter) : 0);
+  constexpr bool kFromGrey = sizeof(Pixel) == 1;
+  return LaunchAfter(settings.can_launch_early && !kFromGrey, ReduceKernel<Pixel>, num_blocks, kReduceThreads, 0,
+                     stream, in, target(half), target(quarter), num_half_blocks, ReductionWeights<2>(kFromGrey),
+                     ReductionWeights<4>(kFromGrey));
+}
+
+template <BandSource kSource>
+cudaError_t PrepareFine() {
+  return cudaFuncSetAttribute(FineOctaveKernel<kSource>, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                              SharedBytes<kSource>());
+}
+
+template <BandSource kSource>
+cudaError_t LaunchFine(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
+                       const RowRange& rows, cudaStream_t stream) {
+  const OctaveLayout& octave = layout.octaves[kSlotOf<kSource>];
+  constexpr int kFactor = kSource == BandSource::kEnlargedGrey ? 2 : 1;
+  // Rows of tiles that the grey image's first `num_rows` rows suffice for.
+  const auto tile_rows = [&](int num_rows) {
+    if (num_rows == layout.height) return octave.num_tiles / octave.tile_columns;
+    using Tile = SourceTile<kSource>;
+    const int last_first_y = (num_rows - Tile::kSize + Tile::kMargin) * kFactor + kBorder;
+    return last_first_y < 0 ? 0 : last_first_y / kOctaveTilePx + 1;
+  };
+  const int first_tile = tile_rows(rows.begin) * octave.tile_columns;
+  const int last_tile = tile_rows(rows.end) * octave.tile_columns;
+  if (first_tile == last_tile) return cudaSuccess;
+  FineOctaveKernel<kSource><<<last_tile - first_tile, kFineThreads, SharedBytes<kSource>(), stream>>>(
+      layout, buffers, first_tile, LowestThreshold(settings));
+  return cudaGetLastError();
+}
+
 }  // namespace
 
 cudaError_t PrepareOctaves() {
-  for (const void* kernel :
-       {reinterpret_cast<const void*>(FineOctavesKernel), reinterpret_cast<const void*>(CoarseOctavesKernel)}) {
-    const cudaError_t error = cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, kSharedBytes);
-    if (error != cudaSuccess) return error;
-  }
-  return cudaSuccess;
+  if (const cudaError_t error = PrepareFine<BandSource::kEnlargedGrey>(); error != cudaSuccess) return error;
+  if (const cudaError_t error = PrepareFine<BandSource::kGrey>(); error != cudaSuccess) return error;
+  return cudaFuncSetAttribute(CoarseOctavesKernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
+                              SharedBytes<BandSource::kPlane>());
 }
 
-cudaError_t LaunchFineOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
-                              const ExtractBuffers& buffers, cudaStream_t stream) {
+cudaError_t LaunchFinestOctave(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                               const ExtractBuffers& buffers, const RowRange& rows, cudaStream_t stream) {
   static_assert(kFirstOctave == -1 && kFirstCoarseSlot == 2);
-  const int num_of_octave_zero = layout.num_octaves > 1 ? layout.octaves[1].num_tiles : 0;
-  FineOctavesKernel<<<num_of_octave_zero + layout.octaves[0].num_tiles, kThreads, kSharedBytes, stream>>>(
-      layout, buffers, num_of_octave_zero, LowestThreshold(settings));
-  return cudaGetLastError();
+  return LaunchFine<BandSource::kEnlargedGrey>(layout, settings, buffers, rows, stream);
+}
+
+cudaError_t LaunchOctaveZero(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                             const ExtractBuffers& buffers, const RowRange& rows, cudaStream_t stream) {
+  if (layout.num_octaves <= 1) return cudaSuccess;
+  return LaunchFine<BandSource::kGrey>(layout, settings, buffers, rows, stream);
 }
 
 cudaError_t LaunchCoarseOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                                 const ExtractBuffers& buffers, cudaStream_t stream) {
-  for (int slot = kFirstCoarseSlot; slot < layout.num_octaves; ++slot) {
-    const OctaveLayout& to = layout.octaves[slot];
-    const dim3 grid(NumTiles(to.width, kHalvedColumns), NumTiles(to.height, kHalvedRows));
-    PlaneValue* out = buffers.planes + to.first_value;
-    BlurWeights weights;
-    const bool is_first = slot == kFirstCoarseSlot;
-    const auto values = is_first ? WeightsFromGreyToOctaveOne(kHalvedRadius) : WeightsToNextOctave(kHalvedRadius);
-    for (int j = 0; j <= kHalvedRadius; ++j) weights.w[j] = values[j];
-    if (is_first) {
-      HalveKernel<<<grid, 256, 0, stream>>>(buffers.grey, layout.width, layout.height, layout.grey_pitch,
-                                            static_cast<int>(kCountsPerGrey), out, to.width, to.height, to.stride,
-                                            weights);
-    } else {
-      const OctaveLayout& from = layout.octaves[slot - 1];
-      HalveKernel<<<grid, 256, 0, stream>>>(buffers.planes + from.first_value, from.width, from.height, from.stride, 1,
-                                            out, to.width, to.height, to.stride, weights);
-    }
-    if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
+  cudaError_t error = LaunchReduction<std::uint8_t>(layout, settings, buffers,
+                                                    {buffers.grey, layout.width, layout.height, layout.grey_pitch},
+                                                    kFirstCoarseSlot, stream);
+  for (int slot = kFirstCoarseSlot + 2; slot < layout.num_octaves && error == cudaSuccess; slot += 2) {
+    const OctaveLayout& from = layout.octaves[slot - 1];
+    error = LaunchReduction<PlaneValue>(layout, settings, buffers,
+                                        {buffers.planes + from.first_value, from.width, from.height, from.stride}, slot,
+                                        stream);
   }
+  if (error != cudaSuccess) return error;
   const int num_tiles = layout.num_tiles - layout.octaves[kFirstCoarseSlot].first_tile;
-  CoarseOctavesKernel<<<num_tiles, kThreads, kSharedBytes, stream>>>(layout, buffers, LowestThreshold(settings));
-  return cudaGetLastError();
+  return LaunchAfter(settings.can_launch_early, CoarseOctavesKernel, num_tiles, kCoarseThreads,
+                     SharedBytes<BandSource::kPlane>(), stream, layout, buffers, LowestThreshold(settings));
 }
 
 }  // namespace haustra::kernels::cuda

@@ -3,13 +3,16 @@
 #include <cstdint>
 
 #include "kernels/cuda/extract_kernels.h"
+#include "kernels/cuda/kernel_launch.cuh"
 
 namespace haustra::kernels::cuda {
 namespace {
 
-constexpr int kCellThreads = 256;
+constexpr int kCellThreads = 512;
 constexpr int kBinsPerThread = kPriorityBins / kCellThreads;
 constexpr int kWarps = kCellThreads / 32;
+constexpr int kLanesPerPoint = 4;
+constexpr int kPointsPerWarp = 32 / kLanesPerPoint;
 
 // The highest bin from which on there are num_wanted points, or the lowest of all. For all threads of a block.
 __device__ int FindThresholdBin(const std::int32_t* bins, int num_wanted, std::int32_t* warp_sums, int* result) {
@@ -52,30 +55,40 @@ __device__ int FindThresholdBin(const std::int32_t* bins, int num_wanted, std::i
 }
 
 // A block to a cell.
-__global__ void __launch_bounds__(kCellThreads)
-    PriorityKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
-                   int num_wanted) {
+__global__ void __launch_bounds__(kCellThreads) PriorityKernel(const __grid_constant__ ExtractBuffers buffers) {
   __shared__ CellPoint cell[kMaxPointsPerCell];
   __shared__ bool is_last;
   __shared__ std::int32_t warp_sums[kWarps];
   __shared__ int threshold_bin;
+  __shared__ int num_survivors;
+  WaitForKernelBefore();
+  const FrameParams params = *buffers.params;
   const int num_points = min(buffers.cell_counts[blockIdx.x], kMaxPointsPerCell);
   const CellPoint* points = buffers.cell_points + static_cast<std::size_t>(blockIdx.x) * kMaxPointsPerCell;
   for (int i = threadIdx.x; i < num_points; i += kCellThreads) cell[i] = points[i];
   __syncthreads();
-  for (int i = threadIdx.x; i < num_points; i += kCellThreads) {
-    const CellPoint mine = cell[i];
+  // Some lanes to a point, each with its share of the others. All lanes of a warp stay in the loop together.
+  const int part = threadIdx.x % kLanesPerPoint;
+  for (int first = threadIdx.x / 32 * kPointsPerWarp; first < num_points; first += kCellThreads / kLanesPerPoint) {
+    const int i = first + threadIdx.x % 32 / kLanesPerPoint;
+    const CellPoint mine = cell[min(i, num_points - 1)];
     const int index = mine.point;
     int rank = 0;
-    bool has_equal = false;
+    int num_equal = 0;
 #pragma unroll 4
-    for (int j = 0; j < num_points; ++j) {
+    for (int j = part; j < num_points; j += kLanesPerPoint) {
       const CellPoint other = cell[j];
       const bool is_equal_before = other.response == mine.response && other.tie < mine.tie;
       rank += other.response > mine.response || is_equal_before ? 1 : 0;
-      has_equal |= is_equal_before;
+      num_equal += is_equal_before ? 1 : 0;
     }
-    if (has_equal) {
+#pragma unroll
+    for (int step = 1; step < kLanesPerPoint; step *= 2) {
+      rank += __shfl_xor_sync(0xffffffffu, rank, step);
+      num_equal += __shfl_xor_sync(0xffffffffu, num_equal, step);
+    }
+    if (part != 0 || i >= num_points) continue;
+    if (num_equal > 0) {
       // Another extremum that settled at the very same point?
       const ScaleSpacePoint a = buffers.points[index];
       for (int j = 0; j < num_points; ++j) {
@@ -87,7 +100,8 @@ __global__ void __launch_bounds__(kCellThreads)
         }
       }
     }
-    const std::uint32_t bits = __float_as_uint(mine.response * buffers.halvings[rank]);
+    const float priority = mine.response * exp2f(-static_cast<float>(rank) * params.halvings_per_rank);
+    const std::uint32_t bits = __float_as_uint(priority);
     buffers.priorities[index] = static_cast<std::uint64_t>(bits) << 32 | (0xffffffffu - mine.tie);
     atomicAdd(&buffers.counters->bins[bits >> kPriorityBinShift], 1);
   }
@@ -99,7 +113,8 @@ __global__ void __launch_bounds__(kCellThreads)
   __syncthreads();
   if (!is_last) return;
   __threadfence();
-  const int threshold = FindThresholdBin(buffers.counters->bins, num_wanted, warp_sums, &threshold_bin);
+  if (threadIdx.x == 0) num_survivors = 0;
+  const int threshold = FindThresholdBin(buffers.counters->bins, params.num_wanted, warp_sums, &threshold_bin);
   const int num_all = __ldcg(&buffers.counters->num_points);
   constexpr int kAtOnce = 16;  // loads under way together
   for (int first = threadIdx.x; first < num_all; first += kAtOnce * kCellThreads) {
@@ -118,21 +133,25 @@ __global__ void __launch_bounds__(kCellThreads)
       count += survives ? 1 : 0;
     }
     if (count == 0) continue;
-    int place = atomicAdd(&buffers.counters->num_survivors, count);
+    int place = atomicAdd(&num_survivors, count);
 #pragma unroll
     for (int k = 0; k < kAtOnce; ++k) {
       // (A priority is never 0: its lower half is the complement of a small number.)
-      if (priorities[k] != 0) buffers.survivors[place++] = {priorities[k], first + k * kCellThreads, 0};
+      if (priorities[k] == 0) continue;
+      buffers.survivor_priorities[place] = priorities[k];
+      buffers.survivor_points[place] = first + k * kCellThreads;
+      ++place;
     }
   }
+  __syncthreads();
+  if (threadIdx.x == 0) buffers.counters->num_survivors = num_survivors;
 }
 
 }  // namespace
 
 cudaError_t LaunchPriorities(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                              const ExtractBuffers& buffers, cudaStream_t stream) {
-  PriorityKernel<<<layout.num_cells, kCellThreads, 0, stream>>>(layout, buffers, settings.num_features);
-  return cudaGetLastError();
+  return LaunchAfter(settings.can_launch_early, PriorityKernel, layout.num_cells, kCellThreads, 0, stream, buffers);
 }
 
 }  // namespace haustra::kernels::cuda

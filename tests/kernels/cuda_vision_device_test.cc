@@ -158,10 +158,10 @@ TEST_F(CudaTwin, FeaturesAgreeWithTheCpuDevice) {
     const double mean_similarity = sum_of_similarities / std::max(num_oriented, 1);
     std::printf("%-24s cpu %4d cuda %4d, position agrees %.2f %%, angle too %.2f %%, mean cosine %.5f\n", name.c_str(),
                 expected.size(), features.size(), 100 * share_found, 100 * share_oriented, mean_similarity);
-    // Not all: where the limit cuts, a point a hair stronger goes before; levels are made another way near the edges of
-    // the picture, and by kernels that are cut off earlier (kernels/README.md has the figures).
-    EXPECT_GT(share_found, 0.85) << name;
-    EXPECT_GT(share_oriented, 0.84) << name;
+    // Not all: levels are kept in 16 bits, which moves what has little contrast or hardly a scale of its own; where the
+    // limit cuts, a point a hair stronger goes before (kernels/README.md has the figures).
+    EXPECT_GT(share_found, 0.88) << name;
+    EXPECT_GT(share_oriented, 0.87) << name;
     EXPECT_GT(mean_similarity, 0.998) << name;
   }
 }

@@ -73,12 +73,12 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
 
   // Extracts into a set of its own, which stays.
   static HostFeatures Extract(VisionDevice& device, const ImageView& image, FeatureSetHandle* handle = nullptr,
-                              Lane lane = Lane::kTracking) {
+                              Lane lane = Lane::kTracking, int max_features = 0) {
     const FeatureSetHandle set = NewSet(device);
     HostFeatures features;
     features.keypoints.resize(device.plan().max_features);
     std::int32_t count = -1;
-    const Status status = ExtractAndWait(device, lane, {image, set, features.keypoints, &count});
+    const Status status = ExtractAndWait(device, lane, {image, set, features.keypoints, &count, max_features});
     EXPECT_TRUE(status.ok()) << status.ToString();
     features.keypoints.resize(std::max(count, 0));
     features.descriptors.resize(features.keypoints.size() * kDescriptorBytes);
@@ -582,6 +582,24 @@ TEST_P(VisionDeviceContract, ExtractOverTheLimitKeepsStrongPoints) {
                     [&](const Keypoint& k) { return std::hypot(k.x_px - blob.x_px, k.y_px - blob.y_px) < 1.0; }))
         << "blob at " << blob.x_px << ", " << blob.y_px;
   }
+}
+
+TEST_P(VisionDeviceContract, ExtractOfFewerFeaturesIsThatOfADevicePlannedForFewer) {
+  const auto device = Create();
+  const Picture picture = Texture(3);
+  const HostFeatures many = Extract(*device, picture.view());
+  for (const int max_features : {1, 60, 10'000}) {
+    ExtractOptions options = SmallOptions();
+    options.num_features = std::min(max_features, options.num_features);
+    const HostFeatures expected = Extract(*Create(SmallPlan(), options), picture.view());
+    const HostFeatures fewer = Extract(*device, picture.view(), nullptr, Lane::kTracking, max_features);
+    EXPECT_GT(fewer.size(), 0);
+    EXPECT_LE(fewer.size(), max_features);
+    ASSERT_EQ(fewer.size(), expected.size()) << max_features;
+    EXPECT_EQ(fewer.descriptors, expected.descriptors) << max_features;
+    for (int i = 0; i < fewer.size(); ++i) EXPECT_EQ(fewer.keypoints[i].x_px, expected.keypoints[i].x_px);
+  }
+  EXPECT_EQ(Extract(*device, picture.view()).descriptors, many.descriptors) << "not for the next request";
 }
 
 TEST_P(VisionDeviceContract, ExtractOverTheLimitSpreadsOverTheImage) {

@@ -54,6 +54,9 @@ class VisionBench {
     matches_.resize(options_.num_features);
     std::printf("%s: %dx%d on %s, %d features, %d repeats\n", options_.image_path.c_str(), image_.width(),
                 image_.height(), std::string(device_->name()).c_str(), options_.num_features, options_.repeats);
+#ifdef HAUSTRA_HAVE_CUDA
+    if (cuda_ != nullptr) HAUSTRA_TRY(PrintLimits());
+#endif
     HAUSTRA_TRY(BenchExtraction());
     HAUSTRA_TRY(BenchMatching());
 #ifdef HAUSTRA_HAVE_CUDA
@@ -150,6 +153,16 @@ class VisionBench {
   }
 
 #ifdef HAUSTRA_HAVE_CUDA
+  Status PrintLimits() {
+    HAUSTRA_TRY(cuda_->MeasureLimits(&limits_));
+    std::printf(
+        "limits measured: empty kernel and wait %.1f us, kernel reads host memory %.1f GB/s, device memory copied %.0f "
+        "GB/s, products by mma.sync %.0f TOP/s of halves, %.0f TOP/s of bytes\n",
+        limits_.launch_and_wait_us, limits_.host_read_gb_per_s, limits_.copy_gb_per_s, limits_.half_tera_ops_per_s,
+        limits_.byte_tera_ops_per_s);
+    return Status::Ok();
+  }
+
   Status BenchPinnedExtraction() {
     kernels::cuda::PinnedBuffer<std::uint8_t> pixels;
     const std::size_t pitch = image_.pitch_bytes();
@@ -158,6 +171,13 @@ class VisionBench {
     const ImageView view = {pixels.data(), image_.width(), image_.height(), image_.pitch_bytes(), PixelFormat::kGrey8};
     HAUSTRA_ASSIGN(const Timing pinned, Measure(options_.repeats, [&] { return ExtractOnce(view, Lane::kTracking); }));
     PrintTiming("extraction, picture in pinned host memory", pinned);
+    const ExtractionWork work = CountExtraction(image_.width(), image_.height(), count_);
+    std::printf(
+        "  of the limits, over the whole time: host link %.1f %%, device memory %.1f %%, half-precision products %.2f "
+        "%%\n",
+        0.1 * work.picture_bytes / pinned.median_us / limits_.host_read_gb_per_s,
+        0.1 * work.plane_bytes / pinned.median_us / limits_.copy_gb_per_s,
+        2e-4 * work.blur_multiply_adds / pinned.median_us / limits_.half_tera_ops_per_s);
     HAUSTRA_ASSIGN(const Timing with_descriptors, Measure(options_.repeats, [&]() -> Status {
                      HAUSTRA_ASSIGN(const FeatureSetHandle set, device_->CreateFeatureSet());
                      HAUSTRA_TRY(ExtractAndWait(*device_, Lane::kTracking, {view, set, keypoints_, &count_}));
@@ -189,9 +209,14 @@ class VisionBench {
     double p99_us = 0.0;
     HAUSTRA_TRY(cuda_->MeasureMatching(num_query, num_train, mutual, repeats, &median_us, &p99_us));
     const MatchingWork work = CountMatching(num_query, num_train);
-    std::printf("brute force on the device, %lld x %lld%s: median %.1f, p99 %.1f us; %.1f TOP/s, %.0f GB/s\n",
-                static_cast<long long>(num_query), static_cast<long long>(num_train), mutual ? ", mutual" : "",
-                median_us, p99_us, 2e-6 * work.multiply_adds / median_us, 1e-3 * work.bytes / median_us);
+    const double tera_ops = 2e-6 * work.multiply_adds / median_us;
+    const double gb_per_s = 1e-3 * work.bytes / median_us;
+    std::printf(
+        "brute force on the device, %lld x %lld%s: median %.1f, p99 %.1f us (%.2f); %.1f TOP/s (%.1f %% of the limit), "
+        "%.0f GB/s (%.1f %%)\n",
+        static_cast<long long>(num_query), static_cast<long long>(num_train), mutual ? ", mutual" : "", median_us,
+        p99_us, p99_us / median_us, tera_ops, 100 * tera_ops / limits_.byte_tera_ops_per_s, gb_per_s,
+        100 * gb_per_s / limits_.copy_gb_per_s);
     return Status::Ok();
   }
 
@@ -263,6 +288,7 @@ class VisionBench {
   }
 
   CudaVisionDevice* cuda_ = nullptr;
+  kernels::cuda::DeviceLimits limits_;
 #endif
 
   VisionBenchOptions options_;

@@ -8,6 +8,7 @@ namespace haustra {
 ExtractionWork CountExtraction(int width_px, int height_px, int num_features) {
   using namespace kernels;  // NOLINT: constants of the extractor
   ExtractionWork work;
+  work.picture_bytes = static_cast<std::int64_t>(width_px) * height_px;
   std::int64_t taps = 0;
   for (int level = 0; level < kNumLevels; ++level) taps += 2 * (2 * KernelOfLevel(level).radius + 1);
   for (int i = 0; i < CountOctaves(width_px, height_px); ++i) {

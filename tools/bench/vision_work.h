@@ -7,6 +7,7 @@ namespace haustra {
 
 // Of extraction from a grey picture: what each step reads and writes once, when planes are kept in 16 bits.
 struct ExtractionWork {
+  std::int64_t picture_bytes = 0;
   std::int64_t plane_pixels = 0;        // of one level of all octaves
   std::int64_t plane_bytes = 0;         // all levels written once, and read once by the next step
   std::int64_t blur_multiply_adds = 0;  // separable, without margins

@@ -1,7 +1,7 @@
 // Matching quality of the device beside that of OpenCV's SIFT: geometric inliers between frames of a sequence with
 // exact ground truth. Both take the same grey pictures, the same number of features and the same masks.
 //
-//   haustra_vision_quality SEQUENCE_DIR [step=5] [every=25] [ratio=0.85]
+//   haustra_vision_quality SEQUENCE_DIR [step=5] [every=25] [ratio=0.85] [device=cpu]
 //
 // SEQUENCE_DIR: frames/%06d.jpg, calib.yaml (Kannala-Brandt or pinhole, OpenCV's YAML), groundtruth.txt (TUM,
 // world_from_cam), mask.png, and optionally revisits.csv (pairs of frames that see one place at different times).
@@ -25,6 +25,9 @@
 #include <vector>
 
 #include "kernels/cpu/cpu_vision_device.h"
+#ifdef HAUSTRA_HAVE_CUDA
+#include "kernels/cuda/cuda_vision_device.h"
+#endif
 
 namespace haustra {
 namespace {
@@ -184,16 +187,34 @@ Score Judge(const Features& a, const Features& b, const Camera& camera, const Po
   return score;
 }
 
+// nullptr, and said so, where there is no such device.
+std::unique_ptr<VisionDevice> CreateDevice(const std::string& name, const VisionPlan& plan,
+                                           const ExtractOptions& options) {
+  if (name == "cpu") return CreateCpuVisionDevice(plan, options, 1).value();
+#ifdef HAUSTRA_HAVE_CUDA
+  if (name == "cuda") {
+    auto device = CreateCudaVisionDevice(plan, options);
+    if (device.ok()) return std::move(device).value();
+    std::fprintf(stderr, "%s\n", device.status().ToString().c_str());
+    return nullptr;
+  }
+#endif
+  std::fprintf(stderr, "vision device '%s': not in this build\n", name.c_str());
+  return nullptr;
+}
+
 class Contest {
  public:
-  Contest(std::string folder, cv::Mat mask) : folder_(std::move(folder)), mask_(std::move(mask)) {
+  Contest(std::string folder, cv::Mat mask, const std::string& device)
+      : folder_(std::move(folder)), mask_(std::move(mask)) {
     VisionPlan plan;
     plan.max_width_px = mask_.cols;
     plan.max_height_px = mask_.rows;
     plan.max_features = kNumFeatures;
     ExtractOptions options;
     options.num_features = kNumFeatures;
-    device_ = CreateCpuVisionDevice(plan, options, 1).value();
+    device_ = CreateDevice(device, plan, options);
+    if (device_ == nullptr) return;
     const Status status = device_->SetStaticMask(
         {mask_.data, mask_.cols, mask_.rows, static_cast<std::ptrdiff_t>(mask_.step), PixelFormat::kGrey8});
     if (!status.ok()) std::fprintf(stderr, "%s\n", status.ToString().c_str());
@@ -240,6 +261,7 @@ class Contest {
     return features;
   }
 
+  bool has_device() const { return device_ != nullptr; }
   void set_contrast(double contrast) { contrast_ = contrast; }
 
  private:
@@ -251,7 +273,7 @@ class Contest {
 
 int Run(int argc, char** argv) {
   if (argc < 2) {
-    std::fprintf(stderr, "usage: haustra_vision_quality SEQUENCE_DIR [step=5] [every=25] [ratio=0.85]\n");
+    std::fprintf(stderr, "usage: haustra_vision_quality SEQUENCE_DIR [step=5] [every=25] [ratio=0.85] [device=cpu]\n");
     return 64;
   }
   const std::string folder = argv[1];
@@ -265,7 +287,8 @@ int Run(int argc, char** argv) {
     std::fprintf(stderr, "%s: needs calib.yaml, mask.png and groundtruth.txt\n", folder.c_str());
     return 66;
   }
-  Contest contest(folder, mask);
+  Contest contest(folder, mask, argc > 5 ? argv[5] : "cpu");
+  if (!contest.has_device()) return 69;
   std::vector<std::pair<int, int>> neighbours;
   for (int i = every; i + step < static_cast<int>(poses.size()); i += every) neighbours.emplace_back(i, i + step);
   for (const auto& [name, pairs] :

@@ -43,6 +43,7 @@ class FaultInjectingSource final : public FrameSource {
 
   const CameraCalibration& calibration() const override { return inner_->calibration(); }
   std::uint32_t num_frames() const override { return inner_->num_frames(); }
+  bool is_live() const override { return inner_->is_live(); }
   ImageView static_mask() const override { return inner_->static_mask(); }
   Result<Frame> Next(TimePoint deadline) override;
 

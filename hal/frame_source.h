@@ -25,6 +25,9 @@ class FrameSource {
   virtual const CameraCalibration& calibration() const = 0;
   // Number of frames, or 0 when it is not known (live camera).
   virtual std::uint32_t num_frames() const = 0;
+  // Whether a camera takes the frames as they are read: then their time stamps are of the machine's monotonic clock,
+  // and the age of a frame is known.
+  virtual bool is_live() const { return false; }
   // 255 where the scope's window shows the scene, 0 elsewhere; empty view when there is no static mask.
   virtual ImageView static_mask() const = 0;
 

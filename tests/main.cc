@@ -1,8 +1,9 @@
 // The main program of the tests. A folder's tests are one program; names of source files among the arguments choose the
 // tests that stand in them, which is how ctest runs each part by its own name:
 //
-//     test_hal slot_pool_test.cc status_test.cc [GoogleTest's flags but --gtest_filter]
+//     test_hal slot_pool_test.cc status_test.cc [GoogleTest's flags]
 //
+// Beside sources a filter may only leave tests out (GTEST_FILTER=-*DeathTest*).
 // Tests of a header (a contract) stand in the header. Sources without any test, and a run without a test, fail:
 // GoogleTest alone would call both a success.
 #include <gtest/gtest.h>
@@ -47,17 +48,19 @@ int main(int argc, char** argv) {
   testing::InitGoogleTest(&num_flags, flags.data());
 
   std::string& filter = testing::GTEST_FLAG(filter);
-  if (!sources.empty() && filter != "*") {
-    std::fprintf(stderr, "%s: names of sources and a filter (%s) exclude each other\n", argv[0], filter.c_str());
-    return 64;
-  }
   if (!sources.empty()) {
+    const std::string left_out = filter == "*" ? "" : filter;
+    if (!left_out.empty() && left_out.front() != '-') {
+      std::fprintf(stderr, "%s: beside names of sources a filter may only leave out: %s\n", argv[0], filter.c_str());
+      return 64;
+    }
     filter.clear();
     for (const std::string& source : sources) filter += FilterOf(source);
     if (filter.empty()) {
       std::fprintf(stderr, "%s: no test stands in %s\n", argv[0], sources.front().c_str());
       return 1;
     }
+    filter += left_out;
   }
 
   const int result = RUN_ALL_TESTS();

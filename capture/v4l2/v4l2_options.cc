@@ -44,8 +44,9 @@ bool IsRate(double rate_hz) { return std::isfinite(rate_hz) && rate_hz > 0.0 && 
 Status SetOption(std::string_view part, V4l2Options* options) {
   const std::size_t equals = part.find('=');
   if (equals == std::string_view::npos) {
-    return Wrong(part,
-                 "expected key=value with one of size, rate, max-rate, format, input, region, field, buffers, wait");
+    return Wrong(
+        part,
+        "expected key=value with one of size, rate, max-rate, format, input, region, field, buffers, memory, wait");
   }
   const std::string_view key = part.substr(0, equals);
   const std::string_view value = part.substr(equals + 1);
@@ -67,11 +68,14 @@ Status SetOption(std::string_view part, V4l2Options* options) {
     options->field = value == "top" ? FieldChoice::kTop : FieldChoice::kBottom;
   } else if (key == "buffers") {
     if (!Parse(value, &options->num_buffers)) return Wrong(part, "expected a number from 2 to 32");
+  } else if (key == "memory") {
+    if (value != "mapped" && value != "dmabuf") return Wrong(part, "expected mapped or dmabuf");
+    options->memory = value == "dmabuf" ? BufferMemory::kDmaBuf : BufferMemory::kMapped;
   } else if (key == "wait") {
     if (value != "yes" && value != "no") return Wrong(part, "expected yes or no");
     options->may_come_later = value == "yes";
   } else {
-    return Wrong(part, "unknown; there are size, rate, max-rate, format, input, region, field, buffers, wait");
+    return Wrong(part, "unknown; there are size, rate, max-rate, format, input, region, field, buffers, memory, wait");
   }
   return Status::Ok();
 }

@@ -13,6 +13,14 @@ namespace haustra {
 // Which rows of an interlaced picture are used; the other field was taken half a period earlier or later.
 enum class FieldChoice { kProgressive, kTop, kBottom };
 
+// Where the camera writes its pictures.
+enum class BufferMemory {
+  kMapped,  // memory of the driver, mapped
+  // Memory of the system's DMA heap, which the driver imports (DMA-BUF): cached, where the driver's own is often not on
+  // an embedded board, and then slow to read. Where the heap or the driver does not have it: kMapped.
+  kDmaBuf,
+};
+
 // Part of the picture in pixels, before halving.
 struct PictureRegion {
   int x_px = 0;
@@ -34,6 +42,7 @@ struct V4l2Options {
   double max_rate_hz = 25.0;                      // > 0
   FieldChoice field = FieldChoice::kProgressive;  // a field goes together with halving: it has every other row
   PictureRegion region;
+  BufferMemory memory = BufferMemory::kMapped;
   int num_buffers = 4;  // [2, 32]; one is with the reader, the camera always has one to fill
   // The camera may be plugged in later. Otherwise it must be there when the source is made.
   bool may_come_later = false;
@@ -51,7 +60,7 @@ bool IsV4l2Spec(std::string_view path);
 
 // "v4l2:DEVICE[,key=value...]", for example v4l2:/dev/video0,size=1440x1080,rate=50,format=NV12. Keys: size=WxH,
 // rate=HZ, max-rate=HZ, format=NV12|YUYV|UYVY|GREY|MJPEG, input=NAME|NUMBER, region=WxH+X+Y, field=top|bottom,
-// buffers=N, wait=yes|no. kInvalidArgument quotes the part that is wrong.
+// buffers=N, memory=mapped|dmabuf, wait=yes|no. kInvalidArgument quotes the part that is wrong.
 Result<V4l2Options> ParseV4l2Spec(std::string_view spec);
 
 // "NV12" of its number, and back; other characters than printable ones become '?'. kInvalidArgument: not a format that

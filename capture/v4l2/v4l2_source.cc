@@ -39,6 +39,7 @@ Result<std::unique_ptr<V4l2Source>> V4l2Source::Create(const V4l2Options& option
   if (sequence.first_frame != 0 || sequence.last_frame != SequenceOptions().last_frame) {
     return InvalidArgument("a live camera has no first and no last frame to choose");
   }
+  if (sequence.reversed) return InvalidArgument("a live camera cannot be played backwards");
   if (options.field != FieldChoice::kProgressive && !sequence.halve) {
     return InvalidArgument(
         "a field has half the rows of the picture: field=top and field=bottom go together with halving");
@@ -274,13 +275,18 @@ std::span<const std::uint8_t> V4l2Source::encoded() const {
   return held_->bytes;
 }
 
+Result<int> V4l2Source::ExportBuffer() {
+  if (!held_) return Unavailable("there is no frame whose buffer could be exported");
+  return stream_->Export(*held_);
+}
+
 std::string V4l2Source::Describe() const {
   if (stream_ == nullptr) return gone_;
   const V4l2Format& format = stream_->format();
   char rate[40] = "";
   if (format.rate_hz > 0.0) std::snprintf(rate, sizeof(rate), " at %.4g Hz", format.rate_hz);
   return stream_->name() + " (" + stream_->path() + "), " + FourccText(format.fourcc) + " " +
-         SizeText(width_px_, height_px_) + rate;
+         SizeText(width_px_, height_px_) + rate + ", " + stream_->MemoryText();
 }
 
 Result<std::unique_ptr<FrameSource>> OpenV4l2(const std::string& spec, const SequenceOptions& options) {

@@ -49,6 +49,7 @@ class V4l2Source final : public FrameSource {
 
   const CameraCalibration& calibration() const override { return calibration_; }
   std::uint32_t num_frames() const override { return 0; }
+  bool is_live() const override { return true; }
   ImageView static_mask() const override { return mask_.view(); }
   Result<Frame> Next(TimePoint deadline) override;
 
@@ -56,7 +57,11 @@ class V4l2Source final : public FrameSource {
   // The newest frame as an MJPEG camera encoded it, the whole picture; empty for other formats. Valid as long as the
   // frame.
   std::span<const std::uint8_t> encoded() const;
-  // "UVC Camera (/dev/video0), YUYV 1920x1080 at 30 Hz"; while it is gone, why.
+  // The buffer of the newest frame, as the camera wrote it, for a device that reads it where it lies (DMA-BUF). The
+  // source owns the descriptor; the picture in it is valid as long as the frame. kUnavailable: there is no frame, or
+  // the driver does not export its buffers.
+  Result<int> ExportBuffer();
+  // "UVC Camera (/dev/video0), YUYV 1920x1080 at 30 Hz, mapped buffers"; while it is gone, why.
   std::string Describe() const;
 
  private:

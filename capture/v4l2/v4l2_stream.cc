@@ -1,6 +1,8 @@
 #include "capture/v4l2/v4l2_stream.h"
 
 #include <fcntl.h>
+#include <linux/dma-buf.h>
+#include <linux/dma-heap.h>
 #include <linux/videodev2.h>
 #include <poll.h>
 
@@ -20,6 +22,7 @@ namespace {
 using Rows = V4l2Format::Rows;
 
 constexpr std::uint32_t kCapture = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+constexpr const char* kDmaHeap = "/dev/dma_heap/system";
 // 29.97 Hz is what is meant by 30.
 constexpr double kRateTolerance = 2e-3;
 
@@ -65,7 +68,7 @@ Result<std::unique_ptr<V4l2Stream>> V4l2Stream::Open(const V4l2Options& options,
   }
   HAUSTRA_TRY(stream->ChooseFormat(wanted_width_px, wanted_height_px, preferred_rate_hz));
   HAUSTRA_TRY(stream->SetRate(preferred_rate_hz));
-  HAUSTRA_TRY(stream->MapBuffers());
+  HAUSTRA_TRY(stream->TakeBuffers());
   HAUSTRA_TRY(stream->Start());
   return stream;
 }
@@ -75,11 +78,7 @@ V4l2Stream::~V4l2Stream() {
   // On a device that has gone these fail, and there is nothing more to be done.
   int type = static_cast<int>(kCapture);
   if (is_streaming_) io_.Ioctl(fd_, VIDIOC_STREAMOFF, &type);
-  for (const Buffer& buffer : buffers_) io_.Unmap(buffer.address, buffer.length);
-  v4l2_requestbuffers none{};
-  none.type = kCapture;
-  none.memory = V4L2_MEMORY_MMAP;
-  if (!buffers_.empty()) io_.Ioctl(fd_, VIDIOC_REQBUFS, &none);
+  ReleaseBuffers();
   io_.Close(fd_);
 }
 
@@ -241,6 +240,7 @@ Status V4l2Stream::SetFormat(std::uint32_t fourcc, int width_px, int height_px) 
   format_.fourcc = fourcc;
   format_.width_px = static_cast<int>(pix.width);
   format_.height_px = static_cast<int>(pix.height);
+  format_.buffer_bytes = pix.sizeimage;
   if (fourcc == V4L2_PIX_FMT_MJPEG) {
     format_.pitch_bytes = 0;
     format_.min_bytes = 1;
@@ -284,18 +284,58 @@ Status V4l2Stream::SetRate(double preferred_rate_hz) {
   return Status::Ok();
 }
 
-Status V4l2Stream::MapBuffers() {
+Status V4l2Stream::TakeBuffers() {
+  if (options_.memory == BufferMemory::kDmaBuf) {
+    Status status = ImportBuffers();
+    if (status.ok()) status = QueueBuffers();
+    if (status.ok()) return status;
+    not_imported_ = status.message();
+    ReleaseBuffers();
+  }
+  HAUSTRA_TRY(MapBuffers());
+  return QueueBuffers();
+}
+
+Result<std::uint32_t> V4l2Stream::RequestBuffers(std::uint32_t memory) {
   v4l2_requestbuffers request{};
   request.count = static_cast<__u32>(options_.num_buffers);
   request.type = kCapture;
-  request.memory = V4L2_MEMORY_MMAP;
+  request.memory = memory;
   if (const int error = io_.Ioctl(fd_, VIDIOC_REQBUFS, &request); error < 0) {
     if (error == -EBUSY) return Unavailable(path_ + ": another program uses the camera");
     return Failed("VIDIOC_REQBUFS", error);
   }
   if (request.count < 2)
     return Unavailable(path_ + ": the driver has memory for " + std::to_string(request.count) + " buffers");
-  for (__u32 i = 0; i < request.count; ++i) {
+  return request.count;
+}
+
+Status V4l2Stream::ImportBuffers() {
+  is_imported_ = true;
+  const int heap = io_.Open(kDmaHeap);
+  if (heap < 0) return Unavailable(std::string(kDmaHeap) + ": " + std::strerror(-heap));
+  const auto fill = [&]() -> Status {
+    HAUSTRA_ASSIGN(const std::uint32_t count, RequestBuffers(V4L2_MEMORY_DMABUF));
+    for (std::uint32_t i = 0; i < count; ++i) {
+      dma_heap_allocation_data data{};
+      data.len = std::max(format_.buffer_bytes, format_.min_bytes);
+      data.fd_flags = O_RDWR | O_CLOEXEC;
+      if (const int error = io_.Ioctl(heap, DMA_HEAP_IOCTL_ALLOC, &data); error < 0)
+        return Unavailable(std::string(kDmaHeap) + ": " + std::strerror(-error));
+      buffers_.push_back({nullptr, data.len, static_cast<int>(data.fd)});
+      buffers_.back().address = io_.Map(buffers_.back().dma_fd, data.len, 0);
+      if (buffers_.back().address == nullptr) return Unavailable(std::string(kDmaHeap) + ": memory cannot be mapped");
+    }
+    return Status::Ok();
+  };
+  Status status = fill();
+  io_.Close(heap);
+  return status;
+}
+
+Status V4l2Stream::MapBuffers() {
+  HAUSTRA_ASSIGN(const std::uint32_t count, RequestBuffers(V4L2_MEMORY_MMAP));
+  for (std::uint32_t i = 0; i < count; ++i) {
     v4l2_buffer buffer{};
     buffer.type = kCapture;
     buffer.memory = V4L2_MEMORY_MMAP;
@@ -312,17 +352,38 @@ Status V4l2Stream::MapBuffers() {
   return Status::Ok();
 }
 
+Status V4l2Stream::QueueBuffers() {
+  for (std::uint32_t i = 0; i < buffers_.size(); ++i) {
+    if (const int error = Queue(i); error < 0) return Failed("VIDIOC_QBUF", error);
+  }
+  return Status::Ok();
+}
+
+void V4l2Stream::ReleaseBuffers() {
+  for (const Buffer& buffer : buffers_) {
+    if (buffer.address != nullptr) io_.Unmap(buffer.address, buffer.length);
+    if (buffer.dma_fd >= 0) io_.Close(buffer.dma_fd);
+  }
+  v4l2_requestbuffers none{};
+  none.type = kCapture;
+  none.memory = memory();
+  if (!buffers_.empty()) io_.Ioctl(fd_, VIDIOC_REQBUFS, &none);
+  buffers_.clear();
+  is_imported_ = false;
+}
+
+std::uint32_t V4l2Stream::memory() const { return is_imported_ ? V4L2_MEMORY_DMABUF : V4L2_MEMORY_MMAP; }
+
+std::string V4l2Stream::MemoryText() const {
+  if (is_imported_) return "imported buffers";
+  return not_imported_.empty() ? "mapped buffers" : "mapped buffers (no DMA-BUF: " + not_imported_ + ")";
+}
+
 Status V4l2Stream::Start() {
   // A receiver says by an event that the signal has changed. Not all drivers have it.
   v4l2_event_subscription subscription{};
   subscription.type = V4L2_EVENT_SOURCE_CHANGE;
   io_.Ioctl(fd_, VIDIOC_SUBSCRIBE_EVENT, &subscription);
-  for (std::uint32_t i = 0; i < buffers_.size(); ++i) {
-    V4l2Picture empty;
-    empty.buffer = i;
-    GiveBack(empty);
-    if (give_back_error_ < 0) return Failed("VIDIOC_QBUF", give_back_error_);
-  }
   int type = static_cast<int>(kCapture);
   if (const int error = io_.Ioctl(fd_, VIDIOC_STREAMON, &type); error < 0) return Failed("VIDIOC_STREAMON", error);
   is_streaming_ = true;
@@ -350,7 +411,7 @@ Result<V4l2Picture> V4l2Stream::Dequeue(TimePoint deadline) {
 Result<V4l2Picture> V4l2Stream::TryDequeue() {
   v4l2_buffer buffer{};
   buffer.type = kCapture;
-  buffer.memory = V4L2_MEMORY_MMAP;
+  buffer.memory = memory();
   if (const int error = io_.Ioctl(fd_, VIDIOC_DQBUF, &buffer); error < 0) {
     if (error == -EAGAIN) return Status(StatusCode::kDeadlineExceeded);
     return Failed("VIDIOC_DQBUF", error);
@@ -362,6 +423,7 @@ Result<V4l2Picture> V4l2Stream::TryDequeue() {
   V4l2Picture picture;
   picture.buffer = buffer.index;
   const Buffer& memory = buffers_[buffer.index];
+  Sync(memory, DMA_BUF_SYNC_START);
   // Drivers of raw formats may leave bytesused empty.
   const bool is_raw = format_.fourcc != V4L2_PIX_FMT_MJPEG;
   const std::size_t num_bytes =
@@ -381,12 +443,40 @@ Result<V4l2Picture> V4l2Stream::TryDequeue() {
 }
 
 void V4l2Stream::GiveBack(const V4l2Picture& picture) {
+  Sync(buffers_[picture.buffer], DMA_BUF_SYNC_END);
+  const int error = Queue(picture.buffer);
+  if (error < 0 && give_back_error_ == 0) give_back_error_ = error;
+}
+
+int V4l2Stream::Queue(std::uint32_t index) {
   v4l2_buffer buffer{};
   buffer.type = kCapture;
-  buffer.memory = V4L2_MEMORY_MMAP;
-  buffer.index = picture.buffer;
-  const int error = io_.Ioctl(fd_, VIDIOC_QBUF, &buffer);
-  if (error < 0 && give_back_error_ == 0) give_back_error_ = error;
+  buffer.memory = memory();
+  buffer.index = index;
+  if (is_imported_) {
+    buffer.m.fd = buffers_[index].dma_fd;
+    buffer.length = static_cast<__u32>(buffers_[index].length);
+  }
+  return io_.Ioctl(fd_, VIDIOC_QBUF, &buffer);
+}
+
+// What it answers is of no use: the picture is there, and at worst shows an older one.
+void V4l2Stream::Sync(const Buffer& buffer, std::uint64_t flags) {
+  if (!is_imported_) return;
+  dma_buf_sync sync{flags | DMA_BUF_SYNC_READ};
+  io_.Ioctl(buffer.dma_fd, DMA_BUF_IOCTL_SYNC, &sync);
+}
+
+Result<int> V4l2Stream::Export(const V4l2Picture& picture) {
+  Buffer& buffer = buffers_[picture.buffer];
+  if (buffer.dma_fd >= 0) return buffer.dma_fd;
+  v4l2_exportbuffer exported{};
+  exported.type = kCapture;
+  exported.index = picture.buffer;
+  exported.flags = O_RDONLY | O_CLOEXEC;
+  if (const int error = io_.Ioctl(fd_, VIDIOC_EXPBUF, &exported); error < 0) return Failed("VIDIOC_EXPBUF", error);
+  buffer.dma_fd = exported.fd;
+  return buffer.dma_fd;
 }
 
 Status V4l2Stream::HandleEvents() {

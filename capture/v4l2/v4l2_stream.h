@@ -19,9 +19,10 @@ struct V4l2Format {
   std::uint32_t fourcc = 0;
   int width_px = 0;  // of the buffers: with is_one_field each holds half the rows of the picture
   int height_px = 0;
-  int pitch_bytes = 0;        // 0 for MJPEG
-  std::size_t min_bytes = 0;  // what a whole picture takes; 1 for MJPEG
-  double rate_hz = 0.0;       // 0: the camera does not say
+  int pitch_bytes = 0;           // 0 for MJPEG
+  std::size_t min_bytes = 0;     // what a whole picture takes; 1 for MJPEG
+  std::size_t buffer_bytes = 0;  // what the driver wants a buffer to have
+  double rate_hz = 0.0;          // 0: the camera does not say
   enum class Rows { kProgressive, kInterleaved, kTopThenBottom, kBottomThenTop, kOneField };
   Rows rows = Rows::kProgressive;
 };
@@ -59,10 +60,17 @@ class V4l2Stream {
   // Errors show at the next Dequeue.
   void GiveBack(const V4l2Picture& picture);
 
+  // The picture's buffer as a DMA-BUF, for a device that reads it where it lies; the stream owns the descriptor.
+  // kUnavailable: the driver does not export its buffers.
+  Result<int> Export(const V4l2Picture& picture);
+  // Where the pictures lie, and when that is not what was asked for, why: "mapped buffers (no DMA-BUF: ...)".
+  std::string MemoryText() const;
+
  private:
   struct Buffer {
     void* address = nullptr;
     std::size_t length = 0;
+    int dma_fd = -1;  // imported, or exported
   };
 
   V4l2Stream(std::string path, const V4l2Options& options, DeviceIo& io)
@@ -75,7 +83,18 @@ class V4l2Stream {
   Status ChooseFormat(int width_px, int height_px, double preferred_rate_hz);
   Status SetFormat(std::uint32_t fourcc, int width_px, int height_px);
   Status SetRate(double preferred_rate_hz);
+  // Buffers as the options ask, or mapped ones, all queued.
+  Status TakeBuffers();
+  Status ImportBuffers();
   Status MapBuffers();
+  Status QueueBuffers();
+  int Queue(std::uint32_t index);
+  void ReleaseBuffers();
+  std::uint32_t memory() const;  // V4L2_MEMORY_...
+  // As many as were asked for, or what the driver has.
+  Result<std::uint32_t> RequestBuffers(std::uint32_t memory);
+  // Brackets what the processor reads of an imported buffer.
+  void Sync(const Buffer& buffer, std::uint64_t flags);
   Status Start();
   // kDeadlineExceeded: nothing there.
   Result<V4l2Picture> TryDequeue();
@@ -90,6 +109,8 @@ class V4l2Stream {
   int fd_ = -1;
   std::string name_;
   V4l2Format format_;
+  bool is_imported_ = false;
+  std::string not_imported_;  // why
   std::vector<Buffer> buffers_;
   bool is_streaming_ = false;
   int give_back_error_ = 0;

@@ -33,6 +33,7 @@ class ScriptedFrameSource final : public FrameSource {
 
   const CameraCalibration& calibration() const override { return calibration_; }
   std::uint32_t num_frames() const override { return is_endless_ ? 0 : next_index_; }
+  bool is_live() const override { return is_endless_; }
   ImageView static_mask() const override;
   Result<Frame> Next(TimePoint deadline) override;
 

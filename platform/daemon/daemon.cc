@@ -222,8 +222,10 @@ Result<std::string> Daemon::End(bool keep) {
     earlier_ = procedure_->counts();
     procedure_.reset();
   }
+  files_.Do(WipeThisThread);
   files_.Finish();
   TakeSaved();
+  WipeThisThread();
   ReturnFreeMemory();
   ring_->Wipe();
   ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number_));

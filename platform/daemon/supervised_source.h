@@ -19,6 +19,7 @@ class SupervisedSource final : public FrameSource {
 
   const CameraCalibration& calibration() const override { return inner_->calibration(); }
   std::uint32_t num_frames() const override { return inner_->num_frames(); }
+  bool is_live() const override { return inner_->is_live(); }
   ImageView static_mask() const override { return inner_->static_mask(); }
 
   // Waits for the next frame, whatever the deadline, until RequestStop: then kNotFound. A camera that has gone
@@ -37,7 +38,6 @@ class SupervisedSource final : public FrameSource {
 
  private:
   void Answered();
-  bool is_live() const { return inner_->num_frames() == 0; }
 
   std::unique_ptr<FrameSource> inner_;
   const Clock& clock_;

@@ -24,6 +24,7 @@ struct FrameSlot {
   std::vector<std::uint8_t> pixels;
   Frame frame;
   TimePoint due;
+  TimePoint handed_over;
   TimePoint capture_begin;
   Duration capture{0};
   std::uint64_t sequence = 0;  // counts published frames from 1
@@ -42,8 +43,9 @@ class RealTimeSession {
       : source_(source),
         engine_(engine),
         clock_(clock),
-        rate_(options.rate),
-        period_(PeriodOf(source.calibration().rate_hz, options.rate)),
+        is_live_(source.is_live()),
+        rate_(is_live_ ? 1.0 : options.rate),
+        period_(PeriodOf(source.calibration().rate_hz, rate_)),
         budget_(BudgetOf(engine.config().scheduler.deadline_ms, period_)),
         heartbeat_(options.heartbeat),
         hooks_(options.hooks),
@@ -143,22 +145,28 @@ class RealTimeSession {
       slot.frame.timestamp = frame->timestamp;
       slot.is_last = false;
       slot.sequence = num_published + 1;
-      if (!has_origin) {
-        has_origin = true;
-        origin_video = frame->timestamp;
-        origin = clock_.Now();
-      }
-      const double since_origin = static_cast<double>((frame->timestamp - origin_video).count()) / rate_;
-      slot.due = origin + Duration(static_cast<std::int64_t>(since_origin));
       const TimePoint now = clock_.Now();
       slot.capture_begin = asked;
-      slot.capture = now - asked;
-      if (now > slot.due) {
-        // Reading was late: the schedule moves, the frame is not blamed.
-        origin += now - slot.due;
-        slot.due = now;
+      if (is_live_) {
+        // A stamp that lies ahead is of no clock of ours.
+        slot.due = slot.capture_begin = std::min(frame->timestamp, now);
+      } else {
+        if (!has_origin) {
+          has_origin = true;
+          origin_video = frame->timestamp;
+          origin = now;
+        }
+        const double since_origin = static_cast<double>((frame->timestamp - origin_video).count()) / rate_;
+        slot.due = origin + Duration(static_cast<std::int64_t>(since_origin));
+        if (now > slot.due) {
+          // Reading was late: the schedule moves, the frame is not blamed.
+          origin += now - slot.due;
+          slot.due = now;
+        }
+        slot.due = SleepUntil(slot.due, stop);
       }
-      slot.due = SleepUntil(slot.due, stop);
+      slot.capture = now - slot.capture_begin;
+      slot.handed_over = std::max(now, slot.due);
       frames_.Publish();
       ++num_published;
       frame_ready_.Post();
@@ -210,7 +218,7 @@ class RealTimeSession {
       outcome.capture = slot.capture;
       outcome.begin = clock_.Now();
       const ThreadUseMeter meter(heap_watch_);
-      outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.due + period_);
+      outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.handed_over + period_);
       outcome.use = meter.Read();
       const TimePoint end = clock_.Now();
       outcome.processing = outcome.tracking = end - outcome.begin;
@@ -285,6 +293,7 @@ class RealTimeSession {
   FrameSource& source_;
   Engine& engine_;
   const Clock& clock_;
+  const bool is_live_;
   const double rate_;
   const Duration period_;  // between two frames
   const Duration budget_;  // from due time to deadline

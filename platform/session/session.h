@@ -21,17 +21,17 @@ struct FrameOutcome {
   FrameResult result;
   Duration processing{0};   // time spent on the frame, tracking and (sequential mode) mapping
   Duration tracking{0};     // of it, the time in tracking alone
-  Duration latency{0};      // real time: from the moment the frame was due to the answer; sequential: processing
+  Duration latency{0};      // real time: from `due` to the answer; sequential: processing
   ThreadUse use;            // of the tracking thread, while it worked on the frame
   bool is_dropped = false;  // a newer frame came before this one was looked at
   bool is_damaged = false;  // the frame could not be read
   // Real time only, of a frame that was tracked; times of the session's clock.
   bool is_late = false;  // answered after its deadline
-  TimePoint due;         // when it was captured
+  TimePoint due;  // when it was captured: a camera's own stamp; of a recording, when a camera would have brought it
   TimePoint deadline;
   TimePoint begin;  // of tracking; it ends at due + latency
   TimePoint capture_begin;
-  Duration capture{0};  // reading and copying the frame, before it was due
+  Duration capture{0};  // reading and copying the frame: of a recording before it was due, of a camera since it was due
 };
 
 // What the mapper spent on one keyframe, or on looking for a lost frame; 0 for a stage that did not take place.
@@ -84,7 +84,7 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
                                      const std::atomic<bool>& stop);
 
 struct RealTimeOptions {
-  double rate = 1.0;  // > 0; 1: the camera's own pace
+  double rate = 1.0;  // > 0; 1: the camera's own pace. A live camera has no other, whatever stands here
   RealTimeConfig rt;
   // Beats on the tracking thread while the session runs; may be null. Outlives the session.
   Heartbeat* heartbeat = nullptr;
@@ -95,7 +95,8 @@ struct RealTimeOptions {
 
 // Frames become due at their time stamps divided by `rate`, each is dropped when a newer one is due before tracking
 // comes to it. Capture, tracking and mapping run on threads of their own, the observer on the calling one. A source
-// slower than its own rate delays the frames' due times: reading is not what is measured.
+// slower than its own rate delays the frames' due times: reading is not what is measured. Frames of a live camera are
+// due at their time stamps, as long ago as that was: transport and copying are part of what is measured.
 //
 // Each frame is to be answered within config.scheduler.deadline_ms of its due time (0: within a period of the frames,
 // at the session's rate). `stop`, set by any thread, ends the session within a fraction of a second: what was mapped

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Runs the camera tests on a real kernel with the virtual video driver (vivid), in User-Mode Linux: no hardware, no root,
-# about half a minute. The guest's clock is a virtual one that stands still while it computes: however busy this machine is,
-# a picture is never late. Exit code 77: skipped, there is no such kernel.
+# Runs the camera tests on a real kernel with virtual cameras, in User-Mode Linux: vivid for all that a driver can do,
+# v4l2loopback for a colon that is captured and mapped from end to end. No hardware, no root, one to two minutes. The guest's
+# clock is a virtual one that stands still while it computes: however busy this machine is, a picture is never late. Exit
+# code 77: skipped, there is no such kernel.
 #
 #     tests/v4l2/run_vivid.sh [BUILD]        BUILD: build folder, default build/release
 #
@@ -16,9 +17,9 @@ if [ ! -x "$kernel" ]; then
   echo "run_vivid.sh: skipped: no kernel with vivid at $kernel; tests/v4l2/build_vivid_kernel.sh builds one"
   exit 77
 fi
-for program in tests/v4l2/test_v4l2_vivid tools/haustra; do
+for program in tests/v4l2/test_v4l2_vivid tests/v4l2/haustra_loopback_feed tools/haustra; do
   if [ ! -x "$build/$program" ]; then
-    echo "run_vivid.sh: $build/$program is missing: build the targets test_v4l2_vivid and haustra" >&2
+    echo "run_vivid.sh: $build/$program is missing: build the targets test_v4l2_vivid, haustra_loopback_feed and haustra" >&2
     exit 1
   fi
 done
@@ -33,7 +34,8 @@ ulimit -c 0
 # Two inputs: a webcam and HDMI. One capture node, nothing else of the driver.
 TMPDIR=/dev/shm timeout "${HAUSTRA_VIVID_TIMEOUT:-300}" "$kernel" mem=1G root=/dev/root rootfstype=hostfs rootflags=/ ro \
   init="$source_folder/tests/v4l2/guest.sh" HAUSTRA_BUILD="$build" con=null con0=null,fd:1 quiet \
-  time-travel=inf-cpu vivid.node_types=0x1 vivid.num_inputs=2 vivid.input_types=0xc < /dev/null 2>&1 | grep -v --line-buffered 'Kernel panic\|^$' | tee "$log" || true
+  time-travel=inf-cpu vivid.node_types=0x1 vivid.num_inputs=2 vivid.input_types=0xc \
+  v4l2loopback.card_label=loopback < /dev/null 2>&1 | grep -v --line-buffered 'Kernel panic\|^$' | tee "$log" || true
 if grep -q '^guest: passed' "$log"; then exit 0; fi
 echo "run_vivid.sh: failed; what the guest said stands above" >&2
 exit 1

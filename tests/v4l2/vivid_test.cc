@@ -154,6 +154,22 @@ TEST_F(Vivid, EveryFormatIsNegotiatedAndRead) {
   }
 }
 
+TEST_F(Vivid, BuffersOfTheDmaHeapAreImported) {
+  if (access("/dev/dma_heap/system", R_OK | W_OK) != 0) GTEST_SKIP() << "this kernel has no DMA heap";
+  V4l2Options options = Options(640, 360, 0);
+  options.memory = BufferMemory::kDmaBuf;
+  const auto source = Open(options);
+  ASSERT_NE(source, nullptr);
+  EXPECT_THAT(source->Describe(), HasSubstr("imported buffers"));
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    const Result<Frame> frame = Next(*source);
+    ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+    EXPECT_EQ(frame->index, i);
+    ExpectBars(frame->image);
+    EXPECT_TRUE(source->ExportBuffer().ok());
+  }
+}
+
 TEST_F(Vivid, TheSizesAndRatesOfTowersAreNegotiated) {
   struct Mode {
     int width_px, height_px;

@@ -1,15 +1,17 @@
-// What readers of the pose ring cost its writer: none against ten, one of which is stopped, in turn so that both meet
-// the same machine.
+// What readers of the pose ring cost its writer: ten, one of which is stopped, against none, and against ten processes
+// that only wake up as often; in turn, so that all meet the same machine.
 //
 //     haustra_reader_latency                    the writer alone: time of one PublishPose
-//     haustra_reader_latency POSES [SECONDS]    of a running haustrad: latency from capture to publication, in windows
-//     of
-//                                               so many seconds (10), eight of each kind
+//     haustra_reader_latency POSES [SECONDS]    of a running haustrad: latency from capture to publication, in
+//                                               windows of so many seconds (10), six of each kind
+//
+// What it says goes into ../README.md.
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
@@ -24,17 +26,21 @@ namespace haustra {
 namespace {
 
 constexpr int kNumReaders = 10;
-constexpr int kNumWindows = 8;
+constexpr int kNumWindows = 6;
 
-// Reads everything, looking every two milliseconds, until it is killed.
-[[noreturn]] void ReadForEver(const std::string& path) {
+enum Company { kAlone, kSleepers, kReaders, kNumCompanies };
+constexpr const char* kCompanyNames[] = {"alone", "10 that only wake up", "10 readers, 1 stopped"};
+using Measured = std::array<std::vector<double>, kNumCompanies>;
+
+// Reads everything, or nothing, looking every two milliseconds, until it is killed.
+[[noreturn]] void ReadForEver(const std::string& path, bool reads) {
   haustra_ring ring;
   if (haustra_ring_open(&ring, path.c_str()) != HAUSTRA_OK) _exit(1);
   std::uint64_t cursor = 0;
   while (true) {
     haustra_pose pose;
     std::uint64_t num_missed = 0;
-    while (haustra_ring_next_pose(&ring, &cursor, &pose, &num_missed) == HAUSTRA_OK) {
+    while (reads && haustra_ring_next_pose(&ring, &cursor, &pose, &num_missed) == HAUSTRA_OK) {
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
@@ -42,10 +48,10 @@ constexpr int kNumWindows = 8;
 
 class Readers {
  public:
-  Readers(const std::string& path, int num_readers) {
-    for (int i = 0; i < num_readers; ++i) {
+  Readers(const std::string& path, Company company) {
+    for (int i = 0; company != kAlone && i < kNumReaders; ++i) {
       const pid_t child = fork();
-      if (child == 0) ReadForEver(path);
+      if (child == 0) ReadForEver(path, company == kReaders);
       children_.push_back(child);
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
@@ -72,6 +78,19 @@ void Print(const char* name, std::vector<double> values, const char* unit) {
               quantile(0.5), quantile(0.9), quantile(0.99), quantile(0.999), values.back(), unit);
 }
 
+void PrintAll(const Measured& measured, const char* unit) {
+  std::array<double, kNumCompanies> medians{};
+  for (int company = 0; company < kNumCompanies; ++company) {
+    std::vector<double> values = measured[company];
+    Print(kCompanyNames[company], values, unit);
+    if (values.empty()) return;
+    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+    medians[company] = values[values.size() / 2];
+  }
+  std::printf("ratio of medians, readers to alone %.3f, readers to wake-ups %.3f\n",
+              medians[kReaders] / medians[kAlone], medians[kReaders] / medians[kSleepers]);
+}
+
 int MeasureWriter() {
   std::string pattern = "/dev/shm/haustra_reader_latency_XXXXXX";
   const char* folder = mkdtemp(pattern.data());
@@ -80,19 +99,18 @@ int MeasureWriter() {
   {
     const auto writer = PoseRingWriter::Create(path, 0600, static_cast<gid_t>(-1));
     if (!writer.ok()) return 74;
-    std::vector<double> alone_us;
-    std::vector<double> watched_us;
-    for (int window = 0; window < 2 * kNumWindows; ++window) {
-      const Readers readers(path, window % 2 == 0 ? 0 : kNumReaders);
+    Measured measured_us;
+    for (int window = 0; window < kNumCompanies * kNumWindows; ++window) {
+      const auto company = static_cast<Company>(window % kNumCompanies);
+      const Readers readers(path, company);
       for (int i = 0; i < 500; ++i) {
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
         const std::int64_t begin_ns = haustra_now_ns();
         (*writer)->PublishPose({});
-        (window % 2 == 0 ? alone_us : watched_us).push_back(static_cast<double>(haustra_now_ns() - begin_ns) * 1e-3);
+        measured_us[company].push_back(static_cast<double>(haustra_now_ns() - begin_ns) * 1e-3);
       }
     }
-    Print("no reader", alone_us, "us");
-    Print("10 readers, 1 stopped", watched_us, "us");
+    PrintAll(measured_us, "us");
   }
   rmdir(folder);
   return 0;
@@ -104,25 +122,23 @@ int MeasureDaemon(const std::string& path, int seconds) {
     std::fprintf(stderr, "%s: not the poses of a running haustrad\n", path.c_str());
     return 69;
   }
-  std::vector<double> alone_ms;
-  std::vector<double> watched_ms;
-  for (int window = 0; window < 2 * kNumWindows; ++window) {
-    const Readers readers(path, window % 2 == 0 ? 0 : kNumReaders);
+  Measured measured_ms;
+  for (int window = 0; window < kNumCompanies * kNumWindows; ++window) {
+    const auto company = static_cast<Company>(window % kNumCompanies);
+    const Readers readers(path, company);
     std::uint64_t cursor = haustra_ring_newest_pose(&ring);
     const std::int64_t end_ns = haustra_now_ns() + std::int64_t{seconds} * 1'000'000'000;
     while (haustra_now_ns() < end_ns) {
       haustra_pose pose;
       std::uint64_t num_missed = 0;
       while (haustra_ring_next_pose(&ring, &cursor, &pose, &num_missed) == HAUSTRA_OK) {
-        (window % 2 == 0 ? alone_ms : watched_ms)
-            .push_back(static_cast<double>(pose.published_ns - pose.captured_ns) * 1e-6);
+        measured_ms[company].push_back(static_cast<double>(pose.published_ns - pose.captured_ns) * 1e-6);
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
   }
   haustra_ring_close(&ring);
-  Print("no reader", alone_ms, "ms");
-  Print("10 readers, 1 stopped", watched_ms, "ms");
+  PrintAll(measured_ms, "ms");
   return 0;
 }
 

@@ -1,5 +1,7 @@
 #include "tests/capture/v4l2/scripted_camera.h"
 
+#include <linux/dma-buf.h>
+#include <linux/dma-heap.h>
 #include <poll.h>
 
 #include <algorithm>
@@ -33,22 +35,55 @@ bool ScriptedCamera::Fails(int* error) {
 
 int ScriptedCamera::Open(const std::string& wanted) {
   if (int error = 0; Fails(&error)) return error;
+  if (wanted == "/dev/dma_heap/system") {
+    if (has_heap) ++num_opened;
+    return has_heap ? kHeapFd : -ENOENT;
+  }
   if (!is_present || wanted != path) return -ENOENT;
   is_open_ = true;
   ++num_opened;
   return kFd;
 }
 
-void ScriptedCamera::Close(int) {
-  is_open_ = is_streaming_ = false;
+void ScriptedCamera::Close(int fd) {
   --num_opened;
+  heap_.erase(fd);
+  exported_.erase(fd);
+  if (fd == kFd) is_open_ = is_streaming_ = false;
 }
 
 int ScriptedCamera::Ioctl(int fd, unsigned long request, void* argument) {
-  if (fd != kFd || !is_open_) return -EBADF;
+  const bool is_of_heap = fd == kHeapFd || heap_.contains(fd);
+  if (!is_of_heap && (fd != kFd || !is_open_)) return -EBADF;
   if (int error = 0; Fails(&error)) return error;
+  if (is_of_heap) return fd == kHeapFd ? AnswerOfHeap(request, argument) : Sync(fd, argument);
   if (!is_present) return -ENODEV;
   return Answer(request, argument);
+}
+
+int ScriptedCamera::AnswerOfHeap(unsigned long request, void* argument) {
+  if (request != DMA_HEAP_IOCTL_ALLOC) return -ENOTTY;
+  auto* wanted = static_cast<dma_heap_allocation_data*>(argument);
+  const int fd = kFirstDmaFd + num_calls;  // a new one each time
+  heap_[fd].resize(wanted->len);
+  wanted->fd = static_cast<__u32>(fd);
+  ++num_opened;
+  return 0;
+}
+
+int ScriptedCamera::Sync(int fd, void* argument) {
+  const std::uint64_t flags = static_cast<const dma_buf_sync*>(argument)->flags;
+  if ((flags & DMA_BUF_SYNC_RW) != DMA_BUF_SYNC_READ) return -EINVAL;
+  if ((flags & DMA_BUF_SYNC_END) == 0) {
+    read_now_.insert(fd);
+  } else {
+    num_synced += read_now_.erase(fd) != 0;
+  }
+  return 0;
+}
+
+std::vector<std::uint8_t>& ScriptedCamera::MemoryOf(std::uint32_t buffer) {
+  return memory_ == V4L2_MEMORY_DMABUF ? heap_.at(imported_.at(buffer)) : buffers_[buffer];
 }
 
 const CameraMode* ScriptedCamera::ModeOf(std::uint32_t fourcc, std::uint32_t width, std::uint32_t height) const {
@@ -160,6 +195,9 @@ int ScriptedCamera::Answer(unsigned long request, void* argument) {
     }
     case VIDIOC_REQBUFS: {
       auto* wanted = static_cast<v4l2_requestbuffers*>(argument);
+      if (wanted->memory == V4L2_MEMORY_DMABUF && !can_import) return -EINVAL;
+      memory_ = wanted->memory;
+      imported_.clear();
       buffers_.assign(wanted->count, std::vector<std::uint8_t>(PictureBytes() + 16));
       queued_.clear();
       filled_.clear();
@@ -174,7 +212,14 @@ int ScriptedCamera::Answer(unsigned long request, void* argument) {
     }
     case VIDIOC_QBUF: {
       const auto* buffer = static_cast<v4l2_buffer*>(argument);
-      if (buffer->index >= buffers_.size()) return -EINVAL;
+      if (buffer->index >= buffers_.size() || buffer->memory != memory_) return -EINVAL;
+      if (memory_ == V4L2_MEMORY_DMABUF) {
+        const auto memory = heap_.find(buffer->m.fd);
+        if (memory == heap_.end() || memory->second.size() < PictureBytes()) return -EINVAL;
+        // Who still reads may not give it back.
+        if (!can_attach || read_now_.contains(buffer->m.fd)) return -EINVAL;
+        imported_[buffer->index] = buffer->m.fd;
+      }
       // A buffer that is given back twice is a mistake of the caller.
       if (std::find(queued_.begin(), queued_.end(), buffer->index) != queued_.end()) return -EINVAL;
       queued_.push_back(buffer->index);
@@ -182,6 +227,7 @@ int ScriptedCamera::Answer(unsigned long request, void* argument) {
     }
     case VIDIOC_DQBUF: {
       auto* buffer = static_cast<v4l2_buffer*>(argument);
+      if (buffer->memory != memory_) return -EINVAL;
       if (filled_.empty()) return -EAGAIN;
       const Filled picture = filled_.front();
       filled_.pop_front();
@@ -194,6 +240,15 @@ int ScriptedCamera::Answer(unsigned long request, void* argument) {
       if (picture.fault.has_error_flag) buffer->flags |= V4L2_BUF_FLAG_ERROR;
       const std::int64_t us = (picture.stamp + picture.fault.stamp_shift).time_since_epoch().count() / 1000;
       buffer->timestamp = {us / 1000000, us % 1000000};
+      return 0;
+    }
+    case VIDIOC_EXPBUF: {
+      auto* wanted = static_cast<v4l2_exportbuffer*>(argument);
+      if (!can_export) return -ENOTTY;
+      if (wanted->index >= buffers_.size()) return -EINVAL;
+      wanted->fd = kFirstDmaFd + num_calls;
+      exported_.insert(wanted->fd);
+      ++num_opened;
       return 0;
     }
     case VIDIOC_STREAMON:
@@ -275,7 +330,7 @@ void ScriptedCamera::TakePicture(TimePoint stamp) {
   picture.field = field == V4L2_FIELD_ALTERNATE ? one : field;
   picture.stamp = stamp;
   picture.bytes = static_cast<std::uint32_t>(PictureBytes());
-  Paint(picture.sequence, buffers_[picture.buffer].data());
+  Paint(picture.sequence, MemoryOf(picture.buffer).data());
   filled_.push_back(picture);
 }
 
@@ -299,8 +354,13 @@ void ScriptedCamera::Paint(std::uint32_t sequence, std::uint8_t* to) const {
   }
 }
 
-void* ScriptedCamera::Map(int, std::size_t length, std::int64_t offset) {
+void* ScriptedCamera::Map(int fd, std::size_t length, std::int64_t offset) {
   if (int error = 0; Fails(&error)) return nullptr;
+  if (const auto memory = heap_.find(fd); memory != heap_.end()) {
+    if (length != memory->second.size() || offset != 0) return nullptr;
+    ++num_maps;
+    return memory->second.data();
+  }
   const std::size_t index = static_cast<std::size_t>(offset / 4096);
   if (index >= buffers_.size() || length != buffers_[index].size()) return nullptr;
   ++num_maps;

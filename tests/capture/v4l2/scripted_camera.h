@@ -56,12 +56,18 @@ class ScriptedCamera final : public DeviceIo {
   int failing_call = -1;                         // that call, counted from 0, fails ...
   int failure = 0;                               // ... with this
   std::vector<std::uint8_t> jpeg;                // what an MJPEG camera sends
+  // DMA-BUF: the system's heap, and what the driver can do with it.
+  bool has_heap = true;
+  bool can_import = true;
+  bool can_attach = true;  // takes the memory of the heap
+  bool can_export = true;
   TimePoint now = TimePoint(std::chrono::seconds(1000));
 
   // What has been seen of the caller.
   int num_calls = 0;
   int num_opened = 0;
   int num_maps = 0;     // now
+  int num_synced = 0;   // pictures of the heap that were read between the two calls that it takes
   int num_streams = 0;  // begun
   int set_input = -1;
 
@@ -86,6 +92,8 @@ class ScriptedCamera final : public DeviceIo {
 
  private:
   static constexpr int kFd = 17;
+  static constexpr int kHeapFd = 18;
+  static constexpr int kFirstDmaFd = 100;
   struct Filled {
     std::uint32_t buffer = 0;
     std::uint32_t sequence = 0;
@@ -97,6 +105,9 @@ class ScriptedCamera final : public DeviceIo {
 
   bool Fails(int* error);
   int Answer(unsigned long request, void* argument);
+  int AnswerOfHeap(unsigned long request, void* argument);
+  int Sync(int fd, void* argument);
+  std::vector<std::uint8_t>& MemoryOf(std::uint32_t buffer);
   int SetFormat(v4l2_format* format);
   const CameraMode* ModeOf(std::uint32_t fourcc, std::uint32_t width, std::uint32_t height) const;
   std::size_t PictureBytes() const;
@@ -111,7 +122,12 @@ class ScriptedCamera final : public DeviceIo {
   double rate_hz_ = 25.0;
   std::uint32_t fourcc_ = 0;
   std::uint32_t width_ = 0, height_ = 0, pitch_ = 0;
+  std::uint32_t memory_ = V4L2_MEMORY_MMAP;
   std::vector<std::vector<std::uint8_t>> buffers_;
+  std::map<int, std::vector<std::uint8_t>> heap_;  // by descriptor
+  std::map<std::uint32_t, int> imported_;          // descriptor of each buffer
+  std::set<int> exported_;
+  std::set<int> read_now_;  // between the two calls
   std::deque<std::uint32_t> queued_;
   std::deque<Filled> filled_;
   std::uint32_t num_taken_ = 0;

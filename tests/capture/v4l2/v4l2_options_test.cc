@@ -13,7 +13,7 @@ TEST(V4l2Options, ASpecNamesDeviceAndOptions) {
   const Result<V4l2Options> options = ParseV4l2Spec(
       "v4l2:/dev/video2,size=1440x1080,rate=50,max-rate=12.5,format=NV12,input=SDI "
       "1,region=1350x1080+45+0,field=bottom,"
-      "buffers=6,wait=yes");
+      "buffers=6,memory=dmabuf,wait=yes");
   ASSERT_TRUE(options.ok()) << options.status().ToString();
   EXPECT_EQ(options->device, "/dev/video2");
   EXPECT_EQ(options->width_px, 1440);
@@ -28,6 +28,7 @@ TEST(V4l2Options, ASpecNamesDeviceAndOptions) {
   EXPECT_EQ(options->region.y_px, 0);
   EXPECT_EQ(options->field, FieldChoice::kBottom);
   EXPECT_EQ(options->num_buffers, 6);
+  EXPECT_EQ(options->memory, BufferMemory::kDmaBuf);
   EXPECT_TRUE(options->may_come_later);
 }
 
@@ -60,6 +61,7 @@ TEST(V4l2Options, WhatIsWrongIsQuoted) {
                            "region=0x10+0+0",
                            "field=both",
                            "buffers=x",
+                           "memory=mine",
                            "wait=1",
                            "colour=red",
                            "size",

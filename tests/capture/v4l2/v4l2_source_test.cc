@@ -5,6 +5,8 @@
 
 #include <cerrno>
 #include <cmath>
+#include <functional>
+#include <set>
 
 #include "capture/calibration_reader.h"
 #include "capture/codec/jpeg_codec.h"
@@ -53,6 +55,17 @@ std::uint8_t LumaAt(const ImageView& image, int x, int y) {
 }
 
 // What is agreed with the camera.
+
+TEST(V4l2Source, WhatOnlyARecordingCanDoIsRefused) {
+  ScriptedCamera camera;
+  SequenceOptions sequence;
+  sequence.reversed = true;
+  EXPECT_THAT(Open(camera, Options(), sequence).status().message(), HasSubstr("cannot be played backwards"));
+  sequence = {};
+  sequence.last_frame = 10;
+  EXPECT_THAT(Open(camera, Options(), sequence).status().message(), HasSubstr("no first and no last frame"));
+  EXPECT_TRUE(MustOpen(camera)->is_live());
+}
 
 TEST(V4l2Source, TakesTheFormatThatCostsLeast) {
   ScriptedCamera camera;
@@ -539,12 +552,84 @@ TEST(V4l2Source, ACameraMayComeLater) {
   EXPECT_EQ(Indices(*source, 2), (std::vector<int>{0, 1}));
 }
 
+// DMA-BUF.
+
+V4l2Options WithDmaBuf() {
+  V4l2Options options = Options();
+  options.memory = BufferMemory::kDmaBuf;
+  return options;
+}
+
+TEST(V4l2Source, PicturesInTheMemoryOfTheSystemAreGivenOutWhereTheCameraWroteThem) {
+  ScriptedCamera camera;
+  {
+    const auto source = MustOpen(camera, WithDmaBuf());
+    EXPECT_THAT(source->Describe(), HasSubstr("YUYV 64x48 at 25 Hz, imported buffers"));
+    for (std::uint32_t i = 0; i < 10; ++i) {
+      const Result<Frame> frame = source->Next(kNoDeadline);
+      ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+      EXPECT_EQ(frame->index, i);
+      EXPECT_EQ(LumaAt(frame->image, 17, 31), ScriptedCamera::Luma(i, 17, 31));
+      EXPECT_EQ(camera.num_synced, static_cast<int>(i));  // the newest is still read
+      EXPECT_GE(source->ExportBuffer().value(), 0);
+    }
+    EXPECT_EQ(camera.num_maps, 4);
+    EXPECT_EQ(camera.num_opened, 5);
+  }
+  EXPECT_EQ(camera.num_maps, 0);
+  EXPECT_EQ(camera.num_opened, 0);
+}
+
+TEST(V4l2Source, WithoutDmaBufBuffersAreMappedAndTheReasonIsSaid) {
+  const auto describe = [](const std::function<void(ScriptedCamera&)>& change) {
+    ScriptedCamera camera;
+    change(camera);
+    const auto source = MustOpen(camera, WithDmaBuf());
+    EXPECT_EQ(Indices(*source, 6), (std::vector<int>{0, 1, 2, 3, 4, 5}));
+    EXPECT_EQ(camera.num_opened, 1);
+    return source->Describe();
+  };
+  EXPECT_THAT(describe([](ScriptedCamera& camera) { camera.has_heap = false; }),
+              HasSubstr("mapped buffers (no DMA-BUF: /dev/dma_heap/system: No such file or directory)"));
+  EXPECT_THAT(describe([](ScriptedCamera& camera) { camera.can_import = false; }),
+              HasSubstr("mapped buffers (no DMA-BUF: /dev/video0: VIDIOC_REQBUFS: Invalid argument)"));
+  EXPECT_THAT(describe([](ScriptedCamera& camera) { camera.can_attach = false; }),
+              HasSubstr("mapped buffers (no DMA-BUF: /dev/video0: VIDIOC_QBUF: Invalid argument)"));
+}
+
+TEST(V4l2Source, MappedBuffersAreExportedOnceEach) {
+  ScriptedCamera camera;
+  {
+    const auto source = MustOpen(camera);
+    EXPECT_EQ(source->ExportBuffer().code(), StatusCode::kUnavailable);
+    std::set<int> descriptors;
+    for (int i = 0; i < 12; ++i) {
+      ASSERT_TRUE(source->Next(kNoDeadline).ok());
+      descriptors.insert(source->ExportBuffer().value());
+    }
+    EXPECT_EQ(descriptors.size(), 4u);
+    EXPECT_EQ(camera.num_opened, 5);
+  }
+  EXPECT_EQ(camera.num_opened, 0);
+
+  camera.can_export = false;
+  const auto source = MustOpen(camera);
+  ASSERT_TRUE(source->Next(kNoDeadline).ok());
+  EXPECT_THAT(source->ExportBuffer().status().message(), HasSubstr("/dev/video0: VIDIOC_EXPBUF"));
+  EXPECT_TRUE(source->Next(kNoDeadline).ok());
+}
+
 // Every call that the source makes fails once, in every way that a driver may fail.
-TEST(V4l2Source, WhicheverCallFailsNothingLeaksAndFramesComeBack) {
+class V4l2SourceCalls : public testing::TestWithParam<BufferMemory> {};
+INSTANTIATE_TEST_SUITE_P(Memory, V4l2SourceCalls, testing::Values(BufferMemory::kMapped, BufferMemory::kDmaBuf));
+
+TEST_P(V4l2SourceCalls, WhicheverFailsNothingLeaksAndFramesComeBack) {
+  V4l2Options options = Options();
+  options.memory = GetParam();
   int num_calls = 0;
   {
     ScriptedCamera camera;
-    const auto source = MustOpen(camera);
+    const auto source = MustOpen(camera, options);
     Indices(*source, 4);
     num_calls = camera.num_calls;
   }
@@ -555,7 +640,7 @@ TEST(V4l2Source, WhicheverCallFailsNothingLeaksAndFramesComeBack) {
       camera.failing_call = call;
       camera.failure = error;
       {
-        Result<std::unique_ptr<V4l2Source>> source = Open(camera);
+        Result<std::unique_ptr<V4l2Source>> source = Open(camera, options);
         if (source.ok()) {
           int num_frames = 0;
           for (int i = 0; i < 12; ++i) num_frames += (*source)->Next(kNoDeadline).ok();

@@ -240,6 +240,51 @@ class SilentSource final : public FrameSource {
   FrameSource& source_;
 };
 
+// A camera whose frames take their time to arrive, and bear the stamp of when they were taken.
+class LiveSource final : public FrameSource {
+ public:
+  LiveSource(FrameSource& source, std::vector<TimePoint>* stamps) : source_(source), stamps_(stamps) {}
+  const CameraCalibration& calibration() const override { return source_.calibration(); }
+  std::uint32_t num_frames() const override { return 0; }
+  bool is_live() const override { return true; }
+  ImageView static_mask() const override { return source_.static_mask(); }
+  Result<Frame> Next(TimePoint deadline) override {
+    Result<Frame> frame = source_.Next(deadline);
+    if (!frame.ok()) return frame;
+    frame->timestamp = SystemClock().Now();
+    std::this_thread::sleep_for(kTransport);
+    stamps_->push_back(frame->timestamp);
+    return frame;
+  }
+
+  static constexpr Duration kTransport = std::chrono::milliseconds(30);
+
+ private:
+  FrameSource& source_;
+  std::vector<TimePoint>* stamps_;
+};
+
+TEST(RealTimeSession, LatencyOfALiveCameraCountsFromItsStamps) {
+  ScriptedColon colon;
+  colon.config().scheduler.deadline_ms = 20;
+  colon.Occlude(5);
+  std::vector<TimePoint> stamps;
+  LiveSource source(colon.source(), &stamps);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  // A camera waits for no pace.
+  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), 0.5, observer, kNeverStop).ok());
+  ASSERT_EQ(observer.frames.size(), 5u);
+  for (const FrameOutcome& frame : observer.frames) {
+    if (frame.is_dropped) continue;
+    EXPECT_EQ(frame.due, stamps[frame.result.frame_index]);
+    EXPECT_EQ(frame.capture_begin, frame.due);
+    EXPECT_GE(frame.capture, LiveSource::kTransport);
+    EXPECT_GE(frame.latency, LiveSource::kTransport);
+    EXPECT_TRUE(frame.is_late);
+  }
+}
+
 TEST(RealTimeSession, HeartBeatsWithoutFramesAndStopEndsASilentCamera) {
   ScriptedColon colon;
   SilentSource source(colon.source());

@@ -188,7 +188,7 @@ TEST(System, ReferenceThatNoMotionExplainsIsRenewedSoon) {
 
 // The finest features of a compressed video are not located as well as their scale promises.
 TEST(System, FineFeaturesOffByMoreThanTheirScaleFoundAMap) {
-  Procedure procedure(SmallEngineConfig());
+  Procedure procedure(test::SmallEngineConfig());
   procedure.Resize(0.2);
   procedure.Shake(1.8);
   procedure.Move(0.0, 2.0, 50);

@@ -273,7 +273,7 @@ TEST(RealTimeSession, LatencyOfALiveCameraCountsFromItsStamps) {
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
   RecordingObserver observer;
   // A camera waits for no pace.
-  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), 0.5, observer, kNeverStop).ok());
+  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), 0.5, observer, test::kNeverStop).ok());
   ASSERT_EQ(observer.frames.size(), 5u);
   for (const FrameOutcome& frame : observer.frames) {
     if (frame.is_dropped) continue;

@@ -104,6 +104,7 @@ KeyframeHandle Atlas::InsertKeyframe(MapHandle map, KeyframeId id, std::uint32_t
   keyframe.cam_from_map = cam_from_map;
   keyframe.features.set = features.set;
   keyframe.features.num = features.num;
+  keyframe.features.is_reduced = features.is_reduced;
   std::copy_n(features.keypoints.begin(), features.num, keyframe.features.keypoints.begin());
   std::copy_n(features.bearings.begin(), features.num, keyframe.features.bearings.begin());
   std::fill(keyframe.points.begin(), keyframe.points.end(), MapPointHandle{});

@@ -35,6 +35,7 @@ void LocalMapBuilder::AddKeyframe(const Atlas& atlas, KeyframeHandle handle, Loc
   entry.id = keyframe.id;
   entry.cam_from_map = keyframe.cam_from_map;
   entry.scale = atlas.KeyframeScale(handle);
+  entry.is_reduced = keyframe.features.is_reduced;
   if (out->keyframes.PushBack(entry)) has_keyframe_[handle.index] = 1;
 }
 

@@ -26,6 +26,7 @@ struct LocalKeyframe {
   double scale = 1.0;       // of its map so far, see KeyframeTrace
   int num_points = 0;       // in this snapshot
   int num_established = 0;  // of these, seen in at least kEstablishedViews keyframes of the snapshot
+  bool is_reduced = false;  // see FrameFeatures
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();  // of the points it sees, map frame
 };
 

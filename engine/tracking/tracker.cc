@@ -168,6 +168,7 @@ bool Tracker::Extract(const Frame& frame) {
   const Result<FeatureSetHandle> set = device_.CreateFeatureSet();
   if (!set.ok()) return false;
   current_.features.set = *set;
+  current_.features.is_reduced = has_fewer;
   ExtractRequest request;
   request.image = frame.image;
   request.set = *set;
@@ -577,17 +578,21 @@ void Tracker::FillPose(FrameResult* result) {
   result->num_established = num_established_;
 }
 
-// Whether the frame shows what the map says it should: so much of what is usual.
+// What a frame has of the features that it has usually.
+double Tracker::FeatureShare(bool is_reduced) const { return is_reduced ? config_.scheduler.reduced_share : 1.0; }
+
+// Whether the frame shows what the map says it should: so much of what is usual for as many features.
 bool Tracker::SeesShare(double share_of_usual) const {
-  return num_expected_ < kMinExpected || num_established_ >= share_of_usual * usual_share_ * num_expected_;
+  const double usual_share = FeatureShare(current_.features.is_reduced) * usual_share_;
+  return num_expected_ < kMinExpected || num_established_ >= share_of_usual * usual_share * num_expected_;
 }
 
 bool Tracker::IsClearView() const { return SeesShare(kDegradedShare); }
 
 void Tracker::LearnUsualShare() {
-  // With fewer features or points it is not what is usual.
-  if (num_expected_ < kMinExpected || budget_.rung() >= Rung::kFewerFeatures) return;
-  const double share = static_cast<double>(num_established_) / num_expected_;
+  // With fewer points those that the prediction had found already count for more than their share.
+  if (num_expected_ < kMinExpected || budget_.has_fewer_points()) return;
+  const double share = num_established_ / (FeatureShare(current_.features.is_reduced) * num_expected_);
   usual_share_ = usual_share_ > 0.0 ? kUsualShareMemory * usual_share_ + (1.0 - kUsualShareMemory) * share : share;
 }
 
@@ -600,9 +605,11 @@ void Tracker::ConsiderKeyframe(FrameResult* result) {
   const LocalKeyframe& reference = local_map().keyframes[NearestKeyframe()];
   const double baseline = (pose_.InverseTranslation() - last_keyframe_pose_.InverseTranslation()).norm();
   const double parallax_deg = std::atan2(baseline, median_depth_) / kDegree;
-  const bool is_reduced = budget_.rung() >= Rung::kFewerFeatures;
-  const bool has_left_reference =
-      !is_reduced && num_established_ < options.min_tracked_ratio * reference.num_established;
+  // Of as many features and points each.
+  const double share =
+      FeatureShare(current_.features.is_reduced) * (budget_.has_fewer_points() ? config_.scheduler.reduced_share : 1.0);
+  const bool has_left_reference = num_established_ * FeatureShare(reference.is_reduced) <
+                                  options.min_tracked_ratio * reference.num_established * share;
   const bool is_thin = num_tracked < options.low_inliers;
   const bool has_moved = parallax_deg > options.min_parallax_deg;
   const bool is_late = spacing >= options.max_spacing_frames && parallax_deg > 0.25 * options.min_parallax_deg;

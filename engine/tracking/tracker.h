@@ -102,6 +102,7 @@ class Tracker {
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose();
 
+  double FeatureShare(bool is_reduced) const;
   bool SeesShare(double share_of_usual) const;
   bool IsClearView() const;
   void LearnUsualShare();

@@ -2,6 +2,7 @@
 // a deadline missed by waiting.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 
@@ -32,9 +33,10 @@ struct Answer {
 // Frame after frame as a camera would bring them; mapping between them takes no time.
 class Camera {
  public:
-  explicit Camera(int num_frames, bool degrade = true)
+  explicit Camera(int num_frames, bool degrade = true, double reduced_share = 0.5)
       : device_(colon_.device(), clock_, [this](TimePoint time) { clock_.AdvanceTo(time); }) {
     colon_.config().scheduler.degrade = degrade;
+    colon_.config().scheduler.reduced_share = reduced_share;
     colon_.Move(0.0, 0.03 * num_frames, num_frames);
     device_.SetModel(kFast);
     engine_ = colon_.MakeEngine(Engine::Mode::kRealTime, device_, &clock_);
@@ -129,6 +131,31 @@ TEST(Ladder, SlowerDeviceIsMetRungByRungAndLeftWhenItIsFastAgain) {
   const std::vector<Answer> again = camera.Next(60);
   EXPECT_EQ(Count(again, Rung::kFull), 60);
   ExpectInTime(again);
+}
+
+// A quarter of the features is a quarter of the points in sight: neither a view to be lost in nor a reason to make no
+// keyframes, nor one to make many.
+TEST(Ladder, LongTimeWithFewerFeaturesIsTrackedAndMappedAsUsual) {
+  const auto count_keyframes = [](const std::vector<Answer>& answers) {
+    return std::count_if(answers.begin(), answers.end(), [](const Answer& a) { return a.result.is_keyframe; });
+  };
+  Camera fast(420);
+  fast.Next(120);
+  const auto usual = count_keyframes(fast.Next(300));
+
+  Camera slow(420, true, 0.25);
+  slow.Next(100);
+  TimedVisionDevice::Model model = kFast;
+  model.per_feature = microseconds(60);
+  slow.SetModel(model);
+  slow.Next(20);
+  const std::vector<Answer> answers = slow.Next(300);
+  EXPECT_GE(Count(answers, Rung::kFewerFeatures), 250);
+  for (const Answer& answer : answers) {
+    EXPECT_EQ(answer.result.state, TrackingState::kTracking) << answer.result.frame_index;
+  }
+  EXPECT_GE(count_keyframes(answers), usual / 2);
+  EXPECT_LE(count_keyframes(answers), usual * 2);
 }
 
 TEST(Ladder, StalledDeviceIsAnsweredWithPredictionsAndThenHonestlyWithLost) {

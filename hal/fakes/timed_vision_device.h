@@ -11,11 +11,11 @@
 #include <functional>
 
 #include "hal/clock.h"
-#include "hal/vision_device.h"
+#include "hal/forwarding_vision_device.h"
 
 namespace haustra {
 
-class TimedVisionDevice final : public VisionDevice {
+class TimedVisionDevice final : public ForwardingVisionDevice {
  public:
   struct Model {
     Duration extract{0}, match{0}, guided{0};
@@ -25,31 +25,26 @@ class TimedVisionDevice final : public VisionDevice {
 
   // wait_until lets time pass on `clock`, at least to the time given. All outlive this.
   TimedVisionDevice(VisionDevice& device, const Clock& clock, std::function<void(TimePoint)> wait_until)
-      : device_(device), clock_(clock), wait_until_(std::move(wait_until)) {}
+      : ForwardingVisionDevice(device), clock_(clock), wait_until_(std::move(wait_until)) {}
 
   void SetModel(const Model& model) { model_ = model; }
   void SetAccelerator(bool is_accelerator) { is_accelerator_ = is_accelerator; }
 
   std::string_view name() const override { return "timed"; }
   bool is_accelerator() const override { return is_accelerator_; }
-  const VisionPlan& plan() const override { return device_.plan(); }
-  Status SetStaticMask(ImageView mask) override { return device_.SetStaticMask(mask); }
-  Result<FeatureSetHandle> CreateFeatureSet() override { return device_.CreateFeatureSet(); }
-  bool RetainFeatureSet(FeatureSetHandle set) override { return device_.RetainFeatureSet(set); }
-  void ReleaseFeatureSet(FeatureSetHandle set) override { device_.ReleaseFeatureSet(set); }
-  std::int32_t num_free_feature_sets() const override { return device_.num_free_feature_sets(); }
 
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
     const int num =
         request.max_features > 0 ? std::min(request.max_features, plan().max_features) : plan().max_features;
-    return Take(lane, model_.extract + num * model_.per_feature, device_.EnqueueExtract(lane, request));
+    return Take(lane, model_.extract + num * model_.per_feature, ForwardingVisionDevice::EnqueueExtract(lane, request));
   }
   Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) override {
-    return Take(lane, model_.match, device_.EnqueueMatch(lane, request));
+    return Take(lane, model_.match, ForwardingVisionDevice::EnqueueMatch(lane, request));
   }
   Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
     const auto num = static_cast<std::int64_t>(request.queries.size());
-    return Take(lane, model_.guided + num * model_.per_query, device_.EnqueueGuidedMatch(lane, request));
+    return Take(lane, model_.guided + num * model_.per_query,
+                ForwardingVisionDevice::EnqueueGuidedMatch(lane, request));
   }
 
   Status Wait(Ticket ticket, TimePoint deadline) override {
@@ -59,15 +54,7 @@ class TimedVisionDevice final : public VisionDevice {
       if (lane.until > deadline) return Status(StatusCode::kDeadlineExceeded);
       break;
     }
-    return device_.Wait(ticket, deadline);
-  }
-
-  Status ReadDescriptors(FeatureSetHandle set, std::span<std::uint8_t> out) override {
-    return device_.ReadDescriptors(set, out);
-  }
-  Status WriteFeatures(FeatureSetHandle set, std::span<const Keypoint> keypoints,
-                       std::span<const std::uint8_t> descriptors) override {
-    return device_.WriteFeatures(set, keypoints, descriptors);
+    return ForwardingVisionDevice::Wait(ticket, deadline);
   }
 
  private:
@@ -85,7 +72,6 @@ class TimedVisionDevice final : public VisionDevice {
     return ticket;
   }
 
-  VisionDevice& device_;
   const Clock& clock_;
   std::function<void(TimePoint)> wait_until_;
   Model model_;

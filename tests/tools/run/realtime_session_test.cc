@@ -8,6 +8,7 @@
 #include <thread>
 #include <vector>
 
+#include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
 #include "platform/session/session.h"
 #include "tests/tools/run/recording_observer.h"
@@ -21,39 +22,17 @@ using test::ScriptedColon;
 
 constexpr double kFast = 1000.0;  // 25 000 frames a second: the pace never waits
 // Calls `before_extract` on the tracking thread before each extraction.
-class HookedDevice final : public VisionDevice {
+class HookedDevice final : public ForwardingVisionDevice {
  public:
   HookedDevice(VisionDevice& device, std::function<void()> before_extract)
-      : device_(device), before_extract_(std::move(before_extract)) {}
+      : ForwardingVisionDevice(device), before_extract_(std::move(before_extract)) {}
 
-  std::string_view name() const override { return device_.name(); }
-  const VisionPlan& plan() const override { return device_.plan(); }
-  Status SetStaticMask(ImageView mask) override { return device_.SetStaticMask(mask); }
-  Result<FeatureSetHandle> CreateFeatureSet() override { return device_.CreateFeatureSet(); }
-  bool RetainFeatureSet(FeatureSetHandle set) override { return device_.RetainFeatureSet(set); }
-  void ReleaseFeatureSet(FeatureSetHandle set) override { device_.ReleaseFeatureSet(set); }
-  std::int32_t num_free_feature_sets() const override { return device_.num_free_feature_sets(); }
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
     before_extract_();
-    return device_.EnqueueExtract(lane, request);
-  }
-  Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) override {
-    return device_.EnqueueMatch(lane, request);
-  }
-  Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
-    return device_.EnqueueGuidedMatch(lane, request);
-  }
-  Status Wait(Ticket ticket, TimePoint deadline) override { return device_.Wait(ticket, deadline); }
-  Status ReadDescriptors(FeatureSetHandle set, std::span<std::uint8_t> out) override {
-    return device_.ReadDescriptors(set, out);
-  }
-  Status WriteFeatures(FeatureSetHandle set, std::span<const Keypoint> keypoints,
-                       std::span<const std::uint8_t> descriptors) override {
-    return device_.WriteFeatures(set, keypoints, descriptors);
+    return ForwardingVisionDevice::EnqueueExtract(lane, request);
   }
 
  private:
-  VisionDevice& device_;
   std::function<void()> before_extract_;
 };
 

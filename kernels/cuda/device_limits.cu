@@ -23,41 +23,42 @@ __global__ void __launch_bounds__(kThreads) ReadKernel(const uint4* from, uint4*
   if (i < count) to[i] = from[i];
 }
 
+// What the tensor cores multiply: halves into floats, bytes into integers.
+struct HalfProduct {
+  using Sum = float;
+  static __device__ void Add(std::uint32_t operand, float (&sum)[4]) {
+    asm volatile(
+        "mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %4, %4, %4}, {%4, %4}, "
+        "{%0, %1, %2, %3};"
+        : "+f"(sum[0]), "+f"(sum[1]), "+f"(sum[2]), "+f"(sum[3])
+        : "r"(operand));
+  }
+};
+
+struct ByteProduct {
+  using Sum = int;
+  static __device__ void Add(std::uint32_t operand, int (&sum)[4]) {
+    asm volatile(
+        "mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 {%0, %1, %2, %3}, {%4, %4, %4, %4}, {%4, %4}, "
+        "{%0, %1, %2, %3};"
+        : "+r"(sum[0]), "+r"(sum[1]), "+r"(sum[2]), "+r"(sum[3])
+        : "r"(operand));
+  }
+};
+
 // Products of fragments in registers, in chains that do not depend on one another. The result is written so that they
 // are not left out.
 constexpr int kChains = 8;
 constexpr int kProducts = 2000;  // of each chain
 
-__global__ void __launch_bounds__(kThreads) HalfProductsKernel(float* out, std::uint32_t operand) {
-  float sums[kChains][4] = {};
+template <typename Product>
+__global__ void __launch_bounds__(kThreads) ProductsKernel(typename Product::Sum* out, std::uint32_t operand) {
+  typename Product::Sum sums[kChains][4] = {};
   for (int i = 0; i < kProducts; ++i) {
 #pragma unroll
-    for (auto& sum : sums) {
-      asm volatile(
-          "mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %4, %4, %4}, {%4, %4}, "
-          "{%0, %1, %2, %3};"
-          : "+f"(sum[0]), "+f"(sum[1]), "+f"(sum[2]), "+f"(sum[3])
-          : "r"(operand));
-    }
+    for (auto& sum : sums) Product::Add(operand, sum);
   }
-  float total = 0.0f;
-  for (const auto& sum : sums) total += sum[0] + sum[1] + sum[2] + sum[3];
-  out[blockIdx.x * kThreads + threadIdx.x] = total;
-}
-
-__global__ void __launch_bounds__(kThreads) ByteProductsKernel(int* out, std::uint32_t operand) {
-  int sums[kChains][4] = {};
-  for (int i = 0; i < kProducts; ++i) {
-#pragma unroll
-    for (auto& sum : sums) {
-      asm volatile(
-          "mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 {%0, %1, %2, %3}, {%4, %4, %4, %4}, {%4, %4}, "
-          "{%0, %1, %2, %3};"
-          : "+r"(sum[0]), "+r"(sum[1]), "+r"(sum[2]), "+r"(sum[3])
-          : "r"(operand));
-    }
-  }
-  int total = 0;
+  typename Product::Sum total = 0;
   for (const auto& sum : sums) total += sum[0] + sum[1] + sum[2] + sum[3];
   out[blockIdx.x * kThreads + threadIdx.x] = total;
 }
@@ -125,7 +126,7 @@ cudaError_t Measure(std::uint8_t* device, std::uint8_t* host, DeviceLimits* limi
   if (error == cudaSuccess) {
     error = Time(
         [&] {
-          HalfProductsKernel<<<num_blocks, kThreads>>>(reinterpret_cast<float*>(device), 0x3c003c00u);
+          ProductsKernel<HalfProduct><<<num_blocks, kThreads>>>(reinterpret_cast<float*>(device), 0x3c003c00u);
           return cudaGetLastError();
         },
         &seconds);
@@ -134,7 +135,7 @@ cudaError_t Measure(std::uint8_t* device, std::uint8_t* host, DeviceLimits* limi
   if (error == cudaSuccess) {
     error = Time(
         [&] {
-          ByteProductsKernel<<<num_blocks, kThreads>>>(reinterpret_cast<int*>(device), 0x01010101u);
+          ProductsKernel<ByteProduct><<<num_blocks, kThreads>>>(reinterpret_cast<int*>(device), 0x01010101u);
           return cudaGetLastError();
         },
         &seconds);

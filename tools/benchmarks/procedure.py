@@ -54,8 +54,8 @@ def main():
         settings = [part for setting in arguments.set for part in ("--set", setting)]
         subprocess.run([arguments.haustra, "run", sequence, "--out", out, "--mode", "realtime", "--rate", f"{rate:g}",
                         "--device", arguments.device, *settings], check=True)
-        subprocess.run([arguments.haustra, "evaluate", out, "--groundtruth", sequence / "groundtruth.txt", "--deadline-ms",
-                        f"{40.0 / rate:g}", "--json", out / "evaluation.json"], check=True)
+        subprocess.run([arguments.haustra, "evaluate", out, "--groundtruth", sequence / "groundtruth.txt", "--json",
+                        out / "evaluation.json"], check=True)
 
 
 if __name__ == "__main__":

@@ -112,7 +112,8 @@ void AddEvaluateCommand(CLI::App& app, std::function<int()>& action) {
                    "Typical distance of the scene in ground-truth units (default: from the maps' points)")
       ->check(CLI::PositiveNumber);
   command
-      ->add_option("--deadline-ms", arguments->options.deadline_ms, "Deadline of a frame (default: the frame period)")
+      ->add_option("--deadline-ms", arguments->options.deadline_ms,
+                   "Deadline of a frame (default: the frame period at the pace of the run)")
       ->check(CLI::PositiveNumber);
   command->add_flag("--positions-only", arguments->options.joins.positions_only,
                     "The true orientations are not to be trusted: do not use them");

@@ -154,7 +154,7 @@ void FindRecall(const RunOutput& run, const std::vector<EvaluatedFrame>& frames,
 }
 
 void FindTimes(const RunOutput& run, double given_deadline_ms, Evaluation* evaluation) {
-  const double period_ms = static_cast<double>(FramePeriodNs(run.frames)) * 1e-6;
+  const double period_ms = static_cast<double>(FramePeriodNs(run.frames)) * 1e-6 / run.figures.rate.value_or(1.0);
   const double deadline_ms = given_deadline_ms > 0.0 ? given_deadline_ms : period_ms;
   if (deadline_ms > 0.0) evaluation->deadline_ms = deadline_ms;
   // A sequential run has no latency: its frames.csv holds zeros, and summary.json the processing times.

@@ -11,7 +11,7 @@ namespace haustra::evaluate {
 struct EvaluateOptions {
   JoinOptions joins;
   double scene_depth = 0.0;  // ground-truth units; 0: from the maps' exported points
-  double deadline_ms = 0.0;  // 0: the frame period
+  double deadline_ms = 0.0;  // 0: the frame period at the pace of the run
 };
 
 Evaluation EvaluateRun(const RunOutput& run, const Reference& reference, const EvaluateOptions& options);

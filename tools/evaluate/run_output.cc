@@ -213,6 +213,8 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
   figures->deadline_misses = NumberAt<std::int64_t>(json, "deadline_misses");
   figures->peak_rss_mb = NumberAt<double>(json, "peak_rss_mb");
   figures->realtime_ratio = NumberAt<double>(json, "realtime_ratio");
+  figures->rate = NumberAt<double>(json, "rate");
+  if (figures->rate && !(*figures->rate > 0.0)) return InvalidArgument(path + ": rate must be above 0");
   if (const auto times = json.find("frame_ms"); times != json.end() && times->is_object()) {
     const auto p50 = NumberAt<double>(*times, "p50"), p99 = NumberAt<double>(*times, "p99");
     const auto p999 = NumberAt<double>(*times, "p999"), max = NumberAt<double>(*times, "max");

@@ -78,6 +78,7 @@ struct RunFigures {
   std::optional<std::int64_t> deadline_misses;
   std::optional<double> peak_rss_mb;
   std::optional<double> realtime_ratio;
+  std::optional<double> rate;                   // > 0; of a real-time run: its pace relative to the camera
   std::map<std::string, double> mean_stage_ms;  // of the mapper, a keyframe
 };
 

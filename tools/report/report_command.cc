@@ -99,7 +99,8 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
       ->needs(sequence)
       ->capture_default_str();
   command
-      ->add_option("--deadline-ms", arguments->options.deadline_ms, "Deadline of a frame (default: the frame period)")
+      ->add_option("--deadline-ms", arguments->options.deadline_ms,
+                   "Deadline of a frame (default: the frame period at the pace of the run)")
       ->check(CLI::PositiveNumber);
   command
       ->add_option("--scene-depth", arguments->options.scene_depth,

@@ -202,6 +202,7 @@ int Run(const RunArguments& arguments) {
   summary.mode = arguments.mode;
   summary.device = arguments.device;
   summary.seed = config.seed;
+  summary.rate = arguments.rate;
   ColourReader colours;
   // What a camera has shown cannot be looked at again.
   if (const Status status = is_live ? Status::Ok() : colours.Read(arguments, engine); !status.ok()) {

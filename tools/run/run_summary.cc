@@ -224,6 +224,7 @@ std::string ToJson(const RunSummary& s) {
                        {"settle", MsPerKeyframe(m.settle_time, m)},
                        {"relocalise", MsPerKeyframe(m.relocalisation_time, m)}}}};
   if (s.realtime) {
+    json["rate"] = s.rate;
     json["late"] = s.late;
     for (int i = 0; i < kNumRungs; ++i) {
       json["rungs"][std::string(ToString(static_cast<Rung>(i)))] = s.on_rung[static_cast<std::size_t>(i)];

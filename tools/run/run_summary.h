@@ -70,6 +70,7 @@ struct RunSummary {
   MapperCounters mapping;
   // Real-time mode only.
   std::optional<RealTimeReport> realtime;
+  double rate = 1.0;     // pace that was asked for, relative to the camera: frames came this much faster
   std::size_t late = 0;  // answered after their deadline
   std::array<std::size_t, kNumRungs> on_rung{};
 };

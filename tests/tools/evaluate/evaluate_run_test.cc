@@ -166,6 +166,17 @@ TEST(EvaluateRun, LatencyOfARealTimeRunComesFromItsFrames) {
   EXPECT_EQ(e.damaged, 1u);
 }
 
+TEST(EvaluateRun, ADeadlineIsThePeriodAtThePaceOfTheRun) {
+  RunOutput run = ThreeMaps();
+  for (std::size_t i = 0; i < run.frames.size(); ++i) run.frames[i].frame_ms = 0.1 * static_cast<double>(i);
+  const Evaluation at_the_cameras_pace = EvaluateRun(run, TrueReference(400), {});
+  run.figures.rate = 2.0;
+  const Evaluation twice_as_fast = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_DOUBLE_EQ(*at_the_cameras_pace.deadline_ms, 40.0);
+  EXPECT_DOUBLE_EQ(*twice_as_fast.deadline_ms, 20.0);
+  EXPECT_GT(*twice_as_fast.deadline_misses, *at_the_cameras_pace.deadline_misses);
+}
+
 TEST(EvaluateRun, TimesOfASequentialRunComeFromItsSummary) {
   RunOutput run = ThreeMaps();
   run.figures.frame_ms = Percentiles{20, 30, 40, 50};

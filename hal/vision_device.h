@@ -110,8 +110,9 @@ struct ExtractRequest {
   // Host copy of the keypoints, at least max_features long; sorted by (octave, y, x, angle).
   std::span<Keypoint> keypoints;
   std::int32_t* num_keypoints = nullptr;
-  // The strongest so many are enough; 0: as planned. A hint to a caller's want of time: a device may give more.
-  int max_features = 0;
+  // Hints of a caller that is short of time; a device may give more than is asked for.
+  int max_features = 0;       // the strongest so many are enough; 0: as planned
+  float min_scale_px = 0.0f;  // finer ones are not needed: the octaves that hold no others may be left out; 0: all are
 };
 
 struct MatchRequest {

@@ -28,7 +28,7 @@ struct FrameFeatures {
 
   FeatureSetHandle set;
   std::int32_t num = 0;
-  bool is_reduced = false;               // the extractor was asked for fewer than usual, for want of time
+  bool is_reduced = false;               // the extractor was asked for fewer and coarser ones, for want of time
   std::pmr::vector<Keypoint> keypoints;  // [0, num)
   std::pmr::vector<Bearing> bearings;    // [0, num), camera coordinates
 

@@ -1,5 +1,6 @@
 #include "engine/scheduler/frame_budget.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace haustra {
@@ -22,7 +23,7 @@ FrameBudget::FrameBudget(const SchedulerConfig& config, const Clock* clock)
       reserve_(static_cast<std::int64_t>(1e6 * config.reserve_ms)),
       expected_(MakeExpectations(config, std::make_index_sequence<kNumStages>())) {}
 
-void FrameBudget::BeginFrame(TimePoint deadline, bool is_tracking) {
+void FrameBudget::BeginFrame(TimePoint deadline, bool is_tracking, bool needs_all) {
   deadline_ = deadline;
   rung_ = Rung::kFull;
   times_ = {};
@@ -33,7 +34,13 @@ void FrameBudget::BeginFrame(TimePoint deadline, bool is_tracking) {
   const Duration rest = remaining();
   const Duration search = is_tracking ? expected(Stage::kMotion) : Duration{0};
   const Duration full = is_tracking ? expected(Stage::kLocalMap) : Duration{0};
-  if (expected(Stage::kExtract) + search + full <= rest) return;
+  // What was given up at a deadline took longer than it says, and would seem to fit for ever.
+  const Duration margin = needs_all ? reserve_ : Duration{0};
+  if (expected(Stage::kExtract) + search + full + margin <= rest) return;
+  if (needs_all && expected(Stage::kExtract) <= kLostTime) {
+    deadline_ = std::max(deadline, Now() + kLostTime);
+    return;
+  }
   has_fewer_features_ = true;
   Refuse(Stage::kExtract);
   StepDown(Rung::kFewerFeatures);

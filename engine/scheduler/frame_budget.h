@@ -46,8 +46,12 @@ class FrameBudget {
   // `clock` may be null: nothing is timed, everything is affordable.
   FrameBudget(const SchedulerConfig& config, const Clock* clock);
 
-  // Chooses between full and reduced stages for a frame that is tracked, or looked for (is_tracking: false).
-  void BeginFrame(TimePoint deadline, bool is_tracking);
+  // Chooses between full and reduced stages for a frame that is tracked, or looked for (is_tracking: false). needs_all:
+  // the scope is lost, or nearly so; it has no pose that could be late, and what few features find or found is poor.
+  // Such a frame gets all features if that takes no more than kLostTime, even beyond its deadline; frames that come
+  // meanwhile are dropped.
+  void BeginFrame(TimePoint deadline, bool is_tracking, bool needs_all);
+  static constexpr Duration kLostTime = std::chrono::milliseconds(100);
   void EndFrame();
 
   bool has_fewer_features() const { return has_fewer_features_; }

@@ -9,7 +9,7 @@ namespace haustra {
 enum class Rung : std::uint8_t {
   kFull = 0,       // nothing was left out
   kNoRecovery,     // guided search failed, and brute force would have taken too long
-  kFewerFeatures,  // of the picture
+  kFewerFeatures,  // of the picture, and no fine ones
   kFewerPoints,    // of the local map
   kPredicted,      // no measurement in time: the pose is the prediction, or there is none
   kNumRungs,

@@ -15,7 +15,10 @@ struct SchedulerConfig {
   // Frames for which a stage that was refused is not tried again: a second. Twice as many each time that it is still as
   // slow, up to sixteen times: a try costs its frame a rung [1, 1000].
   int retry_frames = 25;
-  double reduced_share = 0.5;    // of features and of local points, on the rungs that have fewer [0.1, 1]
+  double reduced_share = 0.5;  // of features and of local points, on the rungs that have fewer [0.1, 1]
+  // On the rung that has fewer features: finer ones are not looked for. 1.8 leaves out the enlarged picture, which
+  // takes the CPU device two thirds of its time [0, 10].
+  double reduced_min_scale_px = 1.8;
   int max_predicted_frames = 5;  // in a row without a measurement: a scope does not keep its course longer [0, 100]
   bool background_gap = true;    // mapping asks an accelerator for nothing while a frame is due
 };

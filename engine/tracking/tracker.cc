@@ -20,9 +20,15 @@ constexpr double kDegradedShare = 0.35;
 // this.
 constexpr double kBlindShare = 0.15;
 constexpr double kUsualShareMemory = 0.95;  // per frame
+// Of what is usual for the other kind of frames (full, reduced) one kind finds at least so much.
+constexpr double kShareOfOtherKind = 0.5;
 constexpr int kMinExpected = 60;
+// A frame with fewer inliers than so many times the least that make a pose is nearly lost.
+constexpr int kThinFactor = 2;
 // A prediction over more lost frames than this is worth nothing.
 constexpr int kMaxPredictedFrames = 3;
+
+std::size_t KindOf(const FrameFeatures& features) { return features.is_reduced ? 1 : 0; }
 
 }  // namespace
 
@@ -111,7 +117,7 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   FrameResult result;
   result.frame_index = frame.index;
   result.timestamp = frame.timestamp;
-  budget_.BeginFrame(deadline, state_ == TrackingState::kTracking);
+  budget_.BeginFrame(deadline, state_ == TrackingState::kTracking, NeedsAllFeatures());
   has_no_time_ = !lane_.Drain(budget_.wait_deadline());
   current_.frame_index = frame.index;
   current_.features.set = FeatureSetHandle{};
@@ -141,6 +147,12 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   result.rung = budget_.rung();
   result.times = budget_.times();
   return result;
+}
+
+// Lost, or nearly so: a young map was made of all features, and few would not find it again.
+bool Tracker::NeedsAllFeatures() const {
+  const bool is_thin = static_cast<int>(last_matches_.size()) < kThinFactor * config_.tracking.min_inliers;
+  return state_ == TrackingState::kLost || (state_ == TrackingState::kTracking && is_thin);
 }
 
 void Tracker::Measure(const Frame& frame, FrameResult* result) {
@@ -174,7 +186,10 @@ bool Tracker::Extract(const Frame& frame) {
   request.set = *set;
   request.keypoints = current_.features.keypoints;
   request.num_keypoints = &current_.features.num;
-  if (has_fewer) request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.max);
+  if (has_fewer) {
+    request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.max);
+    request.min_scale_px = static_cast<float>(config_.scheduler.reduced_min_scale_px);
+  }
   if (!lane_.Extract(request, budget_.wait_deadline()).ok()) {
     if (!lane_.has_pending()) current_.features.num = 0;
     return false;
@@ -334,7 +349,7 @@ void Tracker::FindMap(FrameResult* result) {
 // The mapper has made the map: continue from its second founding view.
 void Tracker::Adopt() {
   awaited_founding_ = 0;
-  usual_share_ = 0.0;
+  usual_shares_ = {};
   ContinueFrom(local_map().keyframes[0].cam_from_map, founding_frame_);
 }
 
@@ -429,6 +444,8 @@ bool Tracker::SearchLocalMap(double min_radius_px) {
   const double tolerance = config_.matching.scale_tolerance;
   const double gate = std::sqrt(kChi2TwoDof);
   num_expected_ = 0;
+  // Reduced frames have nothing finer.
+  const double min_expected_scale = current_.features.is_reduced ? config_.scheduler.reduced_min_scale_px : 0.0;
   // Fewer points: every n-th, others in the next frame.
   const std::uint32_t step =
       budget_.has_fewer_points() ? static_cast<std::uint32_t>(std::lround(1.0 / config_.scheduler.reduced_share)) : 1;
@@ -440,10 +457,9 @@ bool Tracker::SearchLocalMap(double min_radius_px) {
     if (distance <= 0.0 || point.normal.dot(to_camera) < min_cos * distance) continue;
     Eigen::Vector2d pixel;
     if (!camera_.Project(pose_ * point.position, &pixel) || !camera_.IsInImage(pixel)) continue;
-    const bool is_established = std::popcount(point.keyframe_mask) >= kEstablishedViews;
-    num_expected_ += is_established;
-    if (is_matched_point_[i] != 0) continue;
     const double scale = point.scale_times_distance / distance;
+    num_expected_ += std::popcount(point.keyframe_mask) >= kEstablishedViews && scale >= min_expected_scale;
+    if (is_matched_point_[i] != 0) continue;
     queries_.push_back({point.descriptor, static_cast<float>(pixel.x()), static_cast<float>(pixel.y()),
                         static_cast<float>(std::max(min_radius_px, gate * config_.noise.SigmaPx(scale))),
                         static_cast<float>(scale / tolerance), static_cast<float>(scale * tolerance)});
@@ -578,13 +594,18 @@ void Tracker::FillPose(FrameResult* result) {
   result->num_established = num_established_;
 }
 
-// What a frame has of the features that it has usually.
-double Tracker::FeatureShare(bool is_reduced) const { return is_reduced ? config_.scheduler.reduced_share : 1.0; }
+// What is usual for frames like the current one. Full and reduced frames find different points, and how many each finds
+// depends on which the map was made of: so each kind is judged by its own past, or with care by the other's when there
+// was none of it for a while.
+double Tracker::UsualOfKind() const {
+  const UsualShare& own = usual_shares_[KindOf(current_.features)];
+  const UsualShare& other = usual_shares_[1 - KindOf(current_.features)];
+  return own.age <= kUsualShareLife ? own.value : kShareOfOtherKind * other.value;
+}
 
-// Whether the frame shows what the map says it should: so much of what is usual for as many features.
+// Whether the frame shows what the map says it should: so much of what is usual.
 bool Tracker::SeesShare(double share_of_usual) const {
-  const double usual_share = FeatureShare(current_.features.is_reduced) * usual_share_;
-  return num_expected_ < kMinExpected || num_established_ >= share_of_usual * usual_share * num_expected_;
+  return num_expected_ < kMinExpected || num_established_ >= share_of_usual * UsualOfKind() * num_expected_;
 }
 
 bool Tracker::IsClearView() const { return SeesShare(kDegradedShare); }
@@ -592,8 +613,13 @@ bool Tracker::IsClearView() const { return SeesShare(kDegradedShare); }
 void Tracker::LearnUsualShare() {
   // With fewer points those that the prediction had found already count for more than their share.
   if (num_expected_ < kMinExpected || budget_.has_fewer_points()) return;
-  const double share = num_established_ / (FeatureShare(current_.features.is_reduced) * num_expected_);
-  usual_share_ = usual_share_ > 0.0 ? kUsualShareMemory * usual_share_ + (1.0 - kUsualShareMemory) * share : share;
+  const double share = static_cast<double>(num_established_) / num_expected_;
+  const double usual = UsualOfKind();
+  UsualShare& own = usual_shares_[KindOf(current_.features)];
+  const bool is_known = own.age <= kUsualShareLife;
+  own.value = is_known ? kUsualShareMemory * usual + (1.0 - kUsualShareMemory) * share : std::max(share, usual);
+  for (UsualShare& kind : usual_shares_) kind.age = std::min(kind.age + 1, kUsualShareLife + 1);
+  own.age = 0;
 }
 
 void Tracker::ConsiderKeyframe(FrameResult* result) {
@@ -605,11 +631,11 @@ void Tracker::ConsiderKeyframe(FrameResult* result) {
   const LocalKeyframe& reference = local_map().keyframes[NearestKeyframe()];
   const double baseline = (pose_.InverseTranslation() - last_keyframe_pose_.InverseTranslation()).norm();
   const double parallax_deg = std::atan2(baseline, median_depth_) / kDegree;
-  // Of as many features and points each.
-  const double share =
-      FeatureShare(current_.features.is_reduced) * (budget_.has_fewer_points() ? config_.scheduler.reduced_share : 1.0);
-  const bool has_left_reference = num_established_ * FeatureShare(reference.is_reduced) <
-                                  options.min_tracked_ratio * reference.num_established * share;
+  // What is left out is not lost from sight.
+  const double reduced_share = config_.scheduler.reduced_share;
+  const double share = (current_.features.is_reduced && !reference.is_reduced ? reduced_share : 1.0) *
+                       (budget_.has_fewer_points() ? reduced_share : 1.0);
+  const bool has_left_reference = num_established_ < options.min_tracked_ratio * share * reference.num_established;
   const bool is_thin = num_tracked < options.low_inliers;
   const bool has_moved = parallax_deg > options.min_parallax_deg;
   const bool is_late = spacing >= options.max_spacing_frames && parallax_deg > 0.25 * options.min_parallax_deg;

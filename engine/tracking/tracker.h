@@ -9,6 +9,7 @@
 // rt-safe after construction: no allocation, no lock, no wait but for the vision device.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <span>
@@ -80,6 +81,15 @@ class Tracker {
     std::int32_t point_idx = -1;
   };
 
+  // What frames of one kind (full or reduced) usually see: of the established points that should be visible, the share
+  // that is found, in clear frames.
+  static constexpr int kUsualShareLife = 25;  // clear frames of the other kind, after which it is not known any more
+  struct UsualShare {
+    double value = 0.0;
+    int age = kUsualShareLife + 1;  // clear frames since the last one of this kind
+  };
+
+  bool NeedsAllFeatures() const;
   void Measure(const Frame& frame, FrameResult* result);
   bool Extract(const Frame& frame);
   void ReadSnapshot();
@@ -102,7 +112,7 @@ class Tracker {
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose();
 
-  double FeatureShare(bool is_reduced) const;
+  double UsualOfKind() const;
   bool SeesShare(double share_of_usual) const;
   bool IsClearView() const;
   void LearnUsualShare();
@@ -172,10 +182,10 @@ class Tracker {
   std::vector<Eigen::Vector3d> bearings_;
   std::vector<Eigen::Vector3d> points_;
   std::vector<double> tolerance_;
-  int num_expected_ = 0;      // established points that should be visible from the pose
-  int num_established_ = 0;   // established points among the matches
-  double usual_share_ = 0.0;  // of established points over expected ones, in clear frames; 0: not known yet
-  int num_unclear_ = 0;       // frames in a row that were tracked without a clear view
+  int num_expected_ = 0;                    // established points that should be visible from the pose
+  int num_established_ = 0;                 // established points among the matches
+  std::array<UsualShare, 2> usual_shares_;  // of full and of reduced frames
+  int num_unclear_ = 0;                     // frames in a row that were tracked without a clear view
   double median_depth_ = 1.0;
   std::vector<double> depths_;
 };

@@ -281,7 +281,7 @@ void ScriptedVisionDevice::RunExtract(const ExtractRequest& request, LaneState& 
     for (const ScriptedFeature& feature : features) {
       if (feature.keypoint.response < weakest) continue;
       if (feature.keypoint.response == weakest && --ties_left < 0) continue;
-      if (IsMasked(feature.keypoint)) continue;
+      if (feature.keypoint.scale_px < request.min_scale_px || IsMasked(feature.keypoint)) continue;
       request.keypoints[set->num] = feature.keypoint;
       set->features[set->num++] = feature;
     }

@@ -28,6 +28,12 @@ GaussianKernel KernelOfLevel(int level) {
   return MakeGaussianKernel(before * std::sqrt(factor * factor - 1.0f));
 }
 
+GaussianKernel KernelFromInput() {
+  // Enlarging by linear interpolation is a blur of its own: weights 1/4, 1/2, 1/4 half a pixel apart.
+  constexpr float kVarianceOfEnlarging = 2 * 0.25f * 0.5f * 0.5f;
+  return MakeGaussianKernel(std::sqrt(kBaseSigma * kBaseSigma - kInputSigma * kInputSigma + kVarianceOfEnlarging));
+}
+
 int CountOctaves(int width_px, int height_px) {
   int count = 0;
   while (count < kMaxOctaves - kFirstOctave &&

@@ -18,6 +18,9 @@ GaussianKernel MakeGaussianKernel(float sigma);
 // The kernel that makes `level` from the level before; that of level 0: from the enlarged input.
 GaussianKernel KernelOfLevel(int level);
 
+// The kernel that makes level 0 of octave 0 from the input itself, where the enlarged picture is left out.
+GaussianKernel KernelFromInput();
+
 // Size of an octave of an image of the given size.
 inline int OctaveSize(int size_px, int octave) { return octave < 0 ? size_px << -octave : size_px >> octave; }
 int CountOctaves(int width_px, int height_px);

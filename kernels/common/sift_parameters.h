@@ -9,6 +9,7 @@ namespace haustra::kernels {
 // Scale space (3.1 to 3.3). The finest octave is the image at twice its size: at the input's own resolution about half
 // of the 2000 features wanted of a 720x540 picture would be missing.
 inline constexpr int kFirstOctave = -1;
+inline constexpr float kFinestOctaveMaxScalePx = 1.7962f;  // its keypoints' scales lie below this, input pixels
 inline constexpr int kMaxOctaves = 8;
 inline constexpr int kScalesPerOctave = 3;
 inline constexpr int kNumLevels = kScalesPerOctave + 3;  // Gaussian images an octave

@@ -75,8 +75,8 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
     FeatureSet* set = sets_.BeginWrite(request.set, &is_stale);
     if (set == nullptr) return WriteRefused(is_stale);
 
-    const int num_features =
-        WorkOf(lane).extractor.Extract(request.image, static_mask_view_, request.max_features, *set);
+    const int num_features = WorkOf(lane).extractor.Extract(request.image, static_mask_view_, request.max_features,
+                                                            request.min_scale_px, *set);
     std::copy_n(set->keypoints, num_features, request.keypoints.data());
     *request.num_keypoints = num_features;
     sets_.Publish(request.set, num_features);

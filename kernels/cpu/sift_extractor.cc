@@ -7,7 +7,7 @@
 namespace haustra::kernels {
 namespace {
 
-constexpr int kEnlarged = -1;  // stands for a level: the input at twice its size
+constexpr int kInput = -1;  // stands for a level: the input, at twice its size or as it is
 constexpr int kRowsPerTask = 32;
 constexpr int kPointsPerTask = 32;
 // Room for extrema, in pixels for each; white noise has about one in 60.
@@ -70,6 +70,7 @@ SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& optio
   refinement_.edge_threshold = options.edge_threshold;
 
   for (int i = 0; i < kNumLevels; ++i) kernels_of_levels_[i] = KernelOfLevel(i);
+  kernel_from_input_ = KernelFromInput();
 
   octaves_.resize(CountOctaves(plan.max_width_px, plan.max_height_px));
   for (std::size_t i = 0; i < octaves_.size(); ++i) {
@@ -157,9 +158,11 @@ void SiftExtractor::SetSize(int width_px, int height_px) {
   }
 }
 
-int SiftExtractor::Extract(const ImageView& image, const ImageView& static_mask, int max_features, FeatureSet& set) {
+int SiftExtractor::Extract(const ImageView& image, const ImageView& static_mask, int max_features, float min_scale_px,
+                           FeatureSet& set) {
   const int limit = max_features > 0 ? std::min(max_features, options_.num_features) : options_.num_features;
   SetSize(image.width, image.height);
+  first_octave_ = min_scale_px >= kFinestOctaveMaxScalePx && num_octaves_ > 1 ? 1 : 0;
   int pitch_bytes = 0;
   const std::uint8_t* grey = ToGrey(image, &pitch_bytes);
   mask_.Build(grey, image.width, image.height, pitch_bytes, static_mask);
@@ -190,7 +193,7 @@ const std::uint8_t* SiftExtractor::ToGrey(const ImageView& image, int* pitch_byt
 }
 
 void SiftExtractor::FindPoints(const std::uint8_t* grey, int pitch_bytes) {
-  for (int i = 0; i < num_octaves_; ++i) {
+  for (int i = first_octave_; i < num_octaves_; ++i) {
     if (pool_.num_threads() > 1) {
       BuildOctaveLevelByLevel(i, grey, pitch_bytes);
     } else {
@@ -204,14 +207,18 @@ void SiftExtractor::FindPoints(const std::uint8_t* grey, int pitch_bytes) {
 void SiftExtractor::ComputeRows(int octave_idx, int level, const std::uint8_t* grey, int pitch_bytes, int y_begin,
                                 int y_end, WorkerScratch& scratch) {
   Octave& octave = octaves_[octave_idx];
-  // The last level is free until it is computed: it holds the enlarged input.
-  const Plane& enlarged = octave.levels[kNumLevels - 1];
-  if (level == kEnlarged) {
-    kernels_.UpsampleRows(grey, width_px_, height_px_, pitch_bytes, enlarged, y_begin, y_end, scratch.line.data());
-  } else if (level == 0 && octave_idx > 0) {
+  // The last level is free until it is computed: it holds the input.
+  const Plane& input = octave.levels[kNumLevels - 1];
+  if (level == kInput) {
+    if (octave.index < 0) {
+      kernels_.UpsampleRows(grey, width_px_, height_px_, pitch_bytes, input, y_begin, y_end, scratch.line.data());
+    } else {
+      kernels_.ConvertRows(grey, width_px_, pitch_bytes, input, y_begin, y_end);
+    }
+  } else if (level == 0 && octave_idx > first_octave_) {
     kernels_.DecimateRows(octaves_[octave_idx - 1].levels[kScalesPerOctave], octave.levels[0], y_begin, y_end);
   } else {
-    kernels_.BlurRows(level == 0 ? enlarged : octave.levels[level - 1], octave.levels[level], kernels_of_levels_[level],
+    kernels_.BlurRows(level == 0 ? input : octave.levels[level - 1], octave.levels[level], KernelOf(octave_idx, level),
                       y_begin, y_end, scratch.line.data());
   }
 }
@@ -219,7 +226,7 @@ void SiftExtractor::ComputeRows(int octave_idx, int level, const std::uint8_t* g
 void SiftExtractor::BuildOctaveLevelByLevel(int octave_idx, const std::uint8_t* grey, int pitch_bytes) {
   Octave& octave = octaves_[octave_idx];
   const int num_tasks = NumTasks(octave.height, kRowsPerTask);
-  for (int level = octave_idx == 0 ? kEnlarged : 0; level < kNumLevels; ++level) {
+  for (int level = octave_idx == first_octave_ ? kInput : 0; level < kNumLevels; ++level) {
     pool_.ParallelFor(lane_, num_tasks, [&](int task, int worker) {
       const int y_begin = task * kRowsPerTask;
       const int y_end = std::min(y_begin + kRowsPerTask, octave.height);
@@ -231,16 +238,16 @@ void SiftExtractor::BuildOctaveLevelByLevel(int octave_idx, const std::uint8_t* 
 
 void SiftExtractor::BuildOctaveInOneSweep(int octave_idx, const std::uint8_t* grey, int pitch_bytes) {
   Octave& octave = octaves_[octave_idx];
-  const int first_level = octave_idx == 0 ? kEnlarged : 0;
-  int rows_done[kNumLevels + 1] = {};  // of the enlarged input, then of each level
+  const int first_level = octave_idx == first_octave_ ? kInput : 0;
+  int rows_done[kNumLevels + 1] = {};  // of the input, then of each level
   const int num_chunks = NumTasks(octave.height, kRowsPerTask);
   for (int chunk = 0; chunk < num_chunks;) {
     for (int level = first_level; level < kNumLevels; ++level) {
-      int& done = rows_done[level - kEnlarged];
+      int& done = rows_done[level - kInput];
       int possible = std::min(done + kRowsPerTask, octave.height);
       if (level > first_level) {
-        const int before = rows_done[level - 1 - kEnlarged];
-        possible = before == octave.height ? before : before - kernels_of_levels_[level].radius;
+        const int before = rows_done[level - 1 - kInput];
+        possible = before == octave.height ? before : before - KernelOf(octave_idx, level).radius;
       }
       if (possible <= done) continue;
       ComputeRows(octave_idx, level, grey, pitch_bytes, done, possible, scratch_[0]);
@@ -282,7 +289,7 @@ void SiftExtractor::RefineChunk(Octave& octave, int chunk) {
 
 int SiftExtractor::CollectPoints() {
   int num_points = 0;
-  for (int i = 0; i < num_octaves_; ++i) {
+  for (int i = first_octave_; i < num_octaves_; ++i) {
     const Octave& octave = octaves_[i];
     for (int chunk = 0; chunk < NumTasks(octave.height, kRowsPerTask); ++chunk) {
       const ScaleSpacePoint* points =

@@ -28,8 +28,10 @@ class SiftExtractor {
   void Prefault();
 
   // The image must fit the plan; static_mask is empty or of the image's size. Writes keypoints and descriptors of `set`
-  // and returns their number: at most max_features, the strongest (0: as many as planned).
-  int Extract(const ImageView& image, const ImageView& static_mask, int max_features, FeatureSet& set);
+  // and returns their number: at most max_features, the strongest (0: as many as planned). min_scale_px: finer ones are
+  // not needed; the enlarged picture is left out when it has no others.
+  int Extract(const ImageView& image, const ImageView& static_mask, int max_features, float min_scale_px,
+              FeatureSet& set);
 
  private:
   struct Octave {
@@ -58,9 +60,13 @@ class SiftExtractor {
   void SetSize(int width_px, int height_px);
   const std::uint8_t* ToGrey(const ImageView& image, int* pitch_bytes);
   void FindPoints(const std::uint8_t* grey, int pitch_bytes);
-  // Rows of one level (or of the enlarged input); those of the level before must be there as far as its kernel reaches.
+  // Rows of one level (or of the input that the first octave is made from); those of the level before must be there as
+  // far as its kernel reaches.
   void ComputeRows(int octave_idx, int level, const std::uint8_t* grey, int pitch_bytes, int y_begin, int y_end,
                    WorkerScratch& scratch);
+  const GaussianKernel& KernelOf(int octave_idx, int level) const {
+    return level == 0 && octaves_[octave_idx].index == 0 ? kernel_from_input_ : kernels_of_levels_[level];
+  }
   // The levels and the extrema of an octave, with the same result in two orders: one level after the other, its rows
   // shared out among threads; or, on one thread, all levels together from top to bottom, while the rows they need are
   // still in the cache.
@@ -77,10 +83,12 @@ class SiftExtractor {
   const SiftKernels& kernels_;
   LanePool& pool_;
   Lane lane_;
-  int num_octaves_ = 0;  // of the current image
+  int num_octaves_ = 0;   // of the current image
+  int first_octave_ = 0;  // index of the first that is searched
   int width_px_ = 0;
   int height_px_ = 0;
   GaussianKernel kernels_of_levels_[kNumLevels];  // from the level before; that of level 0: from the enlarged input
+  GaussianKernel kernel_from_input_;              // of level 0, without the enlarged input
   std::vector<Octave> octaves_;
   std::vector<WorkerScratch> scratch_;
   ExclusionMask mask_;

@@ -49,6 +49,8 @@ struct SiftKernels {
   // Rows [y_begin, y_end) of the input at twice its size, in [0, 1]: out(2x, 2y) = in(x, y), linear in between.
   void (*UpsampleRows)(const std::uint8_t* grey, int width, int height, int pitch_bytes, const Plane& out, int y_begin,
                        int y_end, float* scratch);
+  // Rows [y_begin, y_end) of the input as they are, in [0, 1].
+  void (*ConvertRows)(const std::uint8_t* grey, int width, int pitch_bytes, const Plane& out, int y_begin, int y_end);
   // Rows [y_begin, y_end) of `in` convolved with the kernel both ways; edge pixels are repeated outwards. Scratch:
   // stride + 4 * kPlanePadding floats.
   void (*BlurRows)(const Plane& in, const Plane& out, const GaussianKernel& kernel, int y_begin, int y_end,

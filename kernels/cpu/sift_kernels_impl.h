@@ -39,6 +39,16 @@ void UpsampleRows(const std::uint8_t* grey, int width, int height, int pitch_byt
   }
 }
 
+void ConvertRows(const std::uint8_t* grey, int width, int pitch_bytes, const Plane& out, int y_begin, int y_end) {
+  constexpr float kUnit = 1.0f / 255.0f;
+  for (int y = y_begin; y < y_end; ++y) {
+    const std::uint8_t* from = grey + static_cast<std::ptrdiff_t>(y) * pitch_bytes;
+    float* row = out.row(y);
+    for (int x = 0; x < width; ++x) row[x] = static_cast<float>(from[x]) * kUnit;
+    for (int x = width; x < out.stride; ++x) row[x] = row[width - 1];
+  }
+}
+
 template <int kRadius>
 void BlurRowsWithRadius(const Plane& in, const Plane& out, const float* weights, int y_begin, int y_end,
                         float* scratch) {
@@ -411,7 +421,8 @@ void Describe(const Plane& level, const PatchFrame& frame, bool root_sift, std::
   Quantise(reinterpret_cast<const float*>(cells[1]), root_sift, descriptor);
 }
 
-constexpr SiftKernels kKernels = {UpsampleRows, BlurRows, DecimateRows, FindExtrema, FindOrientations, Describe};
+constexpr SiftKernels kKernels = {UpsampleRows, ConvertRows,      BlurRows, DecimateRows,
+                                  FindExtrema,  FindOrientations, Describe};
 
 }  // namespace
 }  // namespace haustra::kernels

@@ -364,6 +364,8 @@ void AddScheduler(Fields* out) {
                                              "until a refused stage is tried again; more when that fails"));
   out->push_back(Scheduler<&C::reduced_share>("reduced_share", {0.1, 1}, "",
                                               "of features and of local points, on the rungs that have fewer"));
+  out->push_back(Scheduler<&C::reduced_min_scale_px>("reduced_min_scale_px", {0, 10}, "px",
+                                                     "features finer than this are not looked for on that rung"));
   out->push_back(Scheduler<&C::max_predicted_frames>("max_predicted_frames", {0, 100}, "frames",
                                                      "in a row without a measurement, then lost"));
   out->push_back(Scheduler<&C::background_gap>("background_gap", {}, "",

@@ -95,6 +95,19 @@ TEST(ScriptedVisionDevice, StrongestFeaturesStayWhenThereAreTooMany) {
   }
 }
 
+TEST(ScriptedVisionDevice, FeaturesThatAreTooFineAreLeftOutWhenAsked) {
+  ScriptedVisionDevice device(SmallPlan(), {});
+  ScriptedFeature fine = Feature(1, 10, 20);
+  fine.keypoint.scale_px = 1.0f;
+  device.SetFrame(3, {fine, Feature(2, 30, 20)});
+  Extraction extraction(3);
+  ExtractRequest request = extraction.Request(*device.CreateFeatureSet());
+  request.min_scale_px = 1.5f;
+  ASSERT_TRUE(ExtractAndWait(device, Lane::kTracking, request).ok());
+  ASSERT_EQ(extraction.num_keypoints, 1);
+  EXPECT_EQ(extraction.keypoints[0].x_px, 30.0f);
+}
+
 TEST(ScriptedVisionDevice, FeaturesUnderTheStaticMaskAreNeverSeen) {
   ScriptedVisionDevice device(SmallPlan(), {});
   std::vector<std::uint8_t> mask(kWidth * kHeight, 255);

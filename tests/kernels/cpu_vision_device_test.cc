@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <vector>
@@ -41,12 +42,14 @@ Picture Texture(unsigned seed) {
   return Render(RandomBlobs(900, kWidth, kHeight, 20.0, 40.0, seed), kWidth, kHeight, 120.0);
 }
 
-HostFeatures Extract(VisionDevice& device, const Picture& picture, FeatureSetHandle* set) {
+HostFeatures Extract(VisionDevice& device, const Picture& picture, FeatureSetHandle* set, float min_scale_px = 0.0f) {
   *set = device.CreateFeatureSet().value();
   HostFeatures features;
   features.keypoints.resize(500);
   std::int32_t count = 0;
-  EXPECT_TRUE(ExtractAndWait(device, Lane::kTracking, {picture.view(), *set, features.keypoints, &count}).ok());
+  EXPECT_TRUE(
+      ExtractAndWait(device, Lane::kTracking, {picture.view(), *set, features.keypoints, &count, 0, min_scale_px})
+          .ok());
   features.keypoints.resize(count);
   features.descriptors.resize(static_cast<std::size_t>(count) * kDescriptorBytes);
   EXPECT_TRUE(device.ReadDescriptors(*set, features.descriptors).ok());
@@ -79,6 +82,29 @@ TEST(CpuVisionDevice, ExtractDoesNotDependOnTheNumberOfThreads) {
     for (int i = 0; i < features.size(); ++i) ASSERT_TRUE(IsSame(features.keypoints[i], expected.keypoints[i])) << i;
     EXPECT_EQ(features.descriptors, expected.descriptors);
   }
+}
+
+// What makes it quick: the enlarged picture has the keypoints of octave -1 and no others.
+TEST(CpuVisionDevice, ExtractWithoutFineScalesLeavesOutTheEnlargedPicture) {
+  const Picture picture = Texture(1);
+  std::vector<HostFeatures> of_threads;
+  for (const int num_threads : {1, 3}) {
+    const auto device = Create(num_threads);
+    FeatureSetHandle set;
+    const HostFeatures all = Extract(*device, picture, &set);
+    EXPECT_TRUE(
+        std::any_of(all.keypoints.begin(), all.keypoints.end(), [](const Keypoint& k) { return k.octave < 0; }));
+    device->ReleaseFeatureSet(set);
+    of_threads.push_back(Extract(*device, picture, &set, 1.8f));
+    for (const Keypoint& k : of_threads.back().keypoints) {
+      EXPECT_GE(k.octave, 0);
+      EXPECT_GE(k.scale_px, 1.79f);
+    }
+    const HostFeatures finer = Extract(*device, picture, &set, 1.7f);
+    EXPECT_EQ(finer.descriptors, all.descriptors) << "octave -1 has some of 1.75";
+  }
+  EXPECT_GT(of_threads[0].size(), 50);
+  EXPECT_EQ(of_threads[0].descriptors, of_threads[1].descriptors);
 }
 
 TEST(CpuVisionDevice, ExtractAgreesBetweenSimdLevelsUpToRounding) {

@@ -73,12 +73,13 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
 
   // Extracts into a set of its own, which stays.
   static HostFeatures Extract(VisionDevice& device, const ImageView& image, FeatureSetHandle* handle = nullptr,
-                              Lane lane = Lane::kTracking, int max_features = 0) {
+                              Lane lane = Lane::kTracking, int max_features = 0, float min_scale_px = 0.0f) {
     const FeatureSetHandle set = NewSet(device);
     HostFeatures features;
     features.keypoints.resize(device.plan().max_features);
     std::int32_t count = -1;
-    const Status status = ExtractAndWait(device, lane, {image, set, features.keypoints, &count, max_features});
+    const Status status =
+        ExtractAndWait(device, lane, {image, set, features.keypoints, &count, max_features, min_scale_px});
     EXPECT_TRUE(status.ok()) << status.ToString();
     features.keypoints.resize(std::max(count, 0));
     features.descriptors.resize(features.keypoints.size() * kDescriptorBytes);
@@ -600,6 +601,36 @@ TEST_P(VisionDeviceContract, ExtractOfFewerFeaturesIsThatOfADevicePlannedForFewe
     for (int i = 0; i < fewer.size(); ++i) EXPECT_EQ(fewer.keypoints[i].x_px, expected.keypoints[i].x_px);
   }
   EXPECT_EQ(Extract(*device, picture.view()).descriptors, many.descriptors) << "not for the next request";
+}
+
+TEST_P(VisionDeviceContract, ExtractWithoutFineScalesFindsTheOthersAsBefore) {
+  const auto device = Create();
+  // So few that the limit leaves none out.
+  const Picture picture = Render(RandomBlobs(250, kWidth, kHeight, 20.0, 40.0, 3), kWidth, kHeight, 120.0);
+  const HostFeatures all = Extract(*device, picture.view());
+  ASSERT_LT(all.size(), 500);
+  for (const float min_scale_px : {0.5f, 1.8f, 3.6f}) {
+    const HostFeatures coarse = Extract(*device, picture.view(), nullptr, Lane::kTracking, 0, min_scale_px);
+    EXPECT_LE(coarse.size(), 500);
+    int num_wanted = 0, num_found = 0;
+    for (int i = 0; i < all.size(); ++i) {
+      const Keypoint& k = all.keypoints[i];
+      if (k.scale_px < min_scale_px) continue;
+      ++num_wanted;
+      for (int j = 0; j < coarse.size(); ++j) {
+        const Keypoint& c = coarse.keypoints[j];
+        const float turn = std::abs(std::remainder(c.angle_rad - k.angle_rad, 2 * std::numbers::pi_v<float>));
+        if (std::hypot(c.x_px - k.x_px, c.y_px - k.y_px) > 0.1f * k.scale_px || turn > 0.1f) continue;
+        if (std::abs(c.scale_px - k.scale_px) > 0.05f * k.scale_px) continue;
+        if (Similarity(all.descriptor(i), coarse.descriptor(j)) < 0.99) continue;
+        ++num_found;
+        break;
+      }
+    }
+    EXPECT_GT(num_wanted, 20) << min_scale_px;
+    EXPECT_GE(num_found, 0.95 * num_wanted) << min_scale_px;
+  }
+  EXPECT_EQ(Extract(*device, picture.view()).descriptors, all.descriptors) << "not for the next request";
 }
 
 TEST_P(VisionDeviceContract, ExtractOverTheLimitSpreadsOverTheImage) {

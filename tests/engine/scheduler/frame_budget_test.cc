@@ -86,7 +86,7 @@ class Driver {
   Rung Frame(const Costs& costs, Duration late = Duration{0}) {
     const TimePoint due = clock_.Now();
     clock_.Advance(late);
-    budget_.BeginFrame(due + kPeriodOfBudget, true);
+    budget_.BeginFrame(due + kPeriodOfBudget, true, false);
     Run(budget_.has_fewer_features() ? Stage::kExtractReduced : Stage::kExtract,
         budget_.has_fewer_features() ? costs.extract_reduced : costs.extract);
     Run(Stage::kMotion, costs.motion);
@@ -182,7 +182,7 @@ TEST(FrameBudget, RecoveryIsRefusedWithoutTimeAndTriedAgainInTheEnd) {
   FrameBudget& budget = driver.budget();
   std::vector<bool> may;
   for (int i = 0; i < 6; ++i) {
-    budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, false);
+    budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, false, false);
     may.push_back(budget.MayRecover(true));
     if (may.back()) driver.Run(Stage::kRecovery, 200);
     EXPECT_EQ(budget.rung(), may.back() ? Rung::kFull : Rung::kNoRecovery);
@@ -194,21 +194,47 @@ TEST(FrameBudget, RecoveryIsRefusedWithoutTimeAndTriedAgainInTheEnd) {
 TEST(FrameBudget, RecoveryWhileTrackingIsNeverWorthTheDeadline) {
   Driver driver;
   FrameBudget& budget = driver.budget();
-  budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, true);
+  budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, true, false);
   ASSERT_TRUE(budget.MayRecover(false));
   driver.Run(Stage::kRecovery, 2000);
   budget.EndFrame();
   for (int i = 0; i < 20; ++i) {
-    budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, true);
+    budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, true, false);
     EXPECT_FALSE(budget.MayRecover(false)) << i;
     budget.EndFrame();
+  }
+}
+
+TEST(FrameBudget, LostFrameGetsAllFeaturesAndTheTimeForThem) {
+  Driver driver;
+  FrameBudget& budget = driver.budget();
+  for (int i = 0; i < 70; ++i) driver.Frame({60, 20, 5, 8, 4});
+  const TimePoint deadline = driver.clock().Now() + kPeriodOfBudget;
+  budget.BeginFrame(deadline, false, true);
+  EXPECT_FALSE(budget.has_fewer_features());
+  EXPECT_GT(budget.wait_deadline(), deadline);
+  EXPECT_LE(budget.wait_deadline(), driver.clock().Now() + FrameBudget::kLostTime);
+  budget.EndFrame();
+  // One that looks for its first map has frames to lose.
+  budget.BeginFrame(deadline, false, false);
+  EXPECT_TRUE(budget.has_fewer_features());
+}
+
+TEST(FrameBudget, LostFrameKeepsItsDeadlineWhereAllFeaturesAreQuickOrHopeless) {
+  for (const auto& [extract_ms, has_fewer] : {std::pair{20, false}, {160, true}}) {
+    Driver driver;
+    driver.Frame({extract_ms, 20, 5, 8, 4});
+    const TimePoint deadline = driver.clock().Now() + kPeriodOfBudget;
+    driver.budget().BeginFrame(deadline, false, true);
+    EXPECT_EQ(driver.budget().has_fewer_features(), has_fewer) << extract_ms;
+    EXPECT_LT(driver.budget().wait_deadline(), deadline) << extract_ms;
   }
 }
 
 TEST(FrameBudget, WaitsEndBeforeTheDeadline) {
   Driver driver;
   const TimePoint now = driver.clock().Now();
-  driver.budget().BeginFrame(now + kPeriodOfBudget, true);
+  driver.budget().BeginFrame(now + kPeriodOfBudget, true, false);
   EXPECT_EQ(driver.budget().wait_deadline(), now + milliseconds(38));
   driver.clock().Advance(milliseconds(50));  // too late already: as soon as it can be, but not for ever
   EXPECT_GT(driver.budget().wait_deadline(), driver.clock().Now());
@@ -221,7 +247,7 @@ TEST(FrameBudget, WithoutADeadlineOrAClockEverythingIsAffordable) {
   for (const Clock* c : {static_cast<const Clock*>(nullptr), static_cast<const Clock*>(&clock)}) {
     FrameBudget budget(config, c);
     for (int i = 0; i < 3; ++i) {
-      budget.BeginFrame(kNoDeadline, true);
+      budget.BeginFrame(kNoDeadline, true, false);
       EXPECT_FALSE(budget.has_fewer_features() || budget.has_fewer_points() || budget.is_over());
       EXPECT_TRUE(budget.MayRecover(false));
       {
@@ -241,7 +267,7 @@ TEST(FrameBudget, SwitchedOffLeavesNothingOut) {
   config.degrade = false;
   FrameBudget budget(config, &clock);
   for (int i = 0; i < 3; ++i) {
-    budget.BeginFrame(clock.Now() + kPeriodOfBudget, true);
+    budget.BeginFrame(clock.Now() + kPeriodOfBudget, true, false);
     EXPECT_FALSE(budget.has_fewer_features());
     const FrameBudget::Timer timer(budget, Stage::kExtract);
     clock.Advance(milliseconds(90));

@@ -25,6 +25,10 @@ namespace {
 using capture::internal::SizeText;
 using capture::internal::VideoCompanions;
 
+// The containers that are read. libav knows many more; some of them are lists that name other files and addresses to
+// open.
+constexpr const char* kContainers = "mov,mp4,avi,matroska";
+
 struct FormatCloser {
   void operator()(AVFormatContext* format) const { avformat_close_input(&format); }
 };
@@ -110,9 +114,14 @@ Result<std::unique_ptr<FrameSource>> VideoSource::Open(const std::string& path, 
 Status VideoSource::OpenStream() {
   // libav writes to stderr on its own, in the middle of the caller's output; what matters is in the statuses.
   av_log_set_level(AV_LOG_QUIET);
+  AVDictionary* options = nullptr;
+  av_dict_set(&options, "format_whitelist", kContainers, 0);
+  av_dict_set(&options, "protocol_whitelist", "file", 0);
   AVFormatContext* format = nullptr;
-  if (const int error = avformat_open_input(&format, path_.c_str(), nullptr, nullptr); error < 0) {
-    return DataLoss(path_ + ": cannot be opened as a video: " + ErrorText(error));
+  const int open_error = avformat_open_input(&format, path_.c_str(), nullptr, &options);
+  av_dict_free(&options);
+  if (open_error < 0) {
+    return DataLoss(path_ + ": cannot be opened as a video (mov, mp4, avi, mkv): " + ErrorText(open_error));
   }
   format_.reset(format);
   if (const int error = avformat_find_stream_info(format, nullptr); error < 0) {

@@ -33,7 +33,7 @@ fail() {
 [ -n "$sysroot" ] || fail "the name of the folder is empty"
 sysroot="$(realpath -m -- "$sysroot")"
 case "$sysroot" in
-  / | /bin* | /boot* | /dev* | /etc* | /lib* | /proc* | /run* | /sbin* | /sys* | /usr* | "$HOME" | "$source_folder")
+  / | /bin* | /boot* | /dev* | /etc* | /lib* | /proc* | /run* | /sbin* | /sys* | /usr* | "${HOME:-/}" | "$source_folder")
     fail "$sysroot is no place for a sysroot" ;;
 esac
 command -v mmdebstrap > /dev/null || fail "mmdebstrap is not installed (apt install mmdebstrap)"
@@ -92,4 +92,5 @@ for folder in usr/share/man usr/share/locale usr/share/info usr/share/lintian va
   rm -rf --one-file-system -- "${sysroot:?}/$folder"
 done
 find "$sysroot/usr/share/doc" -xdev -type f ! -name copyright -delete
+echo complete > "$sysroot/$marker"
 echo "sysroot: $sysroot ($(du -sh -- "$sysroot" | cut -f1))"

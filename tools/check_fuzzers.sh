@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs every fuzzer of tests/fuzz on its corpus.
+# Runs every fuzzer of tests/fuzz on its corpus, as many at once as there are processors.
 #
 #     tools/check_fuzzers.sh [SECONDS [NAME...]]      default: 600 seconds for each; NAME: atlas_reader, image, ...
 #
@@ -20,25 +20,22 @@ mapfile -t targets < <(cmake --build --preset fuzz --target help | sed -n 's/^\(
 if [ "$#" -gt 0 ]; then targets=("${@/#/fuzz_}"); fi
 cmake --build --preset fuzz --target "${targets[@]}"
 
-failed=()
-for target in "${targets[@]}"; do
-  name="${target#fuzz_}"
+fuzz() {
+  local target="$1" name="${1#fuzz_}" log="build/fuzz/${1#fuzz_}.log" verdict=clean
   # The corpus of atlas_reader is called atlas, that of control_protocol control.
-  seeds="tests/fuzz/corpus/$name"
+  local seeds="tests/fuzz/corpus/$name"
   if [ ! -d "$seeds" ]; then seeds="tests/fuzz/corpus/${name%_*}"; fi
-  mkdir -p "build/fuzz/corpus/$name" "build/fuzz/failures"
-  echo "== $name: $seconds s"
-  log="build/fuzz/$name.log"
-  if ! "build/fuzz/tests/fuzz/$target" -max_total_time="$seconds" -timeout=25 -rss_limit_mb=3000 -max_len=16384 \
-      -verbosity=0 -print_final_stats=1 -artifact_prefix="build/fuzz/failures/$name-" "build/fuzz/corpus/$name" "$seeds" \
-      > "$log" 2>&1; then
-    failed+=("$name")
-    tail -40 "$log"
-  fi
-  grep 'number_of_executed_units' "$log" || true
-done
-if [ "${#failed[@]}" -gt 0 ]; then
-  echo "check_fuzzers.sh: failed: ${failed[*]}; see build/fuzz/failures" >&2
+  mkdir -p "build/fuzz/corpus/$name" build/fuzz/failures
+  "build/fuzz/tests/fuzz/$target" -max_total_time="$seconds" -timeout=25 -rss_limit_mb=3000 -max_len=16384 \
+    -verbosity=0 -print_final_stats=1 -artifact_prefix="build/fuzz/failures/$name-" "build/fuzz/corpus/$name" "$seeds" \
+    > "$log" 2>&1 || verdict="failed"
+  echo "$name: $verdict, $(sed -n 's/^stat::number_of_executed_units: *//p' "$log") runs"
+  [ "$verdict" = clean ] || { tail -40 "$log"; return 1; }
+}
+export -f fuzz
+export seconds
+if ! printf '%s\n' "${targets[@]}" | xargs -P "$(nproc)" -I{} bash -c 'fuzz {}'; then
+  echo "check_fuzzers.sh: failed; see build/fuzz/failures" >&2
   exit 1
 fi
 echo "all fuzzers are clean"

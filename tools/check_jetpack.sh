@@ -19,7 +19,7 @@ if [ "$#" -eq 0 ]; then
   if [[ "$known" == *$'\n'sm_87$'\n'* ]]; then set -- "$@" 6; fi
   if [[ "$known" == *$'\n'sm_110$'\n'* ]]; then set -- "$@" 7; fi
 fi
-if [ ! -e build/sysroot-aarch64/.haustra-sysroot ]; then toolchains/make_sysroot.sh; fi
+if ! grep -qs complete build/sysroot-aarch64/.haustra-sysroot; then toolchains/make_sysroot.sh; fi
 
 # The sysroot again, with the runtime: links to files cost next to nothing.
 sysroot="$PWD/build/sysroot-jetpack-stand-in"

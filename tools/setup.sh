@@ -1,6 +1,8 @@
 #!/usr/bin/env bash
-# Installs from the distribution's packages (Debian 12, Ubuntu 22.04 and later) what haustra is built with. Installs only
-# what is missing.
+# Installs from the distribution's packages (Debian 12, Ubuntu 22.04 and later) what haustra is built with, and the packages
+# named. Installs only what is missing.
+#
+#     tools/setup.sh [PACKAGE...]
 set -euo pipefail
 
 packages=(
@@ -9,6 +11,7 @@ packages=(
   libsystemd-dev libpng-dev libjpeg-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
   libavformat-dev libavcodec-dev libswscale-dev libavutil-dev
   libjs-chart.js
+  "$@"
 )
 
 missing=()

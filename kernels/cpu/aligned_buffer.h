@@ -33,7 +33,9 @@ class AlignedBuffer {
   std::size_t size() const { return size_; }
   T& operator[](std::size_t i) { return data_.get()[i]; }
   const T& operator[](std::size_t i) const { return data_.get()[i]; }
-  void SetZero() { std::memset(static_cast<void*>(data_.get()), 0, size_ * sizeof(T)); }
+  void SetZero() {
+    if (size_ > 0) std::memset(static_cast<void*>(data_.get()), 0, size_ * sizeof(T));
+  }
 
  private:
   struct Free {

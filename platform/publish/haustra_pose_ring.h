@@ -11,8 +11,9 @@
  *
  * What holds:
  *   - The writer never waits for a reader and never looks at one: any number may come, stop, or die.
- *   - A reader maps the file read-only, never blocks, and gets whole records or none. It polls: a frame is published
- *     every 20 to 40 ms, so looking every 2 ms costs next to nothing.
+ *   - A reader maps the file read-only, never blocks, and gets whole records or none. It looks from time to time: poses
+ *     come as evenly as frames do, so haustra_ring_pause_ns() knows when the next look is worth while. (Waking readers
+ *     would be a system call of the tracking thread, the longer the more of them there are.)
  *   - The last HAUSTRA_POSE_SLOTS poses and HAUSTRA_EVENT_SLOTS map events are kept. A reader that falls further behind
  *     is told how many it missed.
  *   - When the daemon stops or starts anew, the old file is closed (haustra_ring_service: HAUSTRA_SERVICE_CLOSED) and a
@@ -402,6 +403,26 @@ static inline int haustra_ring_next_event(const struct haustra_ring* ring, uint6
     ++wanted;
     if (wanted < haustra_oldest_(newest, HAUSTRA_EVENT_SLOTS)) wanted = haustra_oldest_(newest, HAUSTRA_EVENT_SLOTS);
   }
+}
+
+/* How long to sleep before the next look, in nanoseconds; `now_ns` is haustra_now_ns(). While poses come: until shortly
+   before the next one is due, and 2 ms from then on, which is about five looks at a frame. While none come: 20 ms. */
+static inline int64_t haustra_ring_pause_ns(const struct haustra_ring* ring, int64_t now_ns) {
+  const int64_t ms = 1000000;
+  const uint64_t newest = haustra_ring_newest_pose(ring);
+  struct haustra_pose last, before;
+  int64_t num_frames, period_ns, latency_ns, pause_ns;
+  if (haustra_ring_read_pose(ring, newest, &last) != HAUSTRA_OK) return 20 * ms;
+  if (haustra_ring_read_pose(ring, newest - 1, &before) != HAUSTRA_OK) return 2 * ms;
+  num_frames = (int64_t)(last.frame_index - before.frame_index);
+  period_ns = num_frames > 0 ? (last.captured_ns - before.captured_ns) / num_frames : 0;
+  if (period_ns <= 0 || now_ns - last.published_ns > 2 * period_ns + 20 * ms) return 20 * ms;
+  /* The shorter of two latencies: after a slow frame the next one is not late. */
+  latency_ns = last.published_ns - last.captured_ns;
+  if (latency_ns > before.published_ns - before.captured_ns) latency_ns = before.published_ns - before.captured_ns;
+  pause_ns = last.captured_ns + period_ns + latency_ns - period_ns / 8 - now_ns;
+  if (pause_ns > 100 * ms) return 100 * ms;
+  return pause_ns > 2 * ms ? pause_ns : 2 * ms;
 }
 
 /* The newest map snapshot into a buffer of the caller's (about 300 kB: not on a small stack). HAUSTRA_NOT_YET,

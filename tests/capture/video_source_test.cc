@@ -181,6 +181,19 @@ TEST_F(VideoSourceTest, FileThatIsNoVideoIsDataLoss) {
   EXPECT_EQ(OpenVideo(folder_.Path("no.mp4"), {}).code(), StatusCode::kNotFound);
 }
 
+// libav would open what such a list names, other files and addresses of the network among them.
+TEST_F(VideoSourceTest, ListOfOtherFilesIsNoVideo) {
+  WriteLevels("whole.mkv", "mpeg4");
+  const std::string concat = folder_.Write("a.mkv", "ffconcat version 1.0\nfile whole.mkv\n");
+  const std::string playlist = folder_.Write(
+      "b.mkv", "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\n" + folder_.Path("whole.mkv") + "\n#EXT-X-ENDLIST\n");
+  for (const std::string& path : {concat, playlist}) {
+    const Result<std::unique_ptr<FrameSource>> source = OpenVideo(path, {});
+    EXPECT_EQ(source.code(), StatusCode::kDataLoss);
+    EXPECT_THAT(source.status().message(), HasSubstr("cannot be opened as a video (mov, mp4, avi, mkv)"));
+  }
+}
+
 TEST_F(VideoSourceTest, RecordingThatBreaksOffGivesWhatIsThere) {
   WriteLevels("a.mkv", "mpeg4");
   const std::string bytes = folder_.Read("a.mkv");

@@ -22,6 +22,7 @@ rm -rf --one-file-system -- "${folder:?}/package" "${folder:?}/source"
 apt-get download -qq linux-source-6.1 v4l2loopback-dkms
 dpkg-deb -x linux-source-6.1_*.deb package
 dpkg-deb -x v4l2loopback-dkms_*.deb package
+rm -f -- linux-source-6.1_*.deb v4l2loopback-dkms_*.deb
 mkdir source
 tar -xJf package/usr/src/linux-source-6.1.tar.xz -C source --strip-components=1
 # Not a part of the kernel's source: it goes in beside vivid.

@@ -10,22 +10,11 @@
 set -euo pipefail
 
 source_folder="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)"
-fail() {
-  echo "check_bundle.sh: $*" >&2
-  exit 1
-}
+source "$source_folder/tools/packaging/bare_root.sh"
 [ "$#" -ge 1 ] && [ "$#" -le 2 ] || fail "usage: check_bundle.sh BUNDLE [ROOT]"
 bundle="$(realpath -e -- "$1")" || fail "$1: no such bundle"
-root="$(realpath -m -- "${2:-$source_folder/build/bare-root}")"
-[ "$root" != / ] || fail "the bare root is the root of this machine"
-if [ ! -e "$root/etc/os-release" ]; then
-  command -v mmdebstrap > /dev/null || fail "mmdebstrap is not installed (apt install mmdebstrap), and $root is no root"
-  [ ! -e "$root" ] || [ -z "$(ls -A -- "$root")" ] || fail "$root is neither empty nor a root file system"
-  mkdir -p -- "$root"
-  mmdebstrap --quiet --mode="$([ "$(id -u)" -eq 0 ] && echo root || echo unshare)" --variant=essential bookworm "$root"
-fi
+bare_root_at "${2:-$source_folder/build/bare-root}"
 
-# What runs in namespaces of its own: nothing that it mounts is seen outside, nothing is left behind.
 inside="$(mktemp)"
 trap 'rm -f -- "$inside"' EXIT
 cat > "$inside" <<'SCRIPT'
@@ -66,11 +55,7 @@ exec chroot "$root" /bin/bash -c '
   test -s result/trajectory/live.tum && test -s result/summary.json
 '
 SCRIPT
-if [ "$(id -u)" -eq 0 ]; then
-  unshare --mount --pid --fork --propagation private bash "$inside" "$bundle" "$root"
-else
-  unshare --map-auto --map-root-user --mount --pid --fork --propagation private bash "$inside" "$bundle" "$root"
-fi
+in_namespaces "$inside" "$bundle" "$root"
 
 if [ -d "$bundle" ] && command -v objdump > /dev/null; then
   newest="$(objdump -p "$bundle"/bin/* "$bundle"/lib/* | grep -o 'GLIBC_[0-9.]*' | sort -uV | tail -1)"

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Proves that the .deb installs, runs and goes away again on a machine that has only Debian's essential packages, systemd and procps.
+# Proves that the .deb installs, runs and goes away again on a machine that has only Debian's essential packages, systemd and
+# procps.
 #
 #     tools/packaging/check_deb.sh PACKAGE.deb [ROOT]
 #
@@ -9,21 +10,10 @@
 set -euo pipefail
 
 source_folder="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)"
-fail() {
-  echo "check_deb.sh: $*" >&2
-  exit 1
-}
+source "$source_folder/tools/packaging/bare_root.sh"
 [ "$#" -ge 1 ] && [ "$#" -le 2 ] || fail "usage: check_deb.sh PACKAGE.deb [ROOT]"
 package="$(realpath -e -- "$1")" || fail "$1: no such package"
-root="$(realpath -m -- "${2:-$source_folder/build/deb-root}")"
-[ "$root" != / ] || fail "the bare root is the root of this machine"
-if [ ! -e "$root/etc/os-release" ]; then
-  command -v mmdebstrap > /dev/null || fail "mmdebstrap is not installed (apt install mmdebstrap), and $root is no root"
-  [ ! -e "$root" ] || [ -z "$(ls -A -- "$root")" ] || fail "$root is neither empty nor a root file system"
-  mkdir -p -- "$root"
-  mmdebstrap --quiet --mode="$([ "$(id -u)" -eq 0 ] && echo root || echo unshare)" --variant=essential --include=systemd,procps \
-    bookworm "$root"
-fi
+bare_root_at "${2:-$source_folder/build/deb-root}" systemd procps
 
 scratch="$(mktemp -d)"
 trap 'rm -rf --one-file-system -- "${scratch:?}"' EXIT
@@ -90,10 +80,5 @@ exec chroot "$root" /bin/bash -c '
   [ ! -e /etc/haustra ] || said "the configuration stays when it is purged"
 '
 SCRIPT
-if [ "$(id -u)" -eq 0 ]; then
-  unshare --mount --pid --fork --propagation private bash "$scratch/inside" "$package" "$root" "$scratch"
-else
-  unshare --map-auto --map-root-user --mount --pid --fork --propagation private \
-    bash "$scratch/inside" "$package" "$root" "$scratch"
-fi
+in_namespaces "$scratch/inside" "$package" "$root" "$scratch"
 echo "the package installs, runs and goes away"

@@ -1,5 +1,5 @@
-// What readers of the pose ring cost its writer: ten, one of which is stopped, against none, and against ten processes
-// that only wake up as often; in turn, so that all meet the same machine.
+// What readers of the pose ring cost its writer: ten, one of which is stopped, against none, and against ten that do
+// not pause as the header tells but look every two milliseconds; in turn, so that all meet the same machine.
 //
 //     haustra_reader_latency                    the writer alone: time of one PublishPose
 //     haustra_reader_latency POSES [SECONDS]    of a running haustrad: latency from capture to publication, in
@@ -7,6 +7,7 @@
 //
 // What it says goes into ../README.md.
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -28,45 +29,62 @@ namespace {
 constexpr int kNumReaders = 10;
 constexpr int kNumWindows = 6;
 
-enum Company { kAlone, kSleepers, kReaders, kNumCompanies };
-constexpr const char* kCompanyNames[] = {"alone", "10 that only wake up", "10 readers, 1 stopped"};
+enum Company { kAlone, kHastyReaders, kReaders, kNumCompanies };
+constexpr const char* kCompanyNames[] = {"alone", "10 that look every 2 ms", "10 readers, 1 stopped"};
 using Measured = std::array<std::vector<double>, kNumCompanies>;
 
-// Reads everything, or nothing, looking every two milliseconds, until it is killed.
-[[noreturn]] void ReadForEver(const std::string& path, bool reads) {
+// Until it is killed.
+[[noreturn]] void ReadForEver(const std::string& path, bool is_hasty) {
   haustra_ring ring;
   if (haustra_ring_open(&ring, path.c_str()) != HAUSTRA_OK) _exit(1);
   std::uint64_t cursor = 0;
   while (true) {
     haustra_pose pose;
     std::uint64_t num_missed = 0;
-    while (reads && haustra_ring_next_pose(&ring, &cursor, &pose, &num_missed) == HAUSTRA_OK) {
+    while (haustra_ring_next_pose(&ring, &cursor, &pose, &num_missed) == HAUSTRA_OK) {
     }
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    const std::int64_t pause_ns = is_hasty ? 2'000'000 : haustra_ring_pause_ns(&ring, haustra_now_ns());
+    std::this_thread::sleep_for(std::chrono::nanoseconds(pause_ns));
   }
 }
 
+// What the readers of all windows of a kind took together.
+struct Taken {
+  double processor_s = 0.0;
+  double num_wake_ups = 0.0;
+  double wall_s = 0.0;
+};
+std::array<Taken, kNumCompanies> taken;
+
 class Readers {
  public:
-  Readers(const std::string& path, Company company) {
+  Readers(const std::string& path, Company company) : taken_(taken[company]), begin_ns_(haustra_now_ns()) {
     for (int i = 0; company != kAlone && i < kNumReaders; ++i) {
       const pid_t child = fork();
-      if (child == 0) ReadForEver(path, company == kReaders);
+      if (child == 0) ReadForEver(path, company == kHastyReaders);
       children_.push_back(child);
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(200));
     if (!children_.empty()) kill(children_.front(), SIGSTOP);
   }
   ~Readers() {
+    taken_.wall_s += static_cast<double>(haustra_now_ns() - begin_ns_) * 1e-9;
     for (const pid_t child : children_) {
       kill(child, SIGKILL);
-      waitpid(child, nullptr, 0);
+      rusage usage{};
+      wait4(child, nullptr, 0, &usage);
+      for (const timeval& time : {usage.ru_utime, usage.ru_stime}) {
+        taken_.processor_s += static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+      }
+      taken_.num_wake_ups += static_cast<double>(usage.ru_nvcsw);
     }
   }
   Readers(const Readers&) = delete;
   Readers& operator=(const Readers&) = delete;
 
  private:
+  Taken& taken_;
+  const std::int64_t begin_ns_;
   std::vector<pid_t> children_;
 };
 
@@ -87,8 +105,13 @@ void PrintAll(const Measured& measured, const char* unit) {
     std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
     medians[company] = values[values.size() / 2];
   }
-  std::printf("ratio of medians, readers to alone %.3f, readers to wake-ups %.3f\n",
-              medians[kReaders] / medians[kAlone], medians[kReaders] / medians[kSleepers]);
+  for (const Company company : {kHastyReaders, kReaders}) {
+    std::printf("%-24s wake up %.0f times a second and take %.2f %% of a processor, together\n", kCompanyNames[company],
+                taken[company].num_wake_ups / taken[company].wall_s,
+                100.0 * taken[company].processor_s / taken[company].wall_s);
+  }
+  std::printf("ratio of medians to that alone: readers %.3f, hasty ones %.3f\n", medians[kReaders] / medians[kAlone],
+              medians[kHastyReaders] / medians[kAlone]);
 }
 
 int MeasureWriter() {

@@ -23,8 +23,8 @@ static void print_pose(const struct haustra_pose* pose) {
   printf(" latency %.1f ms\n", (double)(pose->published_ns - pose->captured_ns) * 1e-6);
 }
 
-static void pause_ms(long milliseconds) {
-  struct timespec time = {milliseconds / 1000, milliseconds % 1000 * 1000000};
+static void pause_ns(int64_t nanoseconds) {
+  struct timespec time = {(time_t)(nanoseconds / 1000000000), (long)(nanoseconds % 1000000000)};
   nanosleep(&time, NULL);
 }
 
@@ -59,11 +59,11 @@ int main(int argc, char** argv) {
       /* The daemon was stopped or begins anew. */
       while (haustra_ring_open(&ring, path) != HAUSTRA_OK) {
         if (wanted != 0) return 0;
-        pause_ms(200);
+        pause_ns(200000000);
       }
       pose_cursor = event_cursor = 0;
     }
-    pause_ms(2);
+    pause_ns(haustra_ring_pause_ns(&ring, haustra_now_ns()));
   }
   haustra_ring_close(&ring);
   return 0;

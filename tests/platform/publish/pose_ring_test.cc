@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <filesystem>
 #include <fstream>
@@ -95,6 +96,48 @@ ReaderOutcome ReadUntilClosed(const haustra_ring& ring) {
     is_closed = haustra_ring_service(&ring) == HAUSTRA_SERVICE_CLOSED;
     std::this_thread::yield();
   }
+}
+
+// A camera at 25 Hz in a time of its own, a tracker that takes 5 to 13 ms and once in a while longer, frames that are
+// dropped; and a reader that sleeps as it is told.
+TEST_F(PoseRing, ReaderThatPausesSeesEveryPoseSoonAndLooksSeldom) {
+  constexpr std::int64_t kMs = 1'000'000;
+  constexpr std::int64_t kPeriod = 40 * kMs;
+  constexpr int kNumFrames = 500;
+  const auto writer = MakeWriter();
+  haustra_ring ring = OpenRing();
+  EXPECT_EQ(haustra_ring_pause_ns(&ring, 0), 20 * kMs) << "before the first pose";
+
+  std::int64_t now = 0;
+  std::int64_t longest_delay = 0;
+  std::int64_t all_delays = 0;
+  int num_looks = 0;
+  int num_seen = 0;
+  for (int i = 0; i < kNumFrames; ++i) {
+    if (i % 50 == 20) continue;  // dropped
+    haustra_pose pose{};
+    pose.frame_index = static_cast<std::uint64_t>(i);
+    pose.captured_ns = i * kPeriod;
+    pose.published_ns = pose.captured_ns + (i % 40 == 30 ? 35 : 5 + i * 7 % 9) * kMs;
+    while (now < pose.published_ns) {
+      const std::int64_t pause = haustra_ring_pause_ns(&ring, now);
+      ASSERT_GE(pause, 2 * kMs);
+      now += pause;
+      ++num_looks;
+    }
+    writer->PublishPose(pose);
+    ++num_seen;
+    all_delays += now - pose.published_ns;
+    if (num_seen > 2) longest_delay = std::max(longest_delay, now - pose.published_ns);
+  }
+  EXPECT_LE(num_looks, 6 * num_seen);
+  EXPECT_LE(longest_delay, 5 * kMs);
+  EXPECT_LE(all_delays, 2 * kMs * num_seen);
+
+  EXPECT_EQ(haustra_ring_pause_ns(&ring, now + 1000 * kMs), 20 * kMs) << "when none come any more";
+  writer->Wipe();
+  EXPECT_EQ(haustra_ring_pause_ns(&ring, now), 20 * kMs);
+  haustra_ring_close(&ring);
 }
 
 TEST_F(PoseRing, RecordsComeOutAsTheyWentIn) {

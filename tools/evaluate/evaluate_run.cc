@@ -153,8 +153,13 @@ void FindRecall(const RunOutput& run, const std::vector<EvaluatedFrame>& frames,
   evaluation->relocalisation_recall = FindRelocalisationRecall(frames, run.events, shared_view);
 }
 
+// Of frames as they came, at the pace of the run. 0: unknown.
+double PeriodMs(const RunOutput& run) {
+  return static_cast<double>(FramePeriodNs(run.frames)) * 1e-6 / run.figures.rate.value_or(1.0);
+}
+
 void FindTimes(const RunOutput& run, double given_deadline_ms, Evaluation* evaluation) {
-  const double period_ms = static_cast<double>(FramePeriodNs(run.frames)) * 1e-6 / run.figures.rate.value_or(1.0);
+  const double period_ms = PeriodMs(run);
   const double deadline_ms = given_deadline_ms > 0.0 ? given_deadline_ms : period_ms;
   if (deadline_ms > 0.0) evaluation->deadline_ms = deadline_ms;
   // A sequential run has no latency: its frames.csv holds zeros, and summary.json the processing times.
@@ -177,10 +182,10 @@ void FindTimes(const RunOutput& run, double given_deadline_ms, Evaluation* evalu
   evaluation->mean_stage_ms = figures.mean_stage_ms;
 }
 
-// Whether joining maps costs tracking anything: frames answered meanwhile against the others. The mapper notes a
-// duration with the newest frame that was tracked when it was over.
+// Whether joining maps costs tracking anything: frames tracked meanwhile against the others that were tracked (lost
+// ones do other work). The mapper notes a duration with the newest frame that was tracked when it was over.
 void FindTimesBesideJoining(const RunOutput& run, Evaluation* evaluation) {
-  const double period_ms = static_cast<double>(FramePeriodNs(run.frames)) * 1e-6;
+  const double period_ms = PeriodMs(run);
   if (period_ms <= 0.0) return;
   std::vector<std::pair<std::int64_t, std::int64_t>> spans;  // first and last frame
   for (const StageTime& time : run.times) {
@@ -189,7 +194,7 @@ void FindTimesBesideJoining(const RunOutput& run, Evaluation* evaluation) {
   }
   std::vector<double> joining_ms, other_ms;
   for (const RunFrame& frame : run.frames) {
-    if (frame.is_dropped || frame.is_damaged || frame.frame_ms <= 0.0) continue;
+    if (frame.live_map_id < 0 || frame.is_dropped || frame.is_damaged || frame.frame_ms <= 0.0) continue;
     const bool is_joining = std::any_of(spans.begin(), spans.end(), [&](const auto& span) {
       return span.first <= frame.frame_idx && frame.frame_idx <= span.second;
     });

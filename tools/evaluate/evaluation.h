@@ -130,8 +130,8 @@ struct Evaluation {
   std::optional<Recall> relocalisation_recall;  // losses after which the lost map came into view again
 
   std::optional<Percentiles> frame_ms;
-  // Real-time runs only: of the frames that were answered while the mapper joined maps or closed a loop, and of all
-  // others.
+  // Real-time runs only: of the frames that were tracked while the mapper joined maps or closed a loop, and of all
+  // others that were tracked.
   std::optional<Percentiles> joining_frame_ms, other_frame_ms;
   std::size_t joining_frames = 0;
   std::optional<double> deadline_ms;

@@ -124,6 +124,17 @@ TEST(EvaluateRun, FramesWhileMapsAreJoinedAreTimedApart) {
   EXPECT_EQ(e.joining_frames, 5u);
   EXPECT_DOUBLE_EQ(e.joining_frame_ms->p50, 30.0);
   EXPECT_DOUBLE_EQ(e.other_frame_ms->max, 10.0);
+  // Twice as fast, they are five periods.
+  run.figures.rate = 2.0;
+  EXPECT_EQ(EvaluateRun(run, TrueReference(400), {}).joining_frames, 7u);
+  run.figures.rate.reset();
+  // Lost frames are not compared.
+  run.frames[60].live_map_id = run.frames[70].live_map_id = -1;
+  run.frames[60].frame_ms = run.frames[70].frame_ms = 500.0;
+  const Evaluation with_lost = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_EQ(with_lost.joining_frames, 4u);
+  EXPECT_DOUBLE_EQ(with_lost.joining_frame_ms->max, 30.0);
+  EXPECT_DOUBLE_EQ(with_lost.other_frame_ms->max, 10.0);
   // Nothing was joined: nothing to compare.
   run.times.clear();
   EXPECT_FALSE(EvaluateRun(run, TrueReference(400), {}).joining_frame_ms.has_value());

@@ -53,6 +53,13 @@ TEST(SequentialRun, BreathingWallIsMapped) {
   ExpectAtLeast({.sequence = "breathing", .coverage = 76, .visible_coverage = 90, .rms_ate_mm = 1.6, .maps = 2});
 }
 
+// 100 %, 0.12 to 0.14 mm, one map, one loop at frame 394 of a round of 400 (three seeds).
+TEST(SequentialRun, ALoopIsClosedWhereTheScopeHasComeRound) {
+  ExpectAtLeast({.sequence = "loop", .coverage = 95, .visible_coverage = 95, .rms_ate_mm = 0.4, .maps = 1});
+  const nlohmann::json loops = ReadJson(ResultFolder("loop") + "/summary.json").at("loops");
+  EXPECT_GE(loops.get<int>(), 1);
+}
+
 TEST(SequentialRun, LossesAreToldApartFromMapsAndJoins) {
   const nlohmann::json summary = ReadJson(ResultFolder("losses") + "/summary.json");
   EXPECT_GE(summary.at("losses").get<int>(), 3);  // five events, of which a short one may be passed over

@@ -91,6 +91,18 @@ std::vector<Preset> MakePresets() {
   twins.twin_length_mm = 46.0;
   twins.events = {{EventKind::kRedout, 0.30, 1.0}, {EventKind::kRedout, 0.62, 1.0}};
   presets.push_back(twins);
+
+  Preset loop = clear;
+  loop.name = "loop";
+  loop.summary = "a bent tip turned once and a quarter around the lumen: a loop along the wall, nothing in the way";
+  loop.seconds = 30.0;
+  loop.blind_end_mm = 125.0;
+  loop.path.speed_mm_per_s = 1.2;
+  loop.path.gaze_deg = 6.0;
+  loop.path.tilt_deg = 80.0;
+  loop.path.rounds = 1.25;
+  loop.path.back_off_mm = 6.0;
+  presets.push_back(loop);
   return presets;
 }
 

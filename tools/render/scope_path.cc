@@ -67,6 +67,7 @@ ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const
     : style_(style),
       centreline_(centreline),
       events_(events),
+      duration_s_(duration_s),
       reach_mm_(ReachMm(style, duration_s)),
       offset_x_by_place_(rng, 1.0 / 120.0, 1.0 / 30.0),
       offset_y_by_place_(rng, 1.0 / 120.0, 1.0 / 30.0),
@@ -177,8 +178,6 @@ SE3 ScopePath::WorldFromCam(double time_s) const {
   // Bounded for good, without a corner: the scope must not meet the wall.
   const double norm = offset.norm();
   if (norm > 1e-9) offset *= style_.max_offset_mm * std::tanh(norm / style_.max_offset_mm) / norm;
-  const Eigen::Vector3d position = frame.position + offset.x() * frame.normal + offset.y() * frame.binormal;
-
   double yaw = kDegree * (style_.gaze_deg * yaw_by_place_.At(arc) + style_.tremble_deg * yaw_.At(time_s));
   double pitch = kDegree * (style_.gaze_deg * pitch_by_place_.At(arc) + style_.tremble_deg * pitch_.At(time_s));
   const double roll = kDegree * (14.0 * roll_by_place_.At(arc) + 4.0 * roll_.At(time_s));
@@ -207,10 +206,16 @@ SE3 ScopePath::WorldFromCam(double time_s) const {
   axes.col(2) = forward;
   axes.col(0) = (frame.normal - frame.normal.dot(forward) * forward).normalized();
   axes.col(1) = axes.col(2).cross(axes.col(0));
+  const double round = 2.0 * std::numbers::pi * style_.rounds * time_s / duration_s_;
+  const Eigen::Quaterniond bend = Eigen::Quaterniond(Eigen::AngleAxisd(round, Eigen::Vector3d::UnitZ())) *
+                                  Eigen::AngleAxisd(kDegree * style_.tilt_deg, Eigen::Vector3d::UnitY());
   const Eigen::Quaterniond turn = Eigen::Quaterniond(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY())) *
                                   Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
                                   Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ());
-  return SE3(Eigen::Quaterniond(axes) * turn, position);
+  const Eigen::Vector3d outwards = std::cos(round) * axes.col(0) + std::sin(round) * axes.col(1);
+  const Eigen::Vector3d position =
+      frame.position + offset.x() * frame.normal + offset.y() * frame.binormal - style_.back_off_mm * outwards;
+  return SE3(Eigen::Quaterniond(axes) * bend * turn, position);
 }
 
 }  // namespace haustra::render

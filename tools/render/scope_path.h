@@ -22,6 +22,10 @@ struct PathStyle {
   double max_offset_mm = 4.0;  // from the centre line
   double gaze_deg = 16.0;      // by place: how far it looks away from straight ahead
   double tremble_deg = 6.0;    // by time
+  // A bent tip that the hand turns: it looks at the wall, this far from straight ahead, and goes round the lumen.
+  double tilt_deg = 0.0;
+  double rounds = 0.0;       // in the whole sequence; more than one comes to where it began
+  double back_off_mm = 0.0;  // from the centre line, away from the wall it looks at
 };
 
 class ScopePath {
@@ -59,6 +63,7 @@ class ScopePath {
   PathStyle style_;
   const Centreline& centreline_;
   std::vector<Event> events_;
+  double duration_s_;
   double reach_mm_;
   std::vector<double> planned_arc_mm_;  // every kPlanStepS, from -kPlanMarginS
   std::vector<Slip> slips_;

@@ -85,9 +85,10 @@ def recall(runs, kind):
 def print_table(arguments, results):
     print("Means over the seeds. Coverage: of the frames in which the scene can be seen, where that is known. Joins: merges,"
           "\nloops and relocalisations of all seeds, and how many of them are false by the ground truth.\n")
-    print("| sequence | variant | runs | coverage % (worst) | maps | frames of the largest | merges | relocalisations | false "
+    print("| sequence | variant | runs | coverage % (worst) | maps | frames of the largest | merges | loops "
+          "| relocalisations | false "
           "| merge recall % | relocalisation recall % | RMS ATE (worst) |")
-    print("|---" * 12 + "|")
+    print("|---" * 13 + "|")
     for sequence in arguments.sequences:
         for variant in arguments.variants:
             runs = [r for r in results[variant, sequence] if isinstance(r, dict)]
@@ -97,7 +98,8 @@ def print_table(arguments, results):
             errors = [r["rms_ate"] for r in runs if r["rms_ate"] is not None]
             print(f"| {sequence.name} | {variant} | {len(runs)} | {text(mean(covers), 1)} ({text(min(covers), 1)}) "
                   f"| {text(mean([r['maps'] for r in runs]), 1)} | {text(mean([r['largest_map_frames'] for r in runs]), 0)} "
-                  f"| {text(mean([r['merges'] for r in runs]), 1)} | {text(mean([r['relocalisations'] for r in runs]), 1)} "
+                  f"| {text(mean([r['merges'] for r in runs]), 1)} | {text(mean([r['loops'] for r in runs]), 1)} "
+                  f"| {text(mean([r['relocalisations'] for r in runs]), 1)} "
                   f"| {sum(map(count_false, runs))} "
                   f"| {text(recall(runs, 'merges'), 0)} | {text(recall(runs, 'relocalisations'), 0)} "
                   f"| {text(mean(errors), 2)} ({text(max(errors, default=None), 2)}) |")

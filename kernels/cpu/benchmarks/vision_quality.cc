@@ -1,12 +1,13 @@
-// Matching quality of the device beside that of OpenCV's SIFT: geometric inliers between frames of a sequence with
-// exact ground truth. Both take the same grey pictures, the same number of features and the same masks.
+// Matching quality of the device beside that of OpenCV's SIFT: geometric inliers between frames of a sequence. Both
+// take the same grey pictures, the same number of features and the same masks.
 //
 //   haustra_vision_quality SEQUENCE_DIR [step=5] [every=25] [ratio=0.85] [device=cpu]
 //
-// SEQUENCE_DIR: frames/%06d.jpg, calib.yaml (Kannala-Brandt or pinhole, OpenCV's YAML), groundtruth.txt (TUM,
-// world_from_cam), mask.png, and optionally revisits.csv (pairs of frames that see one place at different times).
+// SEQUENCE_DIR: frames/%06d.jpg, calib.yaml (Kannala-Brandt or pinhole, OpenCV's YAML), mask.png, and optionally
+// groundtruth.txt (TUM, world_from_cam) and revisits.csv (pairs of frames that see one place at different times).
 // An inlier is a mutual best match that passes the ratio of angles and whose bearings lie within two pixels of the true
-// epipolar plane in both images.
+// epipolar plane in both images; without ground truth, of the plane of an essential matrix that RANSAC fits to the
+// matches (each extractor's own).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,6 +16,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <memory>
+#include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -114,8 +116,10 @@ struct Features {
   cv::Mat descriptors;  // float
 };
 
+using Matches = std::vector<std::pair<int, int>>;
+
 // Mutual best matches under the ratio of angles.
-std::vector<std::pair<int, int>> MatchFeatures(const Features& a, const Features& b, double ratio) {
+Matches MatchFeatures(const Features& a, const Features& b, double ratio) {
   if (a.points.empty() || b.points.empty()) return {};
   cv::Mat unit_a = a.descriptors.clone(), unit_b = b.descriptors.clone();
   for (cv::Mat* m : {&unit_a, &unit_b}) {
@@ -128,7 +132,7 @@ std::vector<std::pair<int, int>> MatchFeatures(const Features& a, const Features
       if (products.at<float>(i, j) > products.at<float>(best_of_b[j], j)) best_of_b[j] = i;
     }
   }
-  std::vector<std::pair<int, int>> matches;
+  Matches matches;
   for (int i = 0; i < products.rows; ++i) {
     int best = -1;
     float first = -1, second = -1;
@@ -157,15 +161,33 @@ struct Score {
   double median_px = 0;
 };
 
-Score Judge(const Features& a, const Features& b, const Camera& camera, const Pose& pose_a, const Pose& pose_b,
-            cv::Size size, double ratio) {
+cv::Matx33d TrueEssential(const Pose& a, const Pose& b) {
+  const cv::Vec3d t = b.world_from_cam.t() * (a.centre - b.centre);
+  return cv::Matx33d(0, -t[2], t[1], t[2], 0, -t[0], -t[1], t[0], 0) * (b.world_from_cam.t() * a.world_from_cam);
+}
+
+// Zero when there is none.
+cv::Matx33d FitEssential(const Features& a, const Features& b, const Camera& camera, const Matches& matches) {
+  std::vector<cv::Point2d> rays_a, rays_b;
+  for (const auto& [i, j] : matches) {
+    const cv::Vec3d ba = camera.Bearing(a.points[i].x, a.points[i].y);
+    const cv::Vec3d bb = camera.Bearing(b.points[j].x, b.points[j].y);
+    rays_a.emplace_back(ba[0] / ba[2], ba[1] / ba[2]);
+    rays_b.emplace_back(bb[0] / bb[2], bb[1] / bb[2]);
+  }
+  if (matches.size() < 5) return cv::Matx33d::zeros();
+  cv::setRNGSeed(1);
+  const cv::Mat essential =
+      cv::findEssentialMat(rays_a, rays_b, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC, 0.9999, kInlierPx / camera.fx);
+  return essential.rows < 3 ? cv::Matx33d::zeros() : cv::Matx33d(essential.rowRange(0, 3));
+}
+
+Score Judge(const Features& a, const Features& b, const Camera& camera, const cv::Matx33d& essential,
+            const Matches& matches, cv::Size size) {
   Score score;
-  const cv::Matx33d b_from_a = pose_b.world_from_cam.t() * pose_a.world_from_cam;
-  const cv::Vec3d t = pose_b.world_from_cam.t() * (pose_a.centre - pose_b.centre);
-  const cv::Matx33d essential = cv::Matx33d(0, -t[2], t[1], t[2], 0, -t[0], -t[1], t[0], 0) * b_from_a;
   std::set<std::pair<int, int>> places, parts;
   std::vector<double> errors;
-  for (const auto& [i, j] : MatchFeatures(a, b, ratio)) {
+  for (const auto& [i, j] : matches) {
     ++score.matches;
     const cv::Vec3d ba = camera.Bearing(a.points[i].x, a.points[i].y);
     const cv::Vec3d bb = camera.Bearing(b.points[j].x, b.points[j].y);
@@ -283,14 +305,18 @@ int Run(int argc, char** argv) {
   Camera camera;
   const cv::Mat mask = cv::imread(folder + "/mask.png", cv::IMREAD_GRAYSCALE);
   const std::vector<Pose> poses = ReadPoses(folder + "/groundtruth.txt");
-  if (!ReadCamera(folder + "/calib.yaml", &camera) || mask.empty() || poses.empty()) {
-    std::fprintf(stderr, "%s: needs calib.yaml, mask.png and groundtruth.txt\n", folder.c_str());
+  std::vector<cv::String> frames;
+  cv::glob(folder + "/frames/*.jpg", frames);
+  if (!ReadCamera(folder + "/calib.yaml", &camera) || mask.empty() || frames.empty() ||
+      (!poses.empty() && poses.size() < frames.size())) {
+    std::fprintf(stderr, "%s: needs calib.yaml, mask.png, frames/*.jpg and a pose for each frame or none\n",
+                 folder.c_str());
     return 66;
   }
   Contest contest(folder, mask, argc > 5 ? argv[5] : "cpu");
   if (!contest.has_device()) return 69;
   std::vector<std::pair<int, int>> neighbours;
-  for (int i = every; i + step < static_cast<int>(poses.size()); i += every) neighbours.emplace_back(i, i + step);
+  for (int i = every; i + step < static_cast<int>(frames.size()); i += every) neighbours.emplace_back(i, i + step);
   for (const auto& [name, pairs] :
        {std::pair{"neighbours", neighbours}, std::pair{"revisits", ReadRevisits(folder + "/revisits.csv")}}) {
     Score sums[3];
@@ -301,10 +327,13 @@ int Run(int argc, char** argv) {
       if (grey_a.empty() || grey_b.empty()) continue;
       Score scores[3];
       for (int who = 0; who < 3; ++who) {
-        contest.set_contrast(who == 1 ? 0.04 : 0.01);
+        contest.set_contrast(who == 1 ? 0.04 : 0.004);
         const Features fa = who == 0 ? contest.Ours(grey_a) : contest.Theirs(grey_a);
         const Features fb = who == 0 ? contest.Ours(grey_b) : contest.Theirs(grey_b);
-        scores[who] = Judge(fa, fb, camera, poses[a], poses[b], grey_a.size(), ratio);
+        const Matches matches = MatchFeatures(fa, fb, ratio);
+        const cv::Matx33d essential =
+            poses.empty() ? FitEssential(fa, fb, camera, matches) : TrueEssential(poses[a], poses[b]);
+        scores[who] = Judge(fa, fb, camera, essential, matches, grey_a.size());
         sums[who].matches += scores[who].matches;
         sums[who].inliers += scores[who].inliers;
         sums[who].places += scores[who].places;

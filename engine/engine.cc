@@ -38,6 +38,9 @@ MemoryPlan Engine::PlanMemory(const EngineConfig& config) {
   plan.Append(TrackingLink::PlanMemory(config.memory.max_proposals, config.features.max,
                                        config.initialisation.max_reference_age_frames, config.memory.max_local_points));
   plan.Append(Tracker::PlanMemory(config));
+  plan.Add(MemoryPlace::kHostArena, "place recognition", static_cast<std::uint64_t>(PlaceTask::MaxCandidates(config)),
+           PlaceTask::BytesFor(config),
+           "features.max, recognition.max_candidates, common_area.group_size, common_area.confirming_keyframes");
   return plan;
 }
 
@@ -45,19 +48,36 @@ Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevi
                const Clock* clock, double scene_share, const Vocabulary* vocabulary)
     : config_(config),
       camera_(camera),
+      clock_(clock),
       arena_(PlanMemory(config).bytes(MemoryPlace::kHostArena)),
       link_(config.memory.max_proposals, config.features.max, config.initialisation.max_reference_age_frames,
             config.memory.max_local_points, &arena_),
-      mapper_(config_, camera_, GateFor(device, mode, clock), link_, clock, mode == Mode::kRealTime, vocabulary,
+      places_(config_, &arena_),
+      background_device_(BackgroundDevice(device, mode)),
+      mapper_(config_, camera_, background_device_, link_, places_, clock, mode == Mode::kRealTime, vocabulary,
               &arena_),
+      recogniser_(config_, camera_, background_device_),
       tracker_(config_, camera_, device, link_, clock, scene_share, &arena_) {}
 
-// The device that the mapper works with.
-VisionDevice& Engine::GateFor(VisionDevice& device, Mode mode, const Clock* clock) {
-  const bool has_gap = mode == Mode::kRealTime && clock != nullptr && config_.scheduler.background_gap;
-  if (!has_gap || !device.is_accelerator()) return device;
-  gate_.emplace(*clock, config_.scheduler.quantile);
-  return gated_device_.emplace(device, *gate_, *clock);
+// The device that mapping and merging work with.
+VisionDevice& Engine::BackgroundDevice(VisionDevice& device, Mode mode) {
+  if (mode == Mode::kSequential) return device;
+  VisionDevice* next = &device;
+  if (clock_ != nullptr && config_.scheduler.background_gap && device.is_accelerator()) {
+    gate_.emplace(*clock_, config_.scheduler.quantile);
+    next = &gated_device_.emplace(device, *gate_, *clock_);
+  }
+  return shared_device_.emplace(*next);
+}
+
+bool Engine::MergeStep() {
+  PlaceTask* task = places_.Asked();
+  if (task == nullptr) return false;
+  const TimePoint start = clock_ == nullptr ? TimePoint{} : clock_->Now();
+  recogniser_.Recognise(task);
+  if (clock_ != nullptr) task->verification_duration = clock_->Now() - start;
+  places_.Answer();
+  return true;
 }
 
 FrameResult Engine::Track(const Frame& frame, TimePoint deadline, TimePoint next_due) {

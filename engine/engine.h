@@ -1,12 +1,12 @@
 // The SLAM engine: the only header of engine/ that a program needs to run it.
 //
 //   Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, 1.0);
-//   for each frame: FrameResult result = engine.Track(frame, kNoDeadline); while (engine.MapStep()) {}
+//   for each frame: FrameResult result = engine.Track(frame, kNoDeadline); while (engine.BackgroundStep()) {}
 //   engine.Resolve(result, &pose)   // final pose, any time later
 //
-// Sequential: one thread calls Track and MapStep in turn; the results repeat to the bit for the same frames,
-// configuration and device. Real time: one thread calls Track only, another MapStep only; they share no lock
-// (tracker.h, mapper.h). The engine knows no file, camera or GPU: frames come in as views, the device is handed in.
+// Sequential: one thread calls Track and BackgroundStep in turn; the results repeat to the bit for the same frames,
+// configuration and device. Real time: one thread calls Track only, another MapStep only, a third MergeStep
+// only. Tracking shares no lock with the others (tracker.h, mapper.h, place_mailbox.h). The engine knows no file, camera or GPU: frames come in as views, the device is handed in.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,10 @@
 #include "engine/config.h"
 #include "engine/mapping/mapper.h"
 #include "engine/scheduler/background_gate.h"
+#include "engine/place/place_mailbox.h"
+#include "engine/place/place_recogniser.h"
 #include "engine/scheduler/gated_vision_device.h"
+#include "engine/scheduler/shared_lane_device.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/tracker.h"
 #include "hal/clock.h"
@@ -66,6 +69,13 @@ class Engine {
 
   // Mapping thread. False when there was nothing to do.
   bool MapStep() { return mapper_.Step(); }
+  // Merging thread: verifies the places that mapping asks about (engine/place). False when there was nothing to do.
+  bool MergeStep();
+  // Any thread. Merging has something to do; mapping has asked something whose answer it has not yet taken.
+  bool has_merge_work() const { return places_.has_question(); }
+  bool is_merging() const { return places_.is_out(); }
+  // Both in turn, on one thread: every question is answered before mapping goes on.
+  bool BackgroundStep() { return MergeStep() || MapStep(); }
 
   // Mapping thread, or any when both have stopped.
   const Atlas& atlas() const { return mapper_.atlas(); }
@@ -86,16 +96,21 @@ class Engine {
   const EngineConfig& config() const { return config_; }
 
  private:
-  VisionDevice& GateFor(VisionDevice& device, Mode mode, const Clock* clock);
+  VisionDevice& BackgroundDevice(VisionDevice& device, Mode mode);
 
   EngineConfig config_;
   CameraModel camera_;
+  const Clock* clock_;
   MemoryArena arena_;  // of everything below
   TrackingLink link_;
-  // Real-time mode on an accelerator only.
+  PlaceMailbox places_;
+  // Real-time mode only; the gate on an accelerator only.
   std::optional<BackgroundGate> gate_;
   std::optional<GatedVisionDevice> gated_device_;
+  std::optional<SharedLaneDevice> shared_device_;
+  VisionDevice& background_device_;
   Mapper mapper_;
+  PlaceRecogniser recogniser_;
   Tracker tracker_;
 };
 

@@ -14,11 +14,13 @@ struct RealTimeConfig {
   // that is taken late cannot be answered in time.
   int capture_priority = 48;
   int tracking_priority = 46;
-  int mapping_priority = 0;  // merging runs on the mapping thread, between two keyframes
+  int mapping_priority = 0;
+  int merging_priority = 0;  // recognises places for the mapper
   // Processors, as in "3" or "0,2-5"; empty: all. A core of its own for tracking keeps its cache warm.
   std::string capture_cpus;
   std::string tracking_cpus;
   std::string mapping_cpus;
+  std::string merging_cpus;
   bool lock_memory = true;      // no page of the process leaves the memory, and all are there from the start
   int stack_prefault_kb = 256;  // of each thread's stack, touched before its first frame [0, 1024]
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "engine/io/atlas_reader.h"
 #include "engine/io/atlas_writer.h"
@@ -17,7 +18,7 @@ constexpr double kSettledShare = 0.995;
 
 // What the stages of mapping hold beside the atlas: marks and positions by slot, lists that grow to what a window
 // needs.
-constexpr std::size_t kWorkspacePerPoint = 24;
+constexpr std::size_t kWorkspacePerPoint = 28;
 constexpr std::size_t kWorkspacePerKeyframe = 256;
 constexpr std::size_t kWorkspacePerFeature = 4096;
 // Ceres, the windows and the founding bundles; the soak run shows the peak.
@@ -31,11 +32,13 @@ Atlas::Capacity CapacityOf(const EngineConfig& config) {
 }  // namespace
 
 Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-               const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary, std::pmr::memory_resource* memory)
+               PlaceMailbox& places, const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary,
+               std::pmr::memory_resource* memory)
     : config_(config),
       camera_(camera),
       device_(device),
       link_(link),
+      places_(places),
       clock_(clock),
       is_time_boxed_(is_time_boxed && clock != nullptr),
       atlas_(CapacityOf(config), memory),
@@ -46,7 +49,7 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       late_placement_(config, camera, device),
       retrieval_(MakeRetrieval(config, device, vocabulary)),
       relocaliser_(config, config.place.relocalisation, config.place.retrieval, camera, device, *retrieval_),
-      recogniser_(config, config.place, camera, device, *retrieval_),
+      scout_(config, *retrieval_),
       merger_(config, config.merging, camera, device),
       evictor_(
           config, atlas_, *retrieval_, [this](FeatureSetHandle set) { Retire(set); },
@@ -76,9 +79,11 @@ MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
 }
 
 bool Mapper::Step() {
+  const bool has_answer = TakeAnswer();
   ReleaseRetired();
+  if (has_answer) return true;
   const KeyframeProposal* proposal = link_.proposals.Front();
-  if (proposal == nullptr) return Settle();
+  if (proposal == nullptr) return AskForSkipped() || Settle();
   current_view_ = &proposal->view;
   switch (proposal->kind) {
     case ProposalKind::kKeyframe: InsertKeyframe(*proposal); break;
@@ -367,7 +372,7 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   CullKeyframes(handle);
   const TimePoint culled = Now();
   (void)retrieval_->Add(atlas_, handle);
-  if (config_.merging.enabled) RecognisePlace(proposal.view);
+  if (config_.merging.enabled) AskForPlace(handle);
   Publish(founding_proposal_, 0);
 
   counters_.insert_time += inserted - start;
@@ -492,32 +497,70 @@ void Mapper::FindPlace(const ProposedView& view) {
   link_.num_placeless_done.fetch_add(1, std::memory_order_release);
 }
 
-// Does the newest keyframe show what another map, or another part of this one, already holds?
-void Mapper::RecognisePlace(const ProposedView& view) {
+// Does the keyframe show what another map, or another part of this one, already holds?
+void Mapper::AskForPlace(KeyframeHandle keyframe) {
+  PlaceTask* task = places_.Free();
+  if (skipped_) ++counters_.num_places_skipped;
+  skipped_ = task == nullptr ? keyframe : KeyframeHandle{};
+  if (task == nullptr) return;
   const TimePoint start = Now();
-  const bool is_known = recogniser_.Recognise(atlas_, newest_, &area_, &place_report_);
-  const TimePoint recognised = Now();
-  counters_.place_time += recognised - start;
-  for (const CommonAreaCounts& counts : place_report_.tried) {
-    if (counts.verdict == CommonAreaVerdict::kAccepted) continue;
-    MapEvent event;
-    event.kind = MapEventKind::kMergeRejected;
-    event.frame_index = view.frame_index;
-    event.timestamp = view.timestamp;
-    event.map_id = counts.map_a;
-    event.other_map_id = counts.map_b;
-    event.place = counts;
-    events_.TryPush(event);
+  const bool has_candidates = scout_.Look(atlas_, keyframe, task);
+  task->retrieval_duration = Now() - start;
+  counters_.retrieval_time += task->retrieval_duration;
+  if (has_candidates) {
+    places_.Ask();
+    return;
   }
-  if (is_known) JoinMaps(area_, view);
+  counters_.place_time += task->retrieval_duration;
+  for (const CommonAreaCounts& counts : task->report.tried) ReportRejection(*task, counts);
 }
 
-void Mapper::JoinMaps(const CommonArea& area, const ProposedView& view) {
+// When there is nothing else to do.
+bool Mapper::AskForSkipped() {
+  if (!skipped_ || places_.is_out()) return false;
+  const KeyframeHandle keyframe = std::exchange(skipped_, KeyframeHandle{});
+  const Keyframe* skipped = atlas_.GetKeyframe(keyframe);
+  if (skipped == nullptr || skipped->map != active_) {
+    ++counters_.num_places_skipped;
+    return false;
+  }
+  AskForPlace(keyframe);
+  return true;
+}
+
+bool Mapper::TakeAnswer() {
+  const PlaceTask* task = places_.Answered();
+  if (task == nullptr) return false;
+  counters_.place_time += task->retrieval_duration + task->verification_duration;
+  for (const CommonAreaCounts& counts : task->report.tried) {
+    if (counts.verdict == CommonAreaVerdict::kAccepted) continue;
+    ReportRejection(*task, counts);
+  }
+  if (task->is_known) JoinMaps(*task);
+  places_.Take();
+  return true;
+}
+
+// Local bundle adjustment, settling and changes of unit since the question was put are made up for by the plan itself
+// (merge_plan.h). Maps are joined here alone and one question is out at a time, so what else may have happened is that
+// keyframes have gone, or that tracking has found itself in another map or begun a new one. Then the answer is dropped:
+// where tracking is now, the next keyframe asks again.
+void Mapper::JoinMaps(const PlaceTask& task) {
   const TimePoint start = Now();
   const TimePoint deadline =
       is_time_boxed_ ? start + std::chrono::milliseconds(config_.merging.max_milliseconds) : kNoDeadline;
+  MergePlan plan = MakeMergePlan(task.area);
+  plan.tracked = newest_;
   MergeOutcome outcome;
-  if (!merger_.Apply(MakeMergePlan(area), &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline, &outcome).ok()) return;
+  const Keyframe* a = atlas_.GetKeyframe(plan.keyframe_a);
+  if (a == nullptr || a->map != active_ ||
+      !merger_.Apply(plan, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline, &outcome).ok()) {
+    ++counters_.num_merges_outdated;
+    CommonAreaCounts counts = task.area.counts;
+    counts.verdict = CommonAreaVerdict::kOutdated;
+    ReportRejection(task, counts);
+    return;
+  }
   active_ = outcome.map;
   settling_rounds_ = config_.merging.settling_rounds;
   Reframe(outcome.reframing);
@@ -525,14 +568,26 @@ void Mapper::JoinMaps(const CommonArea& area, const ProposedView& view) {
   counters_.merge_time += joined - start;
   MapEvent event;
   event.kind = outcome.is_loop ? MapEventKind::kLoopClosed : MapEventKind::kMerged;
-  event.frame_index = view.frame_index;
-  event.timestamp = view.timestamp;
+  event.frame_index = task.frame_index;
+  event.timestamp = task.timestamp;
   event.map_id = outcome.map_id;
   event.other_map_id = outcome.is_loop ? kNoId : outcome.absorbed_map_id;
   event.num_keyframes = static_cast<int>(atlas_.map(active_).keyframes.size());
   event.num_points = atlas_.map(active_).num_points;
-  event.place = area.counts;
+  event.place = task.area.counts;
   event.duration = joined - start;
+  events_.TryPush(event);
+  Publish(founding_proposal_, 0);
+}
+
+void Mapper::ReportRejection(const PlaceTask& task, const CommonAreaCounts& counts) {
+  MapEvent event;
+  event.kind = MapEventKind::kMergeRejected;
+  event.frame_index = task.frame_index;
+  event.timestamp = task.timestamp;
+  event.map_id = counts.map_a;
+  event.other_map_id = counts.map_b;
+  event.place = counts;
   events_.TryPush(event);
 }
 
@@ -602,7 +657,7 @@ void Mapper::ReleaseRetired() {
   const std::uint64_t done = link_.version_done.load(std::memory_order_acquire);
   std::size_t kept = 0;
   for (const RetiredSet& retired : retired_) {
-    if (retired.version <= done) {
+    if (retired.version <= done && retired.num_asked <= places_.num_taken()) {
       device_.ReleaseFeatureSet(retired.set);
     } else {
       retired_[kept++] = retired;

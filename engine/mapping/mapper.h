@@ -1,6 +1,9 @@
 // The one writer of the atlas (system.md 7): takes proposals from the tracker, founds maps, inserts keyframes, makes,
 // joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal
-// that changed something. Looks for lost frames in all maps and makes the map that shows one the active one.
+// that changed something. Looks for lost frames in all maps and makes the map that shows one the active one. Asks the
+// recogniser (engine/place) whether a new keyframe shows a known place, and joins maps when the answer comes, between two
+// keyframes: it never waits for it. One question is out at a time; of the keyframes that come meanwhile the newest is
+// asked about next. Feature sets that a question names are kept until its answer was taken.
 // Full pools: evictor.h; full rings: the newest event, late pose or proposal is lost and counted by its ring.
 // thread-bound(mapping). Uses the heap (Ceres), inside bounds set by the window.
 #pragma once
@@ -24,7 +27,8 @@
 #include "engine/mapping/point_creation.h"
 #include "engine/mapping/point_fusion.h"
 #include "engine/merging/merger.h"
-#include "engine/place/place_recogniser.h"
+#include "engine/place/place_mailbox.h"
+#include "engine/place/place_scout.h"
 #include "engine/place/relocaliser.h"
 #include "engine/place/retrieval.h"
 #include "engine/place/vocabulary.h"
@@ -45,9 +49,13 @@ struct MapperCounters {
   std::uint64_t num_points_fused = 0;
   std::uint64_t num_foundings_refused = 0;
   std::uint64_t num_placeless = 0;   // frames without a pose whose place was looked for
+  std::uint64_t num_places_skipped = 0;   // keyframes whose place was not looked for: the recogniser was busy
+  std::uint64_t num_merges_outdated = 0;  // answers that came too late to be applied
   std::uint64_t num_reframings = 0;  // times that a map was moved: the epoch of what is published
   // Time spent, for the stage table; only measured when a clock is given.
-  Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, place_time{0}, merge_time{0};
+  Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, merge_time{0};
+  Duration retrieval_time{0};  // of place recognition: what is done on the mapping thread
+  Duration place_time{0};      // of retrieval and verification, wherever they ran
   Duration relocalisation_time{0}, settle_time{0};
 };
 
@@ -64,13 +72,14 @@ class Mapper {
  public:
   // `vocabulary` may be null unless config.place.retrieval asks for one (make_retrieval.h); it outlives the mapper.
   // `clock` may be null: then nothing is timed and bundle adjustment is bounded by iterations alone (sequential mode).
+  // `places` leads to the recogniser.
   Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-         const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary,
+         PlaceMailbox& places, const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary,
          std::pmr::memory_resource* memory = std::pmr::get_default_resource());
   // Lines of the atlas and the rings, which are taken from `memory`, and of what mapping keeps on the heap.
   static MemoryPlan PlanMemory(const EngineConfig& config);
 
-  // Works on the oldest proposal. False when there is none.
+  // Takes the recogniser's answer, or else works on the oldest proposal. False when there is nothing to do.
   bool Step();
 
   // Before the first step: takes the maps of a file as stored ones, in which lost frames and known places are looked
@@ -102,13 +111,16 @@ class Mapper {
   void CullPoints();
   void CullKeyframes(KeyframeHandle newest);
   bool IsRedundant(KeyframeHandle handle) const;
-  void RecognisePlace(const ProposedView& view);
-  void JoinMaps(const CommonArea& area, const ProposedView& view);
+  void AskForPlace(KeyframeHandle keyframe);
+  bool AskForSkipped();
+  bool TakeAnswer();
+  void JoinMaps(const PlaceTask& task);
+  void ReportRejection(const PlaceTask& task, const CommonAreaCounts& counts);
   void Reframe(const Reframing& reframing);
   bool Settle();
   void RemoveFromRetrieval(MapHandle map);
   void Publish(std::uint64_t founding_proposal, std::uint64_t refused_proposal);
-  void Retire(FeatureSetHandle set) { retired_.push_back({version_ + 1, set}); }
+  void Retire(FeatureSetHandle set) { retired_.push_back({version_ + 1, places_.num_asked(), set}); }
   void ReleaseRetired();
   void CountRefusedKeyframe();
   void ReportEviction(MapHandle map);
@@ -119,6 +131,7 @@ class Mapper {
   const CameraModel& camera_;
   VisionDevice& device_;
   TrackingLink& link_;
+  PlaceMailbox& places_;
   const Clock* clock_;
   bool is_time_boxed_;
   Atlas atlas_;
@@ -129,7 +142,7 @@ class Mapper {
   LatePlacement late_placement_;
   std::unique_ptr<KeyframeRetrieval> retrieval_;
   Relocaliser relocaliser_;
-  PlaceRecogniser recogniser_;
+  PlaceScout scout_;
   Merger merger_;
   Evictor evictor_;
   SpscRing<MapEvent> events_;
@@ -149,11 +162,11 @@ class Mapper {
   int settling_rounds_ = 0;                            // left after the last join
   FoundFrame found_frame_;
   const ProposedView* current_view_ = nullptr;  // of the proposal being worked on
-  CommonArea area_;
-  PlaceReport place_report_;
+  KeyframeHandle skipped_;  // the newest one that the recogniser was too busy for
   std::vector<RelocalisationCounts> relocalisations_tried_;
   struct RetiredSet {
-    std::uint64_t version;  // first snapshot that does not refer to it
+    std::uint64_t version;    // first snapshot that does not refer to it
+    std::uint64_t num_asked;  // questions before it went: any of them may name it
     FeatureSetHandle set;
   };
   std::vector<RetiredSet> retired_;

@@ -1,5 +1,6 @@
 // What a proven common area (engine/place/common_area.h) asks the atlas to become, and what came of it. A plan names
-// entities by handle only, so it may wait between recognition and application; a stale one is refused.
+// entities by handle only, so it may wait between recognition and application; a stale one is refused. Its similarity is
+// one between two keyframes: when these have moved since, or their maps' units have changed, it goes along.
 #pragma once
 
 #include <vector>
@@ -16,10 +17,16 @@ struct MergePlan {
   KeyframeHandle keyframe_b;  // of the same map: a loop; of another: a merge
   Sim3 b_from_a;              // points of the map of a to that of b; in a loop: what drift did around a, undone
   std::vector<CommonPoint> points;
+  // Where the two keyframes stood when the similarity was found.
+  KeyframeAnchor anchor_a;
+  KeyframeAnchor anchor_b;
+  // Of the map of a: where the tracker is; what moves it is told for this place.
+  KeyframeHandle tracked;
 };
 
 inline MergePlan MakeMergePlan(const CommonArea& area) {
-  return {area.keyframe_a, area.keyframe_b, area.b_from_a, area.points};
+  return {area.keyframe_a, area.keyframe_b, area.b_from_a,   area.points,
+          area.anchor_a,   area.anchor_b,   area.keyframe_a};
 }
 
 struct MergeOutcome {
@@ -27,7 +34,7 @@ struct MergeOutcome {
   MapHandle map;  // holds everything now; its id is the older one of the two
   MapId map_id = kNoId;
   MapId absorbed_map_id = kNoId;  // kNoId for a loop
-  // Where things at keyframe_a went, for the tracker; `sequence` is left to the one who publishes it.
+  // Where things at the plan's `tracked` went, for the tracker; `sequence` is left to the one who publishes it.
   Reframing reframing;
   int num_fused = 0;  // points that were one and are one now
   int num_weld_keyframes = 0;

@@ -13,6 +13,32 @@ bool IsSimilarity(const Sim3& s) {
   return std::isfinite(s.scale) && s.scale > 0.0 && s.rotation.coeffs().allFinite() && s.translation.allFinite();
 }
 
+bool IsSame(const SE3& a, const SE3& b) {
+  return a.rotation.coeffs() == b.rotation.coeffs() && a.translation == b.translation;
+}
+
+// Takes points at a keyframe from where they were to where they are.
+Sim3 NowFromThen(const SE3& cam_from_now, double scale_now, const KeyframeAnchor& then) {
+  // x_camera = cam_from_then * point_then in the old unit, and cam_from_now * point_now in the new one, `growth` times
+  // as large.
+  const double growth = scale_now / then.scale;
+  const Sim3 camera_from_now =
+      Sim3(1.0 / growth, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()) * Sim3(cam_from_now);
+  return camera_from_now.Inverse() * Sim3(then.cam_from_map);
+}
+
+// The plan's similarity between the maps as they are now.
+Sim3 UpToDate(const MergePlan& plan, const Atlas& atlas) {
+  const SE3 pose_a = atlas.keyframe(plan.keyframe_a).cam_from_map, pose_b = atlas.keyframe(plan.keyframe_b).cam_from_map;
+  const double scale_a = atlas.KeyframeScale(plan.keyframe_a), scale_b = atlas.KeyframeScale(plan.keyframe_b);
+  const bool has_moved = !IsSame(pose_a, plan.anchor_a.cam_from_map) || !IsSame(pose_b, plan.anchor_b.cam_from_map) ||
+                         scale_a != plan.anchor_a.scale || scale_b != plan.anchor_b.scale;
+  // Without rounding where nothing has moved.
+  if (!has_moved) return plan.b_from_a;
+  return NowFromThen(pose_b, scale_b, plan.anchor_b) * plan.b_from_a *
+         NowFromThen(pose_a, scale_a, plan.anchor_a).Inverse();
+}
+
 }  // namespace
 
 Merger::Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera,
@@ -28,36 +54,35 @@ Status Merger::Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, Ti
                      MergeOutcome* outcome) {
   const Keyframe* a = atlas->GetKeyframe(plan.keyframe_a);
   const Keyframe* b = atlas->GetKeyframe(plan.keyframe_b);
+  const Keyframe* tracked = atlas->GetKeyframe(plan.tracked);
   if (a == nullptr || b == nullptr || plan.keyframe_a == plan.keyframe_b) {
     return FailedPrecondition("merge: a keyframe of the plan is gone");
   }
+  if (tracked == nullptr || tracked->map != a->map) return FailedPrecondition("merge: tracking is not in the plan's map");
   if (!IsSimilarity(plan.b_from_a)) {
     return InvalidArgument("merge: scale " + std::to_string(plan.b_from_a.scale) + " is not that of a similarity");
   }
+  MergePlan current = plan;
+  current.b_from_a = UpToDate(plan, *atlas);
   *outcome = MergeOutcome{};
   outcome->is_loop = a->map == b->map;
   outcome->reframing.old_map_id = atlas->map(a->map).id;
-  const SE3 old_pose = a->cam_from_map;
-  const double old_scale = atlas->KeyframeScale(plan.keyframe_a);
+  const KeyframeAnchor before{tracked->cam_from_map, atlas->KeyframeScale(plan.tracked)};
 
   const int min_shared = config_.mapping.min_shared_points;
   CollectGroup(*atlas, plan.keyframe_a, options_.window_keyframes, min_shared, &covisible_, &window_a_);
   CollectGroup(*atlas, plan.keyframe_b, options_.window_keyframes, min_shared, &covisible_, &window_b_);
   if (outcome->is_loop) {
-    Close(plan, atlas, clock, deadline, outcome);
+    Close(current, atlas, clock, deadline, outcome);
   } else {
-    Join(plan, atlas, clock, deadline, outcome);
+    Join(current, atlas, clock, deadline, outcome);
   }
 
-  const Keyframe& moved = atlas->keyframe(plan.keyframe_a);
+  const Keyframe& moved = atlas->keyframe(plan.tracked);
   outcome->map = moved.map;
   outcome->map_id = atlas->map(moved.map).id;
-  // x_camera = old_pose * point_old in the old unit, and new_pose * point_new in the new one, `growth` times as large.
-  const double growth = atlas->KeyframeScale(plan.keyframe_a) / old_scale;
-  const Sim3 camera_from_new =
-      Sim3(1.0 / growth, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero()) * Sim3(moved.cam_from_map);
   outcome->reframing.new_map_id = outcome->map_id;
-  outcome->reframing.new_from_old = camera_from_new.Inverse() * Sim3(old_pose);
+  outcome->reframing.new_from_old = NowFromThen(moved.cam_from_map, atlas->KeyframeScale(plan.tracked), before);
   return Status::Ok();
 }
 

@@ -12,12 +12,8 @@ namespace {
 
 // The first similarity comes from few matches; the second search profits from what the first one added.
 constexpr int kGuidedRounds = 2;
-// Covisible keyframes of K_b whose points the neighbours of K_a may see.
-constexpr int kWideGroup = 8;
 // A correction smaller than this share of the depth needs no explanation by drift.
 constexpr double kFreeDriftDepthShare = 0.2;
-
-enum Side : std::uint8_t { kSideA = 1, kSideB = 2 };
 
 Eigen::Vector3d OpticalAxis(const SE3& cam_from_map) {
   return cam_from_map.rotation.conjugate() * Eigen::Vector3d::UnitZ();
@@ -47,6 +43,7 @@ std::string_view ToString(CommonAreaVerdict verdict) {
     case CommonAreaVerdict::kUnconfirmed: return "unconfirmed";
     case CommonAreaVerdict::kImplausibleDrift: return "implausible_drift";
     case CommonAreaVerdict::kAmbiguous: return "ambiguous";
+    case CommonAreaVerdict::kOutdated: return "outdated";
   }
   return "unknown";
 }
@@ -59,40 +56,35 @@ CommonAreaVerifier::CommonAreaVerifier(const EngineConfig& config, const CommonA
       device_(device),
       ransac_(config.features.max),
       search_(config, camera, device),
-      collector_(config.memory.max_map_points),
-      found_matches_(static_cast<std::size_t>(config.features.max)),
-      is_used_(static_cast<std::size_t>(config.memory.max_map_points), 0) {}
+      found_matches_(static_cast<std::size_t>(config.features.max)) {}
 
-bool CommonAreaVerifier::Verify(const Atlas& atlas, KeyframeHandle keyframe_a, KeyframeHandle keyframe_b, Rng& rng,
-                                CommonArea* out) {
-  const Keyframe& a = atlas.keyframe(keyframe_a);
-  const Keyframe& b = atlas.keyframe(keyframe_b);
+bool CommonAreaVerifier::Verify(const GroupExcerpt& a, const GroupExcerpt& b, Rng& rng, CommonArea* out) {
   *out = CommonArea{};
-  out->keyframe_a = keyframe_a;
-  out->keyframe_b = keyframe_b;
+  out->keyframe_a = a.keyframe;
+  out->keyframe_b = b.keyframe;
+  out->anchor_a = {a.first().cam_from_map, a.scale};
+  out->anchor_b = {b.first().cam_from_map, b.scale};
   out->counts.keyframe_a = a.id;
   out->counts.keyframe_b = b.id;
-  out->counts.map_a = atlas.map(a.map).id;
-  out->counts.map_b = atlas.map(b.map).id;
+  out->counts.map_a = a.map_id;
+  out->counts.map_b = b.map_id;
   out->counts.num_points_a = a.num_points;
   out->counts.num_points_b = b.num_points;
-  keyframe_a_ = keyframe_a;
-  CollectGroup(atlas, keyframe_b, options_.group_size, config_.mapping.min_shared_points, &covisible_, &group_);
-  views_a_[0] = a.cam_from_map;
+  views_a_[0] = a.first().cam_from_map;
   views_b_.clear();
-  for (const KeyframeHandle handle : group_) views_b_.push_back(atlas.keyframe(handle).cam_from_map);
-  out->counts.verdict = Run(atlas, rng, out);
+  for (int view = 0; view < b.num_keyframes; ++view) views_b_.push_back(b.keyframes[view].cam_from_map);
+  out->counts.verdict = Run({a, b}, rng, out);
   return out->counts.verdict == CommonAreaVerdict::kAccepted;
 }
 
-CommonAreaVerdict CommonAreaVerifier::Run(const Atlas& atlas, Rng& rng, CommonArea* out) {
+CommonAreaVerdict CommonAreaVerifier::Run(const Sides& sides, Rng& rng, CommonArea* out) {
   CommonAreaCounts& counts = out->counts;
   if (std::min(counts.num_points_a, counts.num_points_b) < options_.min_points) return CommonAreaVerdict::kFewPoints;
-  if (const auto verdict = MatchGroup(atlas); verdict != CommonAreaVerdict::kAccepted) return verdict;
+  if (const auto verdict = MatchGroup(sides); verdict != CommonAreaVerdict::kAccepted) return verdict;
   counts.num_matches = static_cast<int>(pairs_.size());
   if (counts.num_matches < options_.min_matches) return CommonAreaVerdict::kFewMatches;
 
-  FillMatches(atlas);
+  FillMatches(sides);
   Sim3Ransac::Options ransac;
   ransac.max_iterations = options_.ransac_iterations;
   ransac.min_inliers = options_.min_ransac_inliers;
@@ -103,50 +95,52 @@ CommonAreaVerdict CommonAreaVerifier::Run(const Atlas& atlas, Rng& rng, CommonAr
   }
   counts.num_ransac_inliers = estimate.num_inliers;
   Sim3OptimizerResult result;
-  if (!Refine(atlas, estimate.b_from_a, &result)) return CommonAreaVerdict::kNoSimilarity;
+  if (!Refine(sides, estimate.b_from_a, &result)) return CommonAreaVerdict::kNoSimilarity;
   counts.num_agreeing = result.num_inliers;
   out->b_from_a = result.b_from_a;
   if (counts.num_agreeing < options_.min_match_share * counts.num_matches) return CommonAreaVerdict::kLowMatchShare;
 
   for (int round = 0; round < kGuidedRounds; ++round) {
-    const auto verdict = SearchBothWays(atlas, result.b_from_a, &counts.num_visible);
+    const auto verdict = SearchBothWays(sides, result.b_from_a, &counts.num_visible);
     if (verdict != CommonAreaVerdict::kAccepted) return verdict;
     counts.num_guided = static_cast<int>(pairs_.size());
     if (counts.num_guided < options_.min_ransac_inliers) return CommonAreaVerdict::kFewInliers;
-    if (!Refine(atlas, result.b_from_a, &result)) return CommonAreaVerdict::kFewInliers;
+    if (!Refine(sides, result.b_from_a, &result)) return CommonAreaVerdict::kFewInliers;
   }
   KeepInliers();
   counts.num_inliers = static_cast<int>(pairs_.size());
   out->b_from_a = result.b_from_a;
-  for (const Pair& pair : pairs_) out->points.push_back({pair.point_a, pair.point_b});
+  for (const Pair& pair : pairs_) {
+    out->points.push_back({sides.a.handles[pair.point_a], sides.b.handles[pair.point_b]});
+  }
   if (counts.num_inliers < options_.min_inliers) return CommonAreaVerdict::kFewInliers;
   if (counts.num_inliers < options_.min_inlier_share * counts.num_guided) return CommonAreaVerdict::kLowInlierShare;
   if (counts.num_inliers < options_.min_visible_share * counts.num_visible) return CommonAreaVerdict::kLowVisibleShare;
-  counts.spread = Spread(atlas);
+  counts.spread = Spread(sides);
   if (counts.spread < options_.min_spread) return CommonAreaVerdict::kLowSpread;
-  if (const auto verdict = CheckView(atlas, result, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
-  if (const auto verdict = CheckNeighbours(atlas, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
-  return CheckDrift(atlas, out);
+  if (const auto verdict = CheckView(sides, result, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
+  if (const auto verdict = CheckNeighbours(sides, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
+  return CheckDrift(sides, out);
 }
 
-CommonAreaVerdict CommonAreaVerifier::MatchGroup(const Atlas& atlas) {
+CommonAreaVerdict CommonAreaVerifier::MatchGroup(const Sides& sides) {
   pairs_.clear();
-  const Keyframe& a = atlas.keyframe(keyframe_a_);
+  const KeyframeExcerpt& a = sides.a.first();
   features_a_.clear();
-  for (std::int32_t i = 0; i < a.features.num; ++i) {
-    if (a.points[i]) features_a_.push_back(i);
+  for (std::int32_t i = 0; i < a.num; ++i) {
+    if (a.points[i] >= 0) features_a_.push_back(i);
   }
-  for (std::size_t view = 0; view < group_.size(); ++view) {
-    const Keyframe& b = atlas.keyframe(group_[view]);
+  for (int view = 0; view < sides.b.num_keyframes; ++view) {
+    const KeyframeExcerpt& b = sides.b.keyframes[view];
     features_b_.clear();
-    for (std::int32_t i = 0; i < b.features.num; ++i) {
-      if (b.points[i]) features_b_.push_back(i);
+    for (std::int32_t i = 0; i < b.num; ++i) {
+      if (b.points[i] >= 0) features_b_.push_back(i);
     }
     if (features_b_.empty()) continue;
     std::int32_t num_matches = 0;
     MatchRequest request;
-    request.query = DescriptorList::Subset(a.features.set, features_a_);
-    request.train = DescriptorList::Subset(b.features.set, features_b_);
+    request.query = DescriptorList::Subset(a.set, features_a_);
+    request.train = DescriptorList::Subset(b.set, features_b_);
     request.options = {static_cast<float>(config_.matching.min_similarity),
                        static_cast<float>(options_.max_angle_ratio), true};
     request.matches = found_matches_;
@@ -155,64 +149,68 @@ CommonAreaVerdict CommonAreaVerifier::MatchGroup(const Atlas& atlas) {
     for (std::int32_t m = 0; m < num_matches; ++m) {
       const Match& match = found_matches_[m];
       const std::int32_t feature_a = features_a_[match.query], feature_b = features_b_[match.train];
-      pairs_.push_back({a.points[feature_a], b.points[feature_b], feature_a, feature_b, static_cast<int>(view), 1,
-                        match.similarity});
+      pairs_.push_back({a.points[feature_a], b.points[feature_b], feature_a, feature_b, view, 1, match.similarity});
     }
   }
-  KeepOneToOne();
+  KeepOneToOne(sides);
   return CommonAreaVerdict::kAccepted;
 }
 
-void CommonAreaVerifier::MarkFeaturesWithPoint(const Keyframe& keyframe) {
-  allowed_.resize(static_cast<std::size_t>(keyframe.features.num));
-  for (std::int32_t i = 0; i < keyframe.features.num; ++i) allowed_[i] = keyframe.points[i] ? 1 : 0;
+void CommonAreaVerifier::MarkFeaturesWithPoint(const KeyframeExcerpt& keyframe) {
+  allowed_.resize(static_cast<std::size_t>(keyframe.num));
+  for (std::int32_t i = 0; i < keyframe.num; ++i) allowed_[i] = keyframe.points[i] >= 0 ? 1 : 0;
 }
 
-CommonAreaVerdict CommonAreaVerifier::SearchBothWays(const Atlas& atlas, const Sim3& b_from_a, int* num_visible) {
+CommonAreaVerdict CommonAreaVerifier::SearchBothWays(const Sides& sides, const Sim3& b_from_a, int* num_visible) {
   pairs_.clear();
-  const Keyframe& a = atlas.keyframe(keyframe_a_);
-  const std::array<KeyframeHandle, 1> only_a = {keyframe_a_};
-  collector_.Collect(atlas, only_a, &points_);
+  const KeyframeExcerpt& a = sides.a.first();
+  seen_in_a_.assign(sides.a.num_searched, -1);
+  for (std::int32_t i = 0; i < a.num; ++i) {
+    if (a.points[i] >= 0) seen_in_a_[a.points[i]] = i;
+  }
+  seen_in_b_.assign(sides.b.num_searched, Seen{});
+  for (int view = sides.b.num_keyframes - 1; view >= 0; --view) {
+    const KeyframeExcerpt& b = sides.b.keyframes[view];
+    for (std::int32_t i = 0; i < b.num; ++i) {
+      if (b.points[i] >= 0) seen_in_b_[b.points[i]] = {view, i};
+    }
+  }
+
   int visible_in_b = 0;
-  for (std::size_t view = 0; view < group_.size(); ++view) {
-    const Keyframe& b = atlas.keyframe(group_[view]);
+  for (int view = 0; view < sides.b.num_keyframes; ++view) {
+    const KeyframeExcerpt& b = sides.b.keyframes[view];
     MarkFeaturesWithPoint(b);
     int visible = 0;
     const Status status =
-        search_.Search(atlas, points_, b_from_a, {&b.features, b.cam_from_map, allowed_}, &found_, &visible);
+        search_.Search(sides.a.searched(), b_from_a, {b.set, b.cam_from_map, allowed_}, &found_, &visible);
     if (!status.ok()) return CommonAreaVerdict::kDeviceFailed;
     if (view == 0) visible_in_b = visible;
     for (const FoundPoint& found : found_) {
-      const MapPointHandle point_a = points_[found.point_idx];
-      pairs_.push_back({point_a, b.points[found.feature_idx], atlas.FeatureOf(atlas.point(point_a), keyframe_a_),
-                        found.feature_idx, static_cast<int>(view), 1, found.similarity});
+      pairs_.push_back({found.point_idx, b.points[found.feature_idx], seen_in_a_[found.point_idx], found.feature_idx,
+                        view, 1, found.similarity});
     }
   }
 
-  collector_.Collect(atlas, group_, &points_);
   MarkFeaturesWithPoint(a);
   int visible_in_a = 0;
-  const Status status = search_.Search(atlas, points_, b_from_a.Inverse(), {&a.features, a.cam_from_map, allowed_},
+  const Status status = search_.Search(sides.b.searched(), b_from_a.Inverse(), {a.set, a.cam_from_map, allowed_},
                                        &found_, &visible_in_a);
   if (!status.ok()) return CommonAreaVerdict::kDeviceFailed;
   for (const FoundPoint& found : found_) {
-    const MapPointHandle point_b = points_[found.point_idx];
-    for (std::size_t view = 0; view < group_.size(); ++view) {
-      const std::int32_t feature_b = atlas.FeatureOf(atlas.point(point_b), group_[view]);
-      if (feature_b < 0) continue;
-      pairs_.push_back({a.points[found.feature_idx], point_b, found.feature_idx, feature_b, static_cast<int>(view), 1,
-                        found.similarity});
-      break;
-    }
+    const Seen& seen = seen_in_b_[found.point_idx];
+    pairs_.push_back({a.points[found.feature_idx], found.point_idx, found.feature_idx, seen.feature, seen.view, 1,
+                      found.similarity});
   }
   *num_visible = std::min(visible_in_a, visible_in_b);
-  KeepOneToOne();
+  KeepOneToOne(sides);
   return CommonAreaVerdict::kAccepted;
 }
 
 // Of pairs that contradict each other the one that was found more often stays, then the one that looks more alike.
-void CommonAreaVerifier::KeepOneToOne() {
-  const auto points_of = [](const Pair& pair) { return std::tuple(pair.point_a.index, pair.point_b.index); };
+void CommonAreaVerifier::KeepOneToOne(const Sides& sides) {
+  const auto points_of = [&](const Pair& pair) {
+    return std::tuple(sides.a.handles[pair.point_a].index, sides.b.handles[pair.point_b].index);
+  };
   std::sort(pairs_.begin(), pairs_.end(), [&](const Pair& x, const Pair& y) {
     if (points_of(x) != points_of(y)) return points_of(x) < points_of(y);
     if (x.similarity != y.similarity) return x.similarity > y.similarity;
@@ -220,7 +218,7 @@ void CommonAreaVerifier::KeepOneToOne() {
   });
   std::size_t num = 0;
   for (const Pair& pair : pairs_) {
-    if (pair.point_a == pair.point_b) continue;  // one point already
+    if (sides.a.handles[pair.point_a] == sides.b.handles[pair.point_b]) continue;  // one point already
     if (num > 0 && points_of(pairs_[num - 1]) == points_of(pair)) {
       pairs_[num - 1].num_directions += pair.num_directions;
     } else {
@@ -234,37 +232,37 @@ void CommonAreaVerifier::KeepOneToOne() {
     return points_of(x) < points_of(y);
   });
   num = 0;
+  is_used_a_.assign(sides.a.points.size(), 0);
+  is_used_b_.assign(sides.b.points.size(), 0);
   for (const Pair& pair : pairs_) {
-    std::uint8_t& used_a = is_used_[pair.point_a.index];
-    std::uint8_t& used_b = is_used_[pair.point_b.index];
-    if ((used_a & kSideA) != 0 || (used_b & kSideB) != 0) continue;
-    used_a |= kSideA;
-    used_b |= kSideB;
+    std::uint8_t& used_a = is_used_a_[pair.point_a];
+    std::uint8_t& used_b = is_used_b_[pair.point_b];
+    if (used_a != 0 || used_b != 0) continue;
+    used_a = used_b = 1;
     pairs_[num++] = pair;
   }
   pairs_.resize(num);
-  for (const Pair& pair : pairs_) is_used_[pair.point_a.index] = is_used_[pair.point_b.index] = 0;
 }
 
-void CommonAreaVerifier::FillMatches(const Atlas& atlas) {
+void CommonAreaVerifier::FillMatches(const Sides& sides) {
   matches_.clear();
-  const FrameFeatures& features_a = atlas.keyframe(keyframe_a_).features;
+  const KeyframeExcerpt& a = sides.a.first();
   for (const Pair& pair : pairs_) {
-    const FrameFeatures& features_b = atlas.keyframe(group_[pair.view_b]).features;
+    const KeyframeExcerpt& b = sides.b.keyframes[pair.view_b];
     Sim3Match match;
-    match.point_in_a = atlas.point(pair.point_a).position;
-    match.point_in_b = atlas.point(pair.point_b).position;
-    match.pixel_in_a = features_a.pixel(pair.feature_a);
-    match.pixel_in_b = features_b.pixel(pair.feature_b);
-    match.sigma_a_px = config_.noise.SigmaPx(features_a.keypoints[pair.feature_a].scale_px);
-    match.sigma_b_px = config_.noise.SigmaPx(features_b.keypoints[pair.feature_b].scale_px);
+    match.point_in_a = sides.a.points[pair.point_a].position;
+    match.point_in_b = sides.b.points[pair.point_b].position;
+    match.pixel_in_a = a.pixel(pair.feature_a);
+    match.pixel_in_b = b.pixel(pair.feature_b);
+    match.sigma_a_px = config_.noise.SigmaPx(a.keypoints[pair.feature_a].scale_px);
+    match.sigma_b_px = config_.noise.SigmaPx(b.keypoints[pair.feature_b].scale_px);
     match.view_b = pair.view_b;
     matches_.push_back(match);
   }
 }
 
-bool CommonAreaVerifier::Refine(const Atlas& atlas, Sim3 initial, Sim3OptimizerResult* result) {
-  FillMatches(atlas);
+bool CommonAreaVerifier::Refine(const Sides& sides, Sim3 initial, Sim3OptimizerResult* result) {
+  FillMatches(sides);
   inliers_.resize(matches_.size());
   return OptimizeSim3(camera_, matches_, views_a_, views_b_, initial, Sim3OptimizerOptions{}, inliers_, result) &&
          result->num_inliers >= options_.min_ransac_inliers;
@@ -280,14 +278,14 @@ void CommonAreaVerifier::KeepInliers() {
 
 // The smaller share of the image that the inliers cover, of both keyframes; what was matched in another view of the
 // group counts where K_b sees the point.
-double CommonAreaVerifier::Spread(const Atlas& atlas) const {
+double CommonAreaVerifier::Spread(const Sides& sides) const {
   std::vector<Eigen::Vector2d> pixels_a, pixels_b;
-  const Keyframe& a = atlas.keyframe(keyframe_a_);
-  const Keyframe& b = atlas.keyframe(group_[0]);
+  const KeyframeExcerpt& a = sides.a.first();
+  const KeyframeExcerpt& b = sides.b.first();
   for (const Pair& pair : pairs_) {
-    pixels_a.push_back(a.features.pixel(pair.feature_a));
+    pixels_a.push_back(a.pixel(pair.feature_a));
     Eigen::Vector2d pixel;
-    if (camera_.Project(b.cam_from_map * atlas.point(pair.point_b).position, &pixel) && camera_.IsInImage(pixel)) {
+    if (camera_.Project(b.cam_from_map * sides.b.points[pair.point_b].position, &pixel) && camera_.IsInImage(pixel)) {
       pixels_b.push_back(pixel);
     }
   }
@@ -295,7 +293,7 @@ double CommonAreaVerifier::Spread(const Atlas& atlas) const {
                   EllipseSpread(pixels_b, camera_.width_px(), camera_.height_px()));
 }
 
-CommonAreaVerdict CommonAreaVerifier::CheckView(const Atlas& atlas, const Sim3OptimizerResult& result,
+CommonAreaVerdict CommonAreaVerifier::CheckView(const Sides& sides, const Sim3OptimizerResult& result,
                                                 CommonArea* out) const {
   CommonAreaCounts& counts = out->counts;
   const Sim3& b_from_a = result.b_from_a;
@@ -309,7 +307,7 @@ CommonAreaVerdict CommonAreaVerifier::CheckView(const Atlas& atlas, const Sim3Op
 
   const Eigen::Vector3d centre = b_from_a * pose_a.InverseTranslation();
   std::vector<double> depths;
-  for (const Pair& pair : pairs_) depths.push_back((atlas.point(pair.point_b).position - centre).norm());
+  for (const Pair& pair : pairs_) depths.push_back((sides.b.points[pair.point_b].position - centre).norm());
   std::nth_element(depths.begin(), depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2), depths.end());
   out->median_depth_in_b = depths[depths.size() / 2];
 
@@ -331,33 +329,28 @@ CommonAreaVerdict CommonAreaVerifier::CheckView(const Atlas& atlas, const Sim3Op
 }
 
 // The neighbours of K_a, moved by the same similarity, must find points of map b where their own points lie.
-CommonAreaVerdict CommonAreaVerifier::CheckNeighbours(const Atlas& atlas, CommonArea* out) {
+CommonAreaVerdict CommonAreaVerifier::CheckNeighbours(const Sides& sides, CommonArea* out) {
   CommonAreaCounts& counts = out->counts;
-  CollectGroup(atlas, group_[0], kWideGroup, config_.mapping.min_shared_points, &covisible_, &wide_group_);
-  collector_.Collect(atlas, wide_group_, &points_);
   const Sim3 a_from_b = out->b_from_a.Inverse();
-  atlas.FindCovisible(keyframe_a_, config_.mapping.min_shared_points, &covisible_);
-  for (const Covisible& neighbour : covisible_) {
-    if (counts.num_neighbours == options_.confirming_keyframes) break;
+  for (int k = 1; k < sides.a.num_keyframes; ++k) {
     ++counts.num_neighbours;
-    const Keyframe& keyframe = atlas.keyframe(neighbour.keyframe);
+    const KeyframeExcerpt& keyframe = sides.a.keyframes[k];
     MarkFeaturesWithPoint(keyframe);
     int num_visible = 0;
-    const Status status = search_.Search(atlas, points_, a_from_b,
-                                         {&keyframe.features, keyframe.cam_from_map, allowed_}, &found_, &num_visible);
+    const Status status = search_.Search(sides.b.points, a_from_b, {keyframe.set, keyframe.cam_from_map, allowed_},
+                                         &found_, &num_visible);
     if (!status.ok()) return CommonAreaVerdict::kDeviceFailed;
     int num_inliers = 0;
     for (const FoundPoint& found : found_) {
-      const MapPointHandle point_a = keyframe.points[found.feature_idx];
-      const MapPoint& point_b = atlas.point(points_[found.point_idx]);
-      if (point_a == points_[found.point_idx]) continue;
+      const std::int32_t point_a = keyframe.points[found.feature_idx];
+      if (sides.a.handles[point_a] == sides.b.handles[found.point_idx]) continue;
       // The neighbour's own point in the view of an observer of the other one.
-      const Observation& observer = *point_b.observations.begin();
-      const Keyframe& b = atlas.keyframe(observer.keyframe);
+      const PointSight& sight = sides.b.sights[found.point_idx];
+      const Eigen::Vector3d position = out->b_from_a * sides.a.points[point_a].position;
       Eigen::Vector2d pixel;
-      if (!camera_.Project(b.cam_from_map * (out->b_from_a * atlas.point(point_a).position), &pixel)) continue;
-      const double sigma = config_.noise.SigmaPx(b.features.keypoints[observer.feature_idx].scale_px);
-      if ((pixel - b.features.pixel(observer.feature_idx)).squaredNorm() <= kChi2TwoDof * sigma * sigma) ++num_inliers;
+      if (!camera_.Project(sight.cam_from_map * position, &pixel)) continue;
+      const double sigma = config_.noise.SigmaPx(sight.scale_px);
+      if ((pixel - sight.pixel).squaredNorm() <= kChi2TwoDof * sigma * sigma) ++num_inliers;
     }
     if (num_inliers >= options_.min_confirming_inliers) ++counts.num_confirming;
   }
@@ -366,22 +359,10 @@ CommonAreaVerdict CommonAreaVerifier::CheckNeighbours(const Atlas& atlas, Common
              : CommonAreaVerdict::kUnconfirmed;
 }
 
-CommonAreaVerdict CommonAreaVerifier::CheckDrift(const Atlas& atlas, CommonArea* out) const {
-  const Keyframe& a = atlas.keyframe(keyframe_a_);
-  const Keyframe& b = atlas.keyframe(group_[0]);
-  if (a.map != b.map) return CommonAreaVerdict::kAccepted;
-  double way = 0.0;
-  const Keyframe* former = nullptr;
-  const KeyframeId first = std::min(a.id, b.id), last = std::max(a.id, b.id);
-  for (const KeyframeHandle handle : atlas.map(a.map).keyframes) {
-    const Keyframe& keyframe = atlas.keyframe(handle);
-    if (keyframe.id < first || keyframe.id > last) continue;
-    if (former != nullptr) {
-      way += (keyframe.cam_from_map.InverseTranslation() - former->cam_from_map.InverseTranslation()).norm();
-    }
-    former = &keyframe;
-  }
-  const Eigen::Vector3d centre = a.cam_from_map.InverseTranslation();
+CommonAreaVerdict CommonAreaVerifier::CheckDrift(const Sides& sides, CommonArea* out) const {
+  if (sides.a.map_id != sides.b.map_id) return CommonAreaVerdict::kAccepted;
+  const double way = sides.b.way;
+  const Eigen::Vector3d centre = sides.a.first().cam_from_map.InverseTranslation();
   const double drift = (out->b_from_a * centre - centre).norm();
   out->counts.drift_share = way > 0.0 ? drift / way : 0.0;
   const double rotation_deg = RotationAngle(out->b_from_a.rotation, Eigen::Quaterniond::Identity()) / kDegree;

@@ -6,7 +6,8 @@
 //   4. acceptance: enough inliers, few outliers, enough of what should be visible found, spread over both images,
 //      plausible scale and view, small uncertainty, and the consent of K_a's neighbours
 // When both keyframes lie in one map the same proof closes a loop, and the correction must be one that drift can
-// explain. Nothing is written; every rejection leaves its reason and its counts. thread-bound(mapping), deterministic.
+// explain. Reads copies, never the
+// atlas (place_excerpt.h); every rejection leaves its reason and its counts. thread-bound(merging), deterministic.
 #pragma once
 
 #include <array>
@@ -14,7 +15,6 @@
 #include <string_view>
 #include <vector>
 
-#include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
 #include "engine/geometry/rng.h"
@@ -23,6 +23,7 @@
 #include "engine/geometry/sim3_ransac.h"
 #include "engine/optim/sim3_optimizer.h"
 #include "engine/place/place_config.h"
+#include "engine/place/place_excerpt.h"
 #include "engine/place/projected_search.h"
 #include "hal/vision_device.h"
 
@@ -46,6 +47,7 @@ enum class CommonAreaVerdict : std::uint8_t {
   kUnconfirmed,       // the neighbours of the new keyframe do not see the same
   kImplausibleDrift,  // inside one map: no drift could be as large as this correction
   kAmbiguous,         // another place agrees as well (place_recogniser.h)
+  kOutdated,          // the maps were no longer those that it was found in when it came to joining them (mapper.h)
 };
 std::string_view ToString(CommonAreaVerdict verdict);
 
@@ -82,10 +84,18 @@ struct CommonAreaCounts {
   double drift_share = 0.0;     // inside one map
 };
 
+// Where a keyframe stood, and the unit of its map (Atlas::KeyframeScale).
+struct KeyframeAnchor {
+  SE3 cam_from_map;
+  double scale = 1.0;
+};
+
 struct CommonArea {
   CommonAreaCounts counts;
   KeyframeHandle keyframe_a;
   KeyframeHandle keyframe_b;
+  KeyframeAnchor anchor_a;  // when the area was proven
+  KeyframeAnchor anchor_b;
   Sim3 b_from_a;  // points of the map of K_a to that of K_b; from kNoSimilarity on only when it was found
   double median_depth_in_b = 0.0;
   std::vector<CommonPoint> points;  // inliers, each point at most once
@@ -97,33 +107,37 @@ class CommonAreaVerifier {
   CommonAreaVerifier(const EngineConfig& config, const CommonAreaConfig& options, const CameraModel& camera,
                      VisionDevice& device);
 
-  // True when accepted. Both keyframes are alive and different.
-  bool Verify(const Atlas& atlas, KeyframeHandle keyframe_a, KeyframeHandle keyframe_b, Rng& rng, CommonArea* out);
+  // True when accepted. K_a and its neighbours, K_b and its group: two keyframes.
+  bool Verify(const GroupExcerpt& a, const GroupExcerpt& b, Rng& rng, CommonArea* out);
 
  private:
   struct Pair {
-    MapPointHandle point_a;
-    MapPointHandle point_b;
+    std::int32_t point_a = -1;  // positions in the excerpts
+    std::int32_t point_b = -1;
     std::int32_t feature_a = -1;
     std::int32_t feature_b = -1;
-    int view_b = 0;  // index in group_
+    int view_b = 0;  // keyframe of the group
     int num_directions = 1;
     float similarity = 0.0f;
   };
+  struct Sides {
+    const GroupExcerpt& a;
+    const GroupExcerpt& b;
+  };
 
-  CommonAreaVerdict Run(const Atlas& atlas, Rng& rng, CommonArea* out);
-  CommonAreaVerdict MatchGroup(const Atlas& atlas);
-  CommonAreaVerdict SearchBothWays(const Atlas& atlas, const Sim3& b_from_a, int* num_visible);
-  void KeepOneToOne();
+  CommonAreaVerdict Run(const Sides& sides, Rng& rng, CommonArea* out);
+  CommonAreaVerdict MatchGroup(const Sides& sides);
+  CommonAreaVerdict SearchBothWays(const Sides& sides, const Sim3& b_from_a, int* num_visible);
+  void KeepOneToOne(const Sides& sides);
   // `initial` by value: it may be that of `result`.
-  bool Refine(const Atlas& atlas, Sim3 initial, Sim3OptimizerResult* result);
+  bool Refine(const Sides& sides, Sim3 initial, Sim3OptimizerResult* result);
   void KeepInliers();
-  void FillMatches(const Atlas& atlas);
-  double Spread(const Atlas& atlas) const;
-  CommonAreaVerdict CheckView(const Atlas& atlas, const Sim3OptimizerResult& result, CommonArea* out) const;
-  CommonAreaVerdict CheckNeighbours(const Atlas& atlas, CommonArea* out);
-  CommonAreaVerdict CheckDrift(const Atlas& atlas, CommonArea* out) const;
-  void MarkFeaturesWithPoint(const Keyframe& keyframe);
+  void FillMatches(const Sides& sides);
+  double Spread(const Sides& sides) const;
+  CommonAreaVerdict CheckView(const Sides& sides, const Sim3OptimizerResult& result, CommonArea* out) const;
+  CommonAreaVerdict CheckNeighbours(const Sides& sides, CommonArea* out);
+  CommonAreaVerdict CheckDrift(const Sides& sides, CommonArea* out) const;
+  void MarkFeaturesWithPoint(const KeyframeExcerpt& keyframe);
 
   const EngineConfig& config_;
   const CommonAreaConfig& options_;
@@ -131,10 +145,7 @@ class CommonAreaVerifier {
   VisionDevice& device_;
   Sim3Ransac ransac_;
   ProjectedSearch search_;
-  PointCollector collector_;
 
-  KeyframeHandle keyframe_a_;
-  std::vector<KeyframeHandle> group_;
   std::array<SE3, 1> views_a_;
   std::vector<SE3> views_b_;
   std::vector<Pair> pairs_;
@@ -146,10 +157,15 @@ class CommonAreaVerifier {
   std::vector<Match> found_matches_;
   std::vector<FoundPoint> found_;
   std::vector<std::uint8_t> allowed_;
-  std::vector<MapPointHandle> points_;
-  std::vector<KeyframeHandle> wide_group_;
-  std::vector<Covisible> covisible_;
-  std::vector<std::uint8_t> is_used_;  // by point slot, both sides
+  // By point of the excerpts.
+  struct Seen {
+    int view = -1;
+    std::int32_t feature = -1;
+  };
+  std::vector<Seen> seen_in_b_;          // by the first keyframe of the group that sees it
+  std::vector<std::int32_t> seen_in_a_;  // feature of K_a
+  std::vector<std::uint8_t> is_used_a_;
+  std::vector<std::uint8_t> is_used_b_;
 };
 
 }  // namespace haustra

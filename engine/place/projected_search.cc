@@ -5,14 +5,12 @@
 #include <cmath>
 
 namespace haustra {
-namespace {}  // namespace
 
 ProjectedSearch::ProjectedSearch(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
     : config_(config), camera_(camera), device_(device) {}
 
-Status ProjectedSearch::Search(const Atlas& atlas, std::span<const MapPointHandle> points,
-                               const Sim3& view_map_from_map, const SearchedView& view, std::vector<FoundPoint>* found,
-                               int* num_visible) {
+Status ProjectedSearch::Search(std::span<const SearchedPoint> points, const Sim3& view_map_from_map,
+                               const SearchedView& view, std::vector<FoundPoint>* found, int* num_visible) {
   found->clear();
   *num_visible = 0;
   queries_.clear();
@@ -23,7 +21,7 @@ Status ProjectedSearch::Search(const Atlas& atlas, std::span<const MapPointHandl
   const double gate = std::sqrt(kChi2TwoDof);
   const std::size_t max_queries = static_cast<std::size_t>(device_.plan().max_match_list);
   for (std::size_t i = 0; i < points.size() && queries_.size() < max_queries; ++i) {
-    const MapPoint& point = atlas.point(points[i]);
+    const SearchedPoint& point = points[i];
     const Eigen::Vector3d position = view_map_from_map * point.position;
     const Eigen::Vector3d to_camera = centre - position;
     const double distance = to_camera.norm();
@@ -44,7 +42,7 @@ Status ProjectedSearch::Search(const Atlas& atlas, std::span<const MapPointHandl
   std::int32_t num_matches = 0;
   GuidedMatchRequest request;
   request.queries = queries_;
-  request.train = view.features->set;
+  request.train = view.set;
   request.train_allowed = view.allowed;
   request.options = {static_cast<float>(config_.matching.min_similarity),
                      static_cast<float>(config_.matching.guided_ratio), false};

@@ -1,6 +1,6 @@
 // Guided search of map points in a view whose pose is known only through a similarity (or is a guess): what should be
-// visible is projected and searched there with the radius of the noise model and at the predicted size. Changes nothing
-// in the atlas. thread-bound(mapping).
+// visible is projected and searched there with the radius of the noise model and at the predicted size.
+// thread-bound(mapping or merging, whoever has it).
 #pragma once
 
 #include <cstdint>
@@ -20,8 +20,19 @@ struct FoundPoint {
   float similarity = 0.0f;
 };
 
+// What of a map point is needed to find it in a view.
+struct SearchedPoint {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+  double scale_times_distance = 0.0;
+  DescriptorRef descriptor;
+};
+inline SearchedPoint AsSearched(const MapPoint& point) {
+  return {point.position, point.normal, point.scale_times_distance, point.descriptor};
+}
+
 struct SearchedView {
-  const FrameFeatures* features = nullptr;
+  FeatureSetHandle set;
   SE3 cam_from_view_map;
   // One a feature; those with a zero are left out. Empty: all features.
   std::span<const std::uint8_t> allowed;
@@ -31,11 +42,11 @@ class ProjectedSearch {
  public:
   ProjectedSearch(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
 
-  // `points` are alive; `view_map_from_map` takes their map into that of the view. Replaces `found` (at most one entry
-  // a point and a feature). `num_visible`: points that should be seen in the view. Points beyond the longest list that
-  // the device takes are not searched. Errors are those of the device.
-  Status Search(const Atlas& atlas, std::span<const MapPointHandle> points, const Sim3& view_map_from_map,
-                const SearchedView& view, std::vector<FoundPoint>* found, int* num_visible);
+  // `view_map_from_map` takes the points' map into that of the view. Replaces `found` (at most one entry a point and a
+  // feature). `num_visible`: points that should be seen in the view. Points beyond the longest list that the device
+  // takes are not searched. Errors are those of the device.
+  Status Search(std::span<const SearchedPoint> points, const Sim3& view_map_from_map, const SearchedView& view,
+                std::vector<FoundPoint>* found, int* num_visible);
 
  private:
   const EngineConfig& config_;

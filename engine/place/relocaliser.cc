@@ -134,10 +134,12 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
 
   CollectGroup(atlas, candidate, kWideViewGroup, min_shared, &covisible_, &wide_group_);
   collector_.Collect(atlas, wide_group_, &points_);
+  searched_.clear();
+  for (const MapPointHandle point : points_) searched_.push_back(AsSearched(atlas.point(point)));
   for (int round = 0; round < kGuidedPoseRounds; ++round) {
     int num_visible = 0;
     const Status status =
-        search_.Search(atlas, points_, Sim3{}, {&features, result.cam_from_world, {}}, &found_, &num_visible);
+        search_.Search(searched_, Sim3{}, {features.set, result.cam_from_world, {}}, &found_, &num_visible);
     if (!status.ok()) return RelocalisationVerdict::kDeviceFailed;
     pairs_.clear();
     for (const FoundPoint& found : found_) pairs_.push_back({found.feature_idx, points_[found.point_idx]});

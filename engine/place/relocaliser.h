@@ -110,6 +110,7 @@ class Relocaliser {
   std::vector<KeyframeHandle> tried_;
   std::vector<Covisible> covisible_;
   std::vector<MapPointHandle> points_;
+  std::vector<SearchedPoint> searched_;  // of points_
   std::vector<DescriptorRef> refs_;
   std::vector<Match> matches_;
   std::vector<FoundPoint> found_;

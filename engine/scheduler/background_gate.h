@@ -1,10 +1,10 @@
 // Keeps background requests to an accelerator out of the time in which tracking needs it: such a request cannot be
 // interrupted, so one that is under way when a frame comes delays that frame. Tracking says when it works and when the
-// next frame is due; the mapper asks before each request. Tracking never waits here.
+// next frame is due; mapping and merging ask before each request. Tracking never waits here.
 //
 // A request that fits between now and the next frame goes at once. One that does not waits for the next frame to be
 // answered, and goes then, whatever it takes: it waits for one frame at most, so mapping is slowed but never stopped.
-// One tracking thread, one mapping thread. rt-safe on tracking's side.
+// One tracking thread, one other at a time (shared_lane_device.h). rt-safe on tracking's side.
 #pragma once
 
 #include <atomic>
@@ -17,7 +17,7 @@ namespace haustra {
 
 class BackgroundGate {
  public:
-  // How the mapper waits; a fake moves a clock. Not rt-safe.
+  // How background work waits; a fake moves a clock. Not rt-safe.
   using Sleep = void (*)(void* context, Duration duration);
 
   BackgroundGate(const Clock& clock, double quantile);
@@ -30,11 +30,11 @@ class BackgroundGate {
     num_frames_.fetch_add(1, std::memory_order_release);
   }
 
-  // Mapping thread: before a request, and with what it took, after it.
+  // Background work: before a request, and with what it took, after it.
   void Enter();
   void Leave(Duration duration) { expected_.Add(duration); }
 
-  // Requests that had to wait, and for how long together. Mapping thread.
+  // Requests that had to wait, and for how long together. Read when no request is under way.
   std::uint64_t num_waits() const { return num_waits_; }
   Duration waited() const { return waited_; }
 

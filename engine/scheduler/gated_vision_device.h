@@ -1,5 +1,6 @@
-// The vision device as the mapper sees it in real-time mode: each request on the background lane passes the gate first.
-// Everything else is the device's. thread-safe as the device is; the background lane has one thread, the mapper's.
+// The vision device as mapping and merging see it in real-time mode, below the lock of shared_lane_device.h: each request
+// on the background lane passes the gate first. Everything else is the device's. thread-safe as the device is; the
+// background lane has one thread at a time.
 #pragma once
 
 #include "engine/scheduler/background_gate.h"
@@ -25,7 +26,7 @@ class GatedVisionDevice final : public ForwardingVisionDevice {
     Enter(lane);
     return ForwardingVisionDevice::EnqueueGuidedMatch(lane, request);
   }
-  // Only the mapper waits here, one request at a time: the tracker has the device itself.
+  // Only mapping and merging wait here, one request at a time: the tracker has the device itself.
   Status Wait(Ticket ticket, TimePoint deadline) override {
     const Status status = ForwardingVisionDevice::Wait(ticket, deadline);
     if (status.ok()) gate_.Leave(clock_.Now() - entered_);

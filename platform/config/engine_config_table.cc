@@ -386,11 +386,13 @@ void AddRealTime(Fields* out) {
   out->push_back(RealTime<&C::require>("require", {}, "", "on: no start unless all of this section was granted"));
   out->push_back(RealTime<&C::capture_priority>("capture_priority", {0, 99}, "", "of SCHED_FIFO; 0: ordinary"));
   out->push_back(RealTime<&C::tracking_priority>("tracking_priority", {0, 99}, "", "of SCHED_FIFO; 0: ordinary"));
-  out->push_back(RealTime<&C::mapping_priority>("mapping_priority", {0, 99}, "",
-                                                "of SCHED_FIFO; 0: ordinary; merging runs on the same thread"));
+  out->push_back(RealTime<&C::mapping_priority>("mapping_priority", {0, 99}, "", "of SCHED_FIFO; 0: ordinary"));
+  out->push_back(RealTime<&C::merging_priority>("merging_priority", {0, 99}, "",
+                                                "of SCHED_FIFO; 0: ordinary; this thread recognises places"));
   out->push_back(RealTimeText<&C::capture_cpus>("capture_cpus", "processors, as in 3 or 0,2-5; empty: all"));
   out->push_back(RealTimeText<&C::tracking_cpus>("tracking_cpus", "processors; empty: all"));
   out->push_back(RealTimeText<&C::mapping_cpus>("mapping_cpus", "processors; empty: all"));
+  out->push_back(RealTimeText<&C::merging_cpus>("merging_cpus", "processors; empty: all"));
   out->push_back(RealTime<&C::lock_memory>("lock_memory", {}, "", "no page leaves the memory, all are there at once"));
   out->push_back(RealTime<&C::stack_prefault_kb>("stack_prefault_kb", {0, 1024}, "kB",
                                                  "of each thread's stack, touched before its first frame"));

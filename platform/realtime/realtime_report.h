@@ -32,7 +32,7 @@ struct RealTimeReport {
   std::int64_t lock_limit_bytes = 0;
   std::string kernel_preemption;
   double realtime_share = 1.0;
-  std::array<ThreadGrant, 3> threads;  // capture, tracking, mapping
+  std::array<ThreadGrant, 4> threads;  // capture, tracking, mapping, merging
 
   bool is_all_granted() const;
 };

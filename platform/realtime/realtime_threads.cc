@@ -34,7 +34,7 @@ RealTimeThreads::RealTimeThreads(const RealTimeConfig& config, ThreadSystem& sys
   report_.lock_limit_bytes = system.LockLimitBytes();
   report_.kernel_preemption = system.KernelPreemption();
   report_.realtime_share = system.RealTimeShare();
-  const char* names[] = {"capture", "tracking", "mapping"};
+  const char* names[] = {"capture", "tracking", "mapping", "merging"};
   for (std::size_t i = 0; i < report_.threads.size(); ++i) report_.threads[i].name = names[i];
   if (!report_.asked_lock) return;
   const bool with_future = system.MayLockAll();
@@ -49,8 +49,10 @@ RealTimeThreads::~RealTimeThreads() {
 void RealTimeThreads::Apply(SessionThread thread) {
   ThreadGrant& grant = report_.threads[static_cast<std::size_t>(thread)];
   if (config_.enabled) {
-    const int priorities[] = {config_.capture_priority, config_.tracking_priority, config_.mapping_priority};
-    const std::string* cpus[] = {&config_.capture_cpus, &config_.tracking_cpus, &config_.mapping_cpus};
+    const int priorities[] = {config_.capture_priority, config_.tracking_priority, config_.mapping_priority,
+                              config_.merging_priority};
+    const std::string* cpus[] = {&config_.capture_cpus, &config_.tracking_cpus, &config_.mapping_cpus,
+                                 &config_.merging_cpus};
     grant.asked_priority = priorities[static_cast<int>(thread)];
     grant.asked_cpus = CpusOf(*cpus[static_cast<int>(thread)]);
     if (grant.asked_cpus.any()) grant.cpus_error = system_.SetCpus(grant.asked_cpus);
@@ -73,7 +75,8 @@ Status RealTimeThreads::Check() const {
 Status CheckRealTimeConfig(const RealTimeConfig& config) {
   const std::pair<const char*, const std::string*> lists[] = {{"rt.capture_cpus", &config.capture_cpus},
                                                               {"rt.tracking_cpus", &config.tracking_cpus},
-                                                              {"rt.mapping_cpus", &config.mapping_cpus}};
+                                                              {"rt.mapping_cpus", &config.mapping_cpus},
+                                                              {"rt.merging_cpus", &config.merging_cpus}};
   for (const auto& [key, text] : lists) {
     const Result<CpuList> cpus = ParseCpuList(*text);
     if (!cpus.ok()) return FailedPrecondition(std::string(key) + ": " + cpus.status().message());

@@ -9,7 +9,7 @@
 
 namespace haustra {
 
-enum class SessionThread { kCapture = 0, kTracking = 1, kMapping = 2 };
+enum class SessionThread { kCapture = 0, kTracking = 1, kMapping = 2, kMerging = 3 };
 
 class RealTimeThreads {
  public:

@@ -52,6 +52,7 @@ class RealTimeSession {
         frames_(EmptySlot(source.calibration())),
         outcomes_(4096),
         mapping_times_(4096),
+        merging_times_(4096),
         damage_(256) {}
 
   // `threads` is made when all the memory of session and engine has been taken.
@@ -59,7 +60,7 @@ class RealTimeSession {
     const TimePoint start = clock_.Now();
     heap_watch_ = observer.heap_watch();
     // Each thread applies its settings; none begins before all were looked at.
-    std::latch applied(3);
+    std::latch applied(4);
     std::latch decided(1);
     bool may_begin = false;
     const auto launch = [&](SessionThread thread, auto loop) {
@@ -70,6 +71,7 @@ class RealTimeSession {
         if (may_begin) loop();
       });
     };
+    std::thread merging = launch(SessionThread::kMerging, [this] { MergeLoop(); });
     std::thread mapping = launch(SessionThread::kMapping, [this] { MapLoop(); });
     std::thread tracking = launch(SessionThread::kTracking, [this] { TrackLoop(); });
     std::thread capture = launch(SessionThread::kCapture, [this, &stop] { CaptureLoop(stop); });
@@ -85,6 +87,7 @@ class RealTimeSession {
     capture.join();
     tracking.join();
     mapping.join();
+    merging.join();
     if (!may_begin) return granted;
     Report(observer);
     // Damaged frames after the last one that was tracked.
@@ -243,10 +246,27 @@ class RealTimeSession {
         times.frame_index = newest_tracked_.load(std::memory_order_relaxed);
         // A figure that finds no room is lost: the mapper does not wait for its observer.
         if (!times.is_empty()) mapping_times_.TryPush(times);
+        if (engine_.has_merge_work()) merge_work_.Post();
         continue;
       }
-      if (is_stopping) break;
+      // The last answer is waited for: it takes a fraction of a second.
+      if (is_stopping && !engine_.is_merging()) break;
       (void)map_work_.WaitFor(kIdle);
+    }
+    stop_merging_.store(true, std::memory_order_release);
+    merge_work_.Post();
+  }
+
+  void MergeLoop() {
+    NameThisThread("merging");
+    while (!stop_merging_.load(std::memory_order_acquire)) {
+      if (MappingTimes times; TimedMergeStep(engine_, clock_, &times)) {
+        times.frame_index = newest_tracked_.load(std::memory_order_relaxed);
+        merging_times_.TryPush(times);
+        map_work_.Post();
+        continue;
+      }
+      (void)merge_work_.WaitFor(kIdle);
     }
   }
 
@@ -283,6 +303,7 @@ class RealTimeSession {
     }
     for (LatePose pose; engine_.late_poses().TryPop(&pose);) observer.OnLatePose(pose);
     for (MappingTimes times; mapping_times_.TryPop(&times);) observer.OnMapped(times);
+    for (MappingTimes times; merging_times_.TryPop(&times);) observer.OnMapped(times);
     for (MapEvent event; engine_.map_events().TryPop(&event);) observer.OnMapEvent(event);
   }
 
@@ -303,12 +324,15 @@ class RealTimeSession {
   LatestMailbox<FrameSlot> frames_;
   WakeSignal frame_ready_;
   WakeSignal map_work_;
+  WakeSignal merge_work_;
   SpscRing<FrameOutcome> outcomes_;
   SpscRing<MappingTimes> mapping_times_;
+  SpscRing<MappingTimes> merging_times_;
   SpscRing<DamageNote> damage_;
   std::atomic<std::uint32_t> newest_tracked_{0};
   std::atomic<std::uint64_t> num_taken_{0};  // sequence of the newest frame that tracking has begun
   std::atomic<bool> stop_mapping_{false};
+  std::atomic<bool> stop_merging_{false};
   std::atomic<bool> tracking_done_{false};
   Status status_;                // written by capture, read after join
   Duration video_time_{0};       // likewise

@@ -28,7 +28,7 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     outcome.result = engine.Track(*frame, kNoDeadline);
     outcome.use = meter.Read();
     outcome.tracking = clock.Now() - begin;
-    for (MappingTimes times; TimedMapStep(engine, clock, &times);) {
+    for (MappingTimes times; TimedMergeStep(engine, clock, &times) || TimedMapStep(engine, clock, &times);) {
       times.frame_index = outcome.result.frame_index;
       if (!times.is_empty()) observer.OnMapped(times);
     }

@@ -1,4 +1,4 @@
-// One step of the mapper with what it took, from the difference of the mapper's counters. thread-bound(mapping).
+// One step of mapping, or of merging, with what it took; the stages of mapping from the difference of its counters.
 #pragma once
 
 #include "engine/engine.h"
@@ -6,8 +6,9 @@
 
 namespace haustra {
 
-// As Engine::MapStep; `times` is filled when it returns true.
+// As Engine::MapStep; `times` is filled when it returns true. thread-bound(mapping).
 inline bool TimedMapStep(Engine& engine, const Clock& clock, MappingTimes* times) {
+  *times = MappingTimes{};
   times->start = clock.Now();
   const MapperCounters before = engine.mapper_counters();
   if (!engine.MapStep()) return false;
@@ -17,9 +18,19 @@ inline bool TimedMapStep(Engine& engine, const Clock& clock, MappingTimes* times
   times->fuse = after.fuse_time - before.fuse_time;
   times->bundle = after.bundle_time - before.bundle_time;
   times->cull = after.cull_time - before.cull_time;
+  times->retrieval = after.retrieval_time - before.retrieval_time;
   times->place = after.place_time - before.place_time;
   times->merge = after.merge_time - before.merge_time;
   times->relocalisation = after.relocalisation_time - before.relocalisation_time;
+  return true;
+}
+
+// As Engine::MergeStep. thread-bound(merging).
+inline bool TimedMergeStep(Engine& engine, const Clock& clock, MappingTimes* times) {
+  *times = MappingTimes{};
+  times->start = clock.Now();
+  if (!engine.MergeStep()) return false;
+  times->verification = clock.Now() - times->start;
   return true;
 }
 

@@ -78,9 +78,10 @@ RealTimeConfig Config() {
 }
 
 void ApplyOnThreads(RealTimeThreads& threads) {
-  std::latch all_live(3);  // at once, so that each has an id of its own
+  std::latch all_live(4);  // at once, so that each has an id of its own
   std::vector<std::thread> running;
-  for (const SessionThread thread : {SessionThread::kCapture, SessionThread::kTracking, SessionThread::kMapping}) {
+  for (const SessionThread thread : {SessionThread::kCapture, SessionThread::kTracking, SessionThread::kMapping,
+                                     SessionThread::kMerging}) {
     running.emplace_back([&threads, &all_live, thread] {
       all_live.arrive_and_wait();
       threads.Apply(thread);
@@ -116,6 +117,7 @@ TEST(RealTimeThreads, GrantedSettingsAreReportedThreadByThread) {
   EXPECT_EQ(report.threads[0].granted_priority, 48);
   EXPECT_EQ(report.threads[1].granted_priority, 46);
   EXPECT_EQ(report.threads[2].granted_priority, 0);
+  EXPECT_EQ(report.threads[3].granted_priority, 0);
   EXPECT_EQ(report.threads[1].granted_cpus, Cpus("2"));
   EXPECT_EQ(report.threads[1].prefaulted_kb, 256);
   EXPECT_TRUE(threads.Check().ok());

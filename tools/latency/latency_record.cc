@@ -12,7 +12,7 @@ constexpr std::size_t kMaxSeconds = 24 * 3600;
 std::vector<std::pair<const char*, Duration>> StagesOf(const MappingTimes& times) {
   return {{"insert", times.insert}, {"create", times.create},
           {"fuse", times.fuse},     {"bundle", times.bundle},
-          {"cull", times.cull},     {"place", times.place},
+          {"cull", times.cull},     {"retrieval", times.retrieval},
           {"merge", times.merge},   {"relocalisation", times.relocalisation}};
 }
 
@@ -27,6 +27,7 @@ LatencyRecord::LatencyRecord(std::uint32_t warm_up_frames, std::size_t trace_fra
   for (const auto& [name, duration] : StagesOf(MappingTimes())) {
     stages_.push_back({"mapping/" + std::string(name), {}});
   }
+  stages_.push_back({"merging/verification", {}});
   worst_of_second_.reserve(kMaxSeconds);
 }
 
@@ -73,6 +74,7 @@ void LatencyRecord::OnMapped(const MappingTimes& times) {
   for (const auto& [name, duration] : StagesOf(times)) {
     if (duration.count() > 0) Stage("mapping/" + std::string(name)).Add(duration);
   }
+  if (times.verification.count() > 0) Stage("merging/verification").Add(times.verification);
   if (trace_frames_ == 0) return;
   if (last_mappings_.size() == trace_frames_) last_mappings_.pop_front();
   last_mappings_.push_back(times);

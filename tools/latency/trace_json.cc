@@ -5,13 +5,17 @@
 namespace haustra {
 namespace {
 
-enum Row { kCapture = 1, kTracking = 2, kStages = 3, kMapping = 4 };
+enum Row { kCapture = 1, kTracking = 2, kStages = 3, kMapping = 4, kMerging = 5 };
 
 class Trace {
  public:
   explicit Trace(TimePoint origin) : origin_(origin) {
     const std::pair<Row, const char*> rows[] = {
-        {kCapture, "capture"}, {kTracking, "tracking"}, {kStages, "stages of tracking"}, {kMapping, "mapping"}};
+        {kCapture, "capture"},
+        {kTracking, "tracking"},
+        {kStages, "stages of tracking"},
+        {kMapping, "mapping"},
+        {kMerging, "merging"}};
     for (const auto& [row, name] : rows) {
       events_.push_back({{"name", "thread_name"}, {"ph", "M"}, {"pid", 1}, {"tid", row}, {"args", {{"name", name}}}});
       events_.push_back(
@@ -71,6 +75,7 @@ std::string MakeTraceJson(const LatencyRecord& record) {
       trace.Span(kMapping, name, start, duration);
       start += duration;
     }
+    if (times.verification.count() > 0) trace.Span(kMerging, "verification", start, times.verification);
   }
   return trace.Text();
 }

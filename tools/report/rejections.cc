@@ -33,6 +33,7 @@ constexpr std::pair<std::string_view, std::string_view> kExplanations[] = {
     {"unconfirmed", "the neighbours of the new keyframe do not see the same"},
     {"implausible_drift", "inside one map: no drift could be as large as this correction"},
     {"ambiguous", "another place agrees as well"},
+    {"outdated", "tracking had left that map, or the keyframe had gone, before the maps could be joined"},
 };
 
 // Counts that the engine writes, in the order of the checks.

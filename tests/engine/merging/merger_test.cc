@@ -23,7 +23,7 @@ class MergerTest : public testing::Test {
   MergePlan Plan(int frame_a, int frame_b) {
     CommonAreaVerifier verifier(colon_.config(), common_area_, colon_.camera(), colon_.device());
     CommonArea area;
-    EXPECT_TRUE(verifier.Verify(atlas_, keyframe(frame_a), keyframe(frame_b), rng_, &area))
+    EXPECT_TRUE(colon_.Verify(verifier, atlas_, keyframe(frame_a), keyframe(frame_b), rng_, &area))
         << ToString(area.counts.verdict);
     return MakeMergePlan(area);
   }
@@ -186,7 +186,8 @@ TEST_F(MergerTest, SameMergeGivesTheSameBits) {
     CommonAreaVerifier verifier(colon.config(), common_area_, colon.camera(), colon.device());
     CommonArea area;
     Rng rng(4);
-    ASSERT_TRUE(verifier.Verify(atlas, colon.frames()[first + 2].keyframe, colon.frames()[11].keyframe, rng, &area));
+    ASSERT_TRUE(
+        colon.Verify(verifier, atlas, colon.frames()[first + 2].keyframe, colon.frames()[11].keyframe, rng, &area));
     Merger merger(colon.config(), options_, colon.camera(), colon.device());
     ASSERT_TRUE(merger.Apply(MakeMergePlan(area), &atlas, nullptr, kNoDeadline, &outcome_).ok());
     atlas.points().ForEach([&](MapPointHandle, const MapPoint& point) { sum += point.position.sum(); });
@@ -205,6 +206,50 @@ TEST_F(MergerTest, StalePlanIsRefusedAndNothingTouched) {
   EXPECT_EQ(Apply(plan).code(), StatusCode::kFailedPrecondition);
   EXPECT_EQ(atlas_.keyframe(keyframe(first)).cam_from_map.translation, before.translation);
   EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+}
+
+// Between proof and application both maps may be moved, and so may single keyframes: the plan goes along.
+TEST_F(MergerTest, PlanGoesAlongWithMapsThatMoved) {
+  RecordProperty("req", "MRG-001");
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  const MergePlan plan = Plan(first + 2, 11);
+  const Sim3 older_moved(1.4, ExpSO3({0.5, -0.3, 0.2}), {-1.0, 2.0, 0.5});
+  const Sim3 younger_moved(0.7, ExpSO3({-0.4, 0.1, 0.9}), {0.3, -4.0, 1.0});
+  atlas_.TransformMap(atlas_.keyframe(keyframe(0)).map, older_moved);
+  atlas_.TransformMap(atlas_.keyframe(keyframe(first)).map, younger_moved);
+  const Tracked in_younger{atlas_.keyframe(keyframe(first + 7)).id, SE3{}, atlas_.KeyframeScale(keyframe(first + 7)),
+                           colon_.frames()[first + 7].cam_from_world};
+  ASSERT_TRUE(Apply(plan).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_GE(outcome_.num_fused, 150);
+  ExpectInFrame(older_moved * kOlderFromWorld, 0.03, 0.02);
+  ExpectResolves(in_younger, 0, older_moved * kOlderFromWorld, 0.03);
+}
+
+TEST_F(MergerTest, TrackerElsewhereInTheMapIsToldWhereThatPlaceWent) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  MergePlan plan = Plan(first + 2, 11);
+  plan.tracked = keyframe(first + 9);
+  const SE3 before = atlas_.keyframe(plan.tracked).cam_from_map;
+  ASSERT_TRUE(Apply(plan).ok());
+  const SE3 told = TransformPose(before, outcome_.reframing.new_from_old);
+  const SE3 after = atlas_.keyframe(plan.tracked).cam_from_map;
+  EXPECT_LT((told.translation - after.translation).norm(), 1e-9);
+  EXPECT_LT(RotationAngle(told.rotation, after.rotation), 1e-9);
+}
+
+TEST_F(MergerTest, TrackerInAnotherMapMakesThePlanStale) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  MergePlan plan = Plan(first + 2, 11);
+  plan.tracked = keyframe(0);
+  EXPECT_EQ(Apply(plan).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(atlas_.maps().size(), 2u);
 }
 
 TEST_F(MergerTest, ImpossibleScaleIsRefused) {

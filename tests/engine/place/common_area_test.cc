@@ -13,7 +13,8 @@ class CommonAreaTest : public testing::Test {
 
   bool Verify(int frame_a, int frame_b) {
     CommonAreaVerifier verifier(colon_.config(), options_, colon_.camera(), colon_.device());
-    return verifier.Verify(atlas_, colon_.frames()[frame_a].keyframe, colon_.frames()[frame_b].keyframe, rng_, &area_);
+    return colon_.Verify(verifier, atlas_, colon_.frames()[frame_a].keyframe, colon_.frames()[frame_b].keyframe, rng_,
+                         &area_);
   }
   std::string_view verdict() const { return ToString(area_.counts.verdict); }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/place/exhaustive_retrieval.h"
+#include "engine/place/place_scout.h"
 #include "tests/engine/place/synthetic_colon.h"
 
 namespace haustra::test {
@@ -10,22 +11,23 @@ namespace {
 
 class PlaceRecogniserTest : public testing::Test {
  protected:
-  PlaceRecogniserTest() : colon_(21), atlas_(colon_.MakeAtlas()) {}
+  PlaceRecogniserTest()
+      : colon_(21), atlas_(colon_.MakeAtlas()), task_(colon_.config(), std::pmr::get_default_resource()) {}
 
   bool Recognise(int frame) {
-    ExhaustiveRetrieval retrieval(colon_.config(), place_.retrieval, colon_.device());
+    ExhaustiveRetrieval retrieval(colon_.config(), colon_.config().place.retrieval, colon_.device());
     for (const SyntheticColon::Frame& other : colon_.frames()) {
       EXPECT_TRUE(retrieval.Add(atlas_, other.keyframe).ok());
     }
-    PlaceRecogniser recogniser(colon_.config(), place_, colon_.camera(), colon_.device(), retrieval);
-    return recogniser.Recognise(atlas_, colon_.frames()[frame].keyframe, &area_, &report_);
+    PlaceScout scout(colon_.config(), retrieval);
+    PlaceRecogniser recogniser(colon_.config(), colon_.camera(), colon_.device());
+    if (scout.Look(atlas_, colon_.frames()[frame].keyframe, &task_)) recogniser.Recognise(&task_);
+    return task_.is_known;
   }
 
   SyntheticColon colon_;
   Atlas atlas_;
-  PlaceConfig place_;
-  CommonArea area_;
-  PlaceReport report_;
+  PlaceTask task_;
   const Sim3 map_from_world_{0.6, ExpSO3({-0.2, 0.7, 1.1}), {1.0, 3.0, -2.0}};
 };
 
@@ -34,19 +36,19 @@ TEST_F(PlaceRecogniserTest, FindsTheMapThatShowsTheSameWall) {
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
   const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
   ASSERT_TRUE(Recognise(first + 2));
-  EXPECT_EQ(area_.counts.map_b, 0u);
-  EXPECT_EQ(area_.counts.map_a, 1u);
-  EXPECT_GE(area_.counts.num_votes, place_.retrieval.min_votes);
-  ASSERT_FALSE(report_.tried.empty());
-  EXPECT_EQ(ToString(report_.tried.back().verdict), "accepted");
+  EXPECT_EQ(task_.area.counts.map_b, 0u);
+  EXPECT_EQ(task_.area.counts.map_a, 1u);
+  EXPECT_GE(task_.area.counts.num_votes, colon_.config().place.retrieval.min_votes);
+  ASSERT_FALSE(task_.report.tried.empty());
+  EXPECT_EQ(ToString(task_.report.tried.back().verdict), "accepted");
 }
 
 TEST_F(PlaceRecogniserTest, KeyframesThatAreConnectedAlreadyAreNoNews) {
   colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
   EXPECT_FALSE(Recognise(6));
-  EXPECT_EQ(report_.num_candidates, 0);
-  EXPECT_TRUE(report_.tried.empty());
+  EXPECT_EQ(task_.report.num_candidates, 0);
+  EXPECT_TRUE(task_.report.tried.empty());
 }
 
 TEST_F(PlaceRecogniserTest, NewWallIsNotRecognised) {
@@ -63,8 +65,8 @@ TEST_F(PlaceRecogniserTest, TwoPlacesOfOneMapThatAgreeAreAmbiguous) {
   colon_.AddMap(&atlas_, 0.0, 11.0, 48, Sim3{});
   const int first = colon_.AddMap(&atlas_, 8.0, 10.0, 10, map_from_world_).first;
   EXPECT_FALSE(Recognise(first + 4));
-  EXPECT_EQ(ToString(area_.counts.verdict), "ambiguous");
-  EXPECT_EQ(ToString(report_.tried.back().verdict), "ambiguous");
+  EXPECT_EQ(ToString(task_.area.counts.verdict), "ambiguous");
+  EXPECT_EQ(ToString(task_.report.tried.back().verdict), "ambiguous");
 }
 
 TEST_F(PlaceRecogniserTest, LostDeviceIsReported) {
@@ -73,8 +75,8 @@ TEST_F(PlaceRecogniserTest, LostDeviceIsReported) {
   const int first = colon_.AddMap(&atlas_, 2.0, 4.0, 10, map_from_world_).first;
   colon_.device().SetLost(true);
   EXPECT_FALSE(Recognise(first + 2));
-  ASSERT_EQ(report_.tried.size(), 1u);
-  EXPECT_EQ(ToString(report_.tried[0].verdict), "device_failed");
+  ASSERT_EQ(task_.report.tried.size(), 1u);
+  EXPECT_EQ(ToString(task_.report.tried[0].verdict), "device_failed");
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
 #include "engine/geometry/rng.h"
+#include "engine/place/common_area.h"
 #include "hal/fakes/scripted_vision_device.h"
 #include "tests/geometry/synthetic.h"
 
@@ -154,6 +155,17 @@ class SyntheticColon {
     const int last = static_cast<int>(frames_.size());
     AddPoints(atlas, first, last, 0.005, [](int, int) { return 0; });
     return {first, last};
+  }
+
+  // Of copies, as the recogniser does.
+  bool Verify(CommonAreaVerifier& verifier, const Atlas& atlas, KeyframeHandle a, KeyframeHandle b, Rng& rng,
+              CommonArea* out) const {
+    GroupExcerpt excerpt_a(GroupExcerpt::ForQuery(config_), std::pmr::get_default_resource());
+    GroupExcerpt excerpt_b(GroupExcerpt::ForCandidate(config_), std::pmr::get_default_resource());
+    ExcerptCopier copier(config_);
+    copier.CopyQuery(atlas, a, &excerpt_a);
+    copier.CopyCandidate(atlas, b, a, &excerpt_b);
+    return verifier.Verify(excerpt_a, excerpt_b, rng, out);
   }
 
   struct Frame {

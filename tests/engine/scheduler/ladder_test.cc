@@ -56,7 +56,7 @@ class Camera {
     // Maps are made at once: what the mapper asks of the device costs nothing here.
     const TimedVisionDevice::Model model = model_;
     device_.SetModel({});
-    while (engine_->MapStep()) {
+    while (engine_->BackgroundStep()) {
     }
     device_.SetModel(model);
     return answer;
@@ -305,7 +305,7 @@ TEST(Ladder, SequentialModeDoesNotKnowTheClock) {
     const auto engine = colon.MakeEngine(Engine::Mode::kSequential, device, with_clock == 1 ? &clock : nullptr);
     for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
       results[with_clock].push_back(engine->Track(*frame, kNoDeadline));
-      while (engine->MapStep()) {
+      while (engine->BackgroundStep()) {
       }
     }
   }

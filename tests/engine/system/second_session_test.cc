@@ -47,7 +47,7 @@ class Session {
   void Run() {
     for (Result<Frame> frame = source_.Next(kNoDeadline); frame.ok(); frame = source_.Next(kNoDeadline)) {
       results_.push_back(engine_.Track(*frame, kNoDeadline));
-      while (engine_.MapStep()) {
+      while (engine_.BackgroundStep()) {
       }
       for (MapEvent event; engine_.map_events().TryPop(&event);) ++num_events_[static_cast<int>(event.kind)];
     }

@@ -75,7 +75,7 @@ class Procedure {
     results_.clear();
     for (Result<Frame> frame = source_.Next(kNoDeadline); frame.ok(); frame = source_.Next(kNoDeadline)) {
       results_.push_back(engine_->Track(*frame, kNoDeadline));
-      while (engine_->MapStep()) {
+      while (engine_->BackgroundStep()) {
       }
       for (LatePose pose; engine_->late_poses().TryPop(&pose);) {
         FrameResult& late = results_[pose.frame_index];

@@ -220,7 +220,7 @@ TEST(TinyPools, FullRingsLoseTheNewestAndCountIt) {
   // Nobody reads the events.
   for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
     (void)engine->Track(*frame, kNoDeadline);
-    while (engine->MapStep()) continue;
+    while (engine->BackgroundStep()) continue;
   }
   EXPECT_EQ(engine->map_events().size(), 4u);
   EXPECT_GT(engine->map_events().num_dropped(), 0u);
@@ -242,7 +242,7 @@ TEST(TinyPools, WithoutAFeatureSetAFrameIsLostAndTheNextIsNot) {
       }
     }
     results.push_back(engine->Track(*frame, kNoDeadline));
-    while (engine->MapStep()) continue;
+    while (engine->BackgroundStep()) continue;
     for (const FeatureSetHandle set : taken) colon.device().ReleaseFeatureSet(set);
     taken.clear();
   }

@@ -1,0 +1,42 @@
+// The mapper's part of place recognition: retrieves what looks like a new keyframe among all keyframes of all maps that
+// are not connected with it, and copies what the recogniser needs to verify the best of them, together with the rivals
+// of each: other places of the same map, or of the keyframe's own, that may agree as well. Reads the atlas only.
+// thread-bound(mapping), deterministic.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/place/place_task.h"
+#include "engine/place/retrieval.h"
+
+namespace haustra {
+
+class PlaceScout {
+ public:
+  // Everything named outlives it.
+  PlaceScout(const EngineConfig& config, KeyframeRetrieval& retrieval);
+
+  // True: `task` has candidates to be verified. False: its report says all there is to say; a device that fails leaves
+  // an entry kDeviceFailed. Cost: one retrieval and the copies, some milliseconds.
+  bool Look(const Atlas& atlas, KeyframeHandle keyframe, PlaceTask* task);
+
+  std::uint64_t num_points_left_out() const { return copier_.num_points_left_out(); }
+
+ private:
+  void MarkConnected(const Atlas& atlas, KeyframeHandle keyframe);
+  int Copy(const Atlas& atlas, std::size_t retrieved_idx, PlaceTask* task);
+  void NameRivals(const Atlas& atlas, std::size_t retrieved_idx, PlaceTask* task);
+
+  const EngineConfig& config_;
+  KeyframeRetrieval& retrieval_;
+  ExcerptCopier copier_;
+  std::vector<std::int32_t> strongest_;
+  std::vector<RetrievalCandidate> retrieved_;
+  std::vector<int> candidate_of_;           // of retrieved_: position in the task, -1: not copied
+  std::vector<std::uint8_t> is_connected_;  // by keyframe slot
+  std::vector<KeyframeHandle> connected_;
+  std::vector<Covisible> covisible_;
+};
+
+}  // namespace haustra

@@ -60,7 +60,8 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::watchdog, &WatchdogConfig::capture_limit_ms>(
       "watchdog.capture_limit_ms", {100, 600000}, "ms", "without a sign of life: the capture thread hangs", kLive));
   add(BindField<&C::watchdog, &WatchdogConfig::mapping_limit_ms>("watchdog.mapping_limit_ms", {1000, 600000}, "ms",
-                                                                 "in one step: the mapping thread hangs", kLive));
+                                                                 "in one step: the mapping or the merging thread hangs",
+                                                                 kLive));
 
   add(BindText<&C::files, &FilesConfig::state_folder>(
       "files.state_folder", "for checkpoints and saved maps; empty: $STATE_DIRECTORY", kRestart));

@@ -11,7 +11,8 @@ std::string FindHang(const SignsOfLife& signs, TimePoint now, const WatchdogConf
     int limit_ms;
   } threads[] = {{"tracking", signs.tracking, limits.tracking_limit_ms},
                  {"capture", signs.capture, limits.capture_limit_ms},
-                 {"mapping", signs.mapping, limits.mapping_limit_ms}};
+                 {"mapping", signs.mapping, limits.mapping_limit_ms},
+                 {"merging", signs.merging, limits.mapping_limit_ms}};
   for (const auto& thread : threads) {
     const Duration silence = now - thread.last;
     if (silence <= std::chrono::milliseconds(thread.limit_ms)) continue;

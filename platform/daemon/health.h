@@ -13,6 +13,7 @@ struct SignsOfLife {
   TimePoint tracking;  // beats many times a second, with or without frames
   TimePoint capture;   // whenever the source answered: a frame, or that there is none
   TimePoint mapping;   // between two steps
+  TimePoint merging;   // when it owed mapping no answer
 };
 
 // Empty: all are well. Else which thread hangs, and since when: "tracking thread hangs for 1.2 s". reentrant.

@@ -62,6 +62,7 @@ void Procedure::Start(std::uint64_t number, const ProcedureCounts& counts) {
   const TimePoint now = with_.clock.Now();
   tracking_beat_.Beat(now);
   mapping_beat_.Beat(now);
+  merging_beat_.Beat(now);
   thread_ = std::thread([this] { Run(); });
 }
 
@@ -98,7 +99,9 @@ std::optional<Status> Procedure::ended() const {
   return ended_;
 }
 
-SignsOfLife Procedure::signs() const { return {tracking_beat_.last(), source_->last_answer(), mapping_beat_.last()}; }
+SignsOfLife Procedure::signs() const {
+  return {tracking_beat_.last(), source_->last_answer(), mapping_beat_.last(), merging_beat_.last()};
+}
 
 ProcedureCounts Procedure::counts() const {
   const std::lock_guard lock(mutex_);
@@ -150,6 +153,7 @@ void Procedure::OnTracked(const FrameOutcome& outcome) {
 void Procedure::BetweenMapSteps() {
   const TimePoint now = with_.clock.Now();
   mapping_beat_.Beat(now);
+  if (!engine_->is_merging()) merging_beat_.Beat(now);
   const std::uint64_t changes = NumChanges(engine_->mapper_counters());
   if (changes != changes_seen_) {
     changes_seen_ = changes;

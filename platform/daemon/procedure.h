@@ -100,6 +100,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   std::atomic<bool> stop_{false};
   Heartbeat tracking_beat_;
   Heartbeat mapping_beat_;
+  Heartbeat merging_beat_;  // by the mapping thread, which waits for its answers
   std::atomic<std::int64_t> snapshot_interval_ns_{0};
   std::atomic<bool> has_changed_{false};
   std::uint64_t changes_seen_ = 0;  // mapping thread: when has_changed_ was set last

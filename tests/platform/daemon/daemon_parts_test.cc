@@ -100,18 +100,20 @@ TEST(Health, ThreadThatIsSilentForTooLongHangs) {
   RecordProperty("req", "DMN-002");
   const WatchdogConfig limits;
   const TimePoint now{seconds(100)};
-  SignsOfLife signs{now, now, now};
+  SignsOfLife signs{now, now, now, now};
   EXPECT_EQ(FindHang(signs, now, limits), "");
   EXPECT_EQ(FindHang(signs, now + milliseconds(limits.tracking_limit_ms), limits), "");
-  signs.capture = signs.mapping = now + seconds(2);
+  signs.capture = signs.mapping = signs.merging = now + seconds(2);
   EXPECT_EQ(FindHang(signs, now + seconds(2), limits), "tracking thread hangs for 2.0 s");
-  signs = {now, now - seconds(4), now};
+  signs = {now, now - seconds(4), now, now};
   EXPECT_EQ(FindHang(signs, now, limits), "capture thread hangs for 4.0 s");
   // A step of the mapper may take its time.
-  signs = {now, now, now - seconds(20)};
+  signs = {now, now, now - seconds(20), now - seconds(20)};
   EXPECT_EQ(FindHang(signs, now, limits), "");
   signs.mapping = now - seconds(31);
   EXPECT_EQ(FindHang(signs, now, limits), "mapping thread hangs for 31.0 s");
+  signs = {now, now, now, now - seconds(31)};
+  EXPECT_EQ(FindHang(signs, now, limits), "merging thread hangs for 31.0 s");
 }
 
 // --- Log.

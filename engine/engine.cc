@@ -40,7 +40,8 @@ MemoryPlan Engine::PlanMemory(const EngineConfig& config) {
   plan.Append(Tracker::PlanMemory(config));
   plan.Add(MemoryPlace::kHostArena, "place recognition", static_cast<std::uint64_t>(PlaceTask::MaxCandidates(config)),
            PlaceTask::BytesFor(config),
-           "features.max, recognition.max_candidates, common_area.group_size, common_area.confirming_keyframes");
+           "features.max, memory.max_keyframes, recognition.max_candidates, common_area.group_size, "
+           "common_area.confirming_keyframes, retrieval.max_keyframes_per_query, retrieval.max_descriptors");
   return plan;
 }
 
@@ -75,7 +76,7 @@ bool Engine::MergeStep() {
   if (task == nullptr) return false;
   const TimePoint start = clock_ == nullptr ? TimePoint{} : clock_->Now();
   recogniser_.Recognise(task);
-  if (clock_ != nullptr) task->verification_duration = clock_->Now() - start;
+  if (clock_ != nullptr) task->merging_duration += clock_->Now() - start;
   places_.Answer();
   return true;
 }

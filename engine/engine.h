@@ -6,7 +6,8 @@
 //
 // Sequential: one thread calls Track and BackgroundStep in turn; the results repeat to the bit for the same frames,
 // configuration and device. Real time: one thread calls Track only, another MapStep only, a third MergeStep
-// only. Tracking shares no lock with the others (tracker.h, mapper.h, place_mailbox.h). The engine knows no file, camera or GPU: frames come in as views, the device is handed in.
+// only. Tracking shares no lock with the others (tracker.h, mapper.h, place_mailbox.h). The engine knows no file,
+// camera or GPU: frames come in as views, the device is handed in.
 #pragma once
 
 #include <cstdint>
@@ -18,9 +19,9 @@
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
 #include "engine/mapping/mapper.h"
-#include "engine/scheduler/background_gate.h"
 #include "engine/place/place_mailbox.h"
 #include "engine/place/place_recogniser.h"
+#include "engine/scheduler/background_gate.h"
 #include "engine/scheduler/gated_vision_device.h"
 #include "engine/scheduler/shared_lane_device.h"
 #include "engine/tracking/frame_result.h"
@@ -69,7 +70,7 @@ class Engine {
 
   // Mapping thread. False when there was nothing to do.
   bool MapStep() { return mapper_.Step(); }
-  // Merging thread: verifies the places that mapping asks about (engine/place). False when there was nothing to do.
+  // Merging thread: answers what mapping asks about places (engine/place). False when there was nothing to do.
   bool MergeStep();
   // Any thread. Merging has something to do; mapping has asked something whose answer it has not yet taken.
   bool has_merge_work() const { return places_.has_question(); }

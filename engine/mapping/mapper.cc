@@ -504,15 +504,14 @@ void Mapper::AskForPlace(KeyframeHandle keyframe) {
   skipped_ = task == nullptr ? keyframe : KeyframeHandle{};
   if (task == nullptr) return;
   const TimePoint start = Now();
-  const bool has_candidates = scout_.Look(atlas_, keyframe, task);
-  task->retrieval_duration = Now() - start;
-  counters_.retrieval_time += task->retrieval_duration;
-  if (has_candidates) {
+  const bool is_question = scout_.Begin(atlas_, keyframe, task);
+  task->mapping_duration = Now() - start;
+  counters_.asking_time += task->mapping_duration;
+  if (is_question) {
     places_.Ask();
-    return;
+  } else {
+    EndQuestion(*task);
   }
-  counters_.place_time += task->retrieval_duration;
-  for (const CommonAreaCounts& counts : task->report.tried) ReportRejection(*task, counts);
 }
 
 // When there is nothing else to do.
@@ -529,16 +528,35 @@ bool Mapper::AskForSkipped() {
 }
 
 bool Mapper::TakeAnswer() {
-  const PlaceTask* task = places_.Answered();
+  PlaceTask* task = places_.Answered();
   if (task == nullptr) return false;
-  counters_.place_time += task->retrieval_duration + task->verification_duration;
-  for (const CommonAreaCounts& counts : task->report.tried) {
-    if (counts.verdict == CommonAreaVerdict::kAccepted) continue;
-    ReportRejection(*task, counts);
+  if (task->stage == PlaceTask::Stage::kRetrieve) {
+    const Keyframe* keyframe = atlas_.GetKeyframe(task->keyframe);
+    if (keyframe == nullptr || keyframe->map != active_) {
+      ++counters_.num_places_skipped;
+    } else {
+      const TimePoint start = Now();
+      const bool is_question = scout_.GoOn(atlas_, task);
+      const Duration duration = Now() - start;
+      task->mapping_duration += duration;
+      counters_.asking_time += duration;
+      if (is_question) {
+        places_.AskOn();
+        return true;
+      }
+    }
   }
-  if (task->is_known) JoinMaps(*task);
+  EndQuestion(*task);
   places_.Take();
   return true;
+}
+
+void Mapper::EndQuestion(const PlaceTask& task) {
+  counters_.place_time += task.mapping_duration + task.merging_duration;
+  for (const CommonAreaCounts& counts : task.report.tried) {
+    if (counts.verdict != CommonAreaVerdict::kAccepted) ReportRejection(task, counts);
+  }
+  if (task.is_known) JoinMaps(task);
 }
 
 // Local bundle adjustment, settling and changes of unit since the question was put are made up for by the plan itself

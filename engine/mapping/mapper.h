@@ -1,11 +1,11 @@
 // The one writer of the atlas (system.md 7): takes proposals from the tracker, founds maps, inserts keyframes, makes,
 // joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal
 // that changed something. Looks for lost frames in all maps and makes the map that shows one the active one. Asks the
-// recogniser (engine/place) whether a new keyframe shows a known place, and joins maps when the answer comes, between two
-// keyframes: it never waits for it. One question is out at a time; of the keyframes that come meanwhile the newest is
-// asked about next. Feature sets that a question names are kept until its answer was taken.
-// Full pools: evictor.h; full rings: the newest event, late pose or proposal is lost and counted by its ring.
-// thread-bound(mapping). Uses the heap (Ceres), inside bounds set by the window.
+// recogniser (engine/place) whether a new keyframe shows a known place, and joins maps when the answer comes, between
+// two keyframes: it never waits for it. One question is out at a time; of the keyframes that come meanwhile the newest
+// is asked about next. Feature sets that a question names are kept until its answer was taken. Full pools: evictor.h;
+// full rings: the newest event, late pose or proposal is lost and counted by its ring. thread-bound(mapping). Uses the
+// heap (Ceres), inside bounds set by the window.
 #pragma once
 
 #include <atomic>
@@ -48,14 +48,14 @@ struct MapperCounters {
   std::uint64_t num_points_culled = 0;
   std::uint64_t num_points_fused = 0;
   std::uint64_t num_foundings_refused = 0;
-  std::uint64_t num_placeless = 0;   // frames without a pose whose place was looked for
+  std::uint64_t num_placeless = 0;        // frames without a pose whose place was looked for
   std::uint64_t num_places_skipped = 0;   // keyframes whose place was not looked for: the recogniser was busy
   std::uint64_t num_merges_outdated = 0;  // answers that came too late to be applied
-  std::uint64_t num_reframings = 0;  // times that a map was moved: the epoch of what is published
+  std::uint64_t num_reframings = 0;       // times that a map was moved: the epoch of what is published
   // Time spent, for the stage table; only measured when a clock is given.
   Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, merge_time{0};
-  Duration retrieval_time{0};  // of place recognition: what is done on the mapping thread
-  Duration place_time{0};      // of retrieval and verification, wherever they ran
+  Duration asking_time{0};  // of place recognition: what is done on the mapping thread
+  Duration place_time{0};   // all of it, wherever it ran
   Duration relocalisation_time{0}, settle_time{0};
 };
 
@@ -114,6 +114,7 @@ class Mapper {
   void AskForPlace(KeyframeHandle keyframe);
   bool AskForSkipped();
   bool TakeAnswer();
+  void EndQuestion(const PlaceTask& task);
   void JoinMaps(const PlaceTask& task);
   void ReportRejection(const PlaceTask& task, const CommonAreaCounts& counts);
   void Reframe(const Reframing& reframing);
@@ -162,7 +163,7 @@ class Mapper {
   int settling_rounds_ = 0;                            // left after the last join
   FoundFrame found_frame_;
   const ProposedView* current_view_ = nullptr;  // of the proposal being worked on
-  KeyframeHandle skipped_;  // the newest one that the recogniser was too busy for
+  KeyframeHandle skipped_;                      // the newest one that the recogniser was too busy for
   std::vector<RelocalisationCounts> relocalisations_tried_;
   struct RetiredSet {
     std::uint64_t version;    // first snapshot that does not refer to it

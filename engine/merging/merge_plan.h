@@ -1,6 +1,6 @@
 // What a proven common area (engine/place/common_area.h) asks the atlas to become, and what came of it. A plan names
-// entities by handle only, so it may wait between recognition and application; a stale one is refused. Its similarity is
-// one between two keyframes: when these have moved since, or their maps' units have changed, it goes along.
+// entities by handle only, so it may wait between recognition and application; a stale one is refused. Its similarity
+// is one between two keyframes: when these have moved since, or their maps' units have changed, it goes along.
 #pragma once
 
 #include <vector>
@@ -25,8 +25,7 @@ struct MergePlan {
 };
 
 inline MergePlan MakeMergePlan(const CommonArea& area) {
-  return {area.keyframe_a, area.keyframe_b, area.b_from_a,   area.points,
-          area.anchor_a,   area.anchor_b,   area.keyframe_a};
+  return {area.keyframe_a, area.keyframe_b, area.b_from_a, area.points, area.anchor_a, area.anchor_b, area.keyframe_a};
 }
 
 struct MergeOutcome {

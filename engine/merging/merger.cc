@@ -29,7 +29,8 @@ Sim3 NowFromThen(const SE3& cam_from_now, double scale_now, const KeyframeAnchor
 
 // The plan's similarity between the maps as they are now.
 Sim3 UpToDate(const MergePlan& plan, const Atlas& atlas) {
-  const SE3 pose_a = atlas.keyframe(plan.keyframe_a).cam_from_map, pose_b = atlas.keyframe(plan.keyframe_b).cam_from_map;
+  const SE3 pose_a = atlas.keyframe(plan.keyframe_a).cam_from_map,
+            pose_b = atlas.keyframe(plan.keyframe_b).cam_from_map;
   const double scale_a = atlas.KeyframeScale(plan.keyframe_a), scale_b = atlas.KeyframeScale(plan.keyframe_b);
   const bool has_moved = !IsSame(pose_a, plan.anchor_a.cam_from_map) || !IsSame(pose_b, plan.anchor_b.cam_from_map) ||
                          scale_a != plan.anchor_a.scale || scale_b != plan.anchor_b.scale;
@@ -58,7 +59,8 @@ Status Merger::Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, Ti
   if (a == nullptr || b == nullptr || plan.keyframe_a == plan.keyframe_b) {
     return FailedPrecondition("merge: a keyframe of the plan is gone");
   }
-  if (tracked == nullptr || tracked->map != a->map) return FailedPrecondition("merge: tracking is not in the plan's map");
+  if (tracked == nullptr || tracked->map != a->map)
+    return FailedPrecondition("merge: tracking is not in the plan's map");
   if (!IsSimilarity(plan.b_from_a)) {
     return InvalidArgument("merge: scale " + std::to_string(plan.b_from_a.scale) + " is not that of a similarity");
   }

@@ -27,9 +27,9 @@ class Merger {
   // Everything named outlives it.
   Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera, VisionDevice& device);
 
-  // kFailedPrecondition: a keyframe of the plan is gone, or tracking in another map; nothing was touched. kInvalidArgument: the similarity is not
-  // one. `clock` may be null with kNoDeadline: then only iterations bound the solvers (sequential mode).
-  // Solvers that fail leave the state before them, which is consistent: that is no error.
+  // kFailedPrecondition: a keyframe of the plan is gone, or tracking in another map; nothing was touched.
+  // kInvalidArgument: the similarity is not one. `clock` may be null with kNoDeadline: then only iterations bound the
+  // solvers (sequential mode). Solvers that fail leave the state before them, which is consistent: that is no error.
   Status Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
 
  private:

@@ -193,8 +193,8 @@ CommonAreaVerdict CommonAreaVerifier::SearchBothWays(const Sides& sides, const S
 
   MarkFeaturesWithPoint(a);
   int visible_in_a = 0;
-  const Status status = search_.Search(sides.b.searched(), b_from_a.Inverse(), {a.set, a.cam_from_map, allowed_},
-                                       &found_, &visible_in_a);
+  const Status status =
+      search_.Search(sides.b.searched(), b_from_a.Inverse(), {a.set, a.cam_from_map, allowed_}, &found_, &visible_in_a);
   if (!status.ok()) return CommonAreaVerdict::kDeviceFailed;
   for (const FoundPoint& found : found_) {
     const Seen& seen = seen_in_b_[found.point_idx];

@@ -8,16 +8,19 @@ namespace haustra {
 
 ExhaustiveRetrieval::ExhaustiveRetrieval(const EngineConfig& config, const RetrievalConfig& retrieval,
                                          VisionDevice& device)
-    : config_(config), retrieval_(retrieval), device_(device), slots_(kBatch) {
+    : config_(config),
+      retrieval_(retrieval),
+      vote_(config, retrieval, device),
+      votes_(config, retrieval, std::pmr::get_default_resource()) {
   entries_.reserve(static_cast<std::size_t>(config.memory.max_keyframes));
-  for (Slot& slot : slots_) slot.matches.resize(static_cast<std::size_t>(retrieval.max_descriptors));
 }
 
 std::size_t ExhaustiveRetrieval::BytesFor(const EngineConfig& config) {
+  const RetrievalConfig& retrieval = config.place.retrieval;
   const auto num_keyframes = static_cast<std::size_t>(config.memory.max_keyframes);
-  const auto num_descriptors = static_cast<std::size_t>(config.place.retrieval.max_descriptors);
+  const auto num_descriptors = static_cast<std::size_t>(retrieval.max_descriptors);
   return num_keyframes * (sizeof(Entry) + sizeof(std::size_t) + num_descriptors * sizeof(std::int32_t)) +
-         kBatch * (sizeof(Slot) + num_descriptors * sizeof(Match));
+         VoteList::BytesFor(config, retrieval) + DescriptorVote::BytesFor(retrieval);
 }
 
 Status ExhaustiveRetrieval::Add(const Atlas& atlas, KeyframeHandle keyframe) {
@@ -35,6 +38,12 @@ void ExhaustiveRetrieval::Remove(KeyframeHandle keyframe) {
 
 Status ExhaustiveRetrieval::Query(const Atlas& atlas, const RetrievalQuery& query,
                                   std::vector<RetrievalCandidate>* out) {
+  HAUSTRA_TRY(Prepare(atlas, query, &votes_, out));
+  return vote_.Count(votes_, out);
+}
+
+Status ExhaustiveRetrieval::Prepare(const Atlas& atlas, const RetrievalQuery& query, VoteList* votes,
+                                    std::vector<RetrievalCandidate>* out) {
   out->clear();
   // Entries stand in order of insertion, which is the order of the ids.
   chosen_.clear();
@@ -51,67 +60,24 @@ Status ExhaustiveRetrieval::Query(const Atlas& atlas, const RetrievalQuery& quer
     next_id_ = atlas.keyframe(entries_[chosen_[limit]].keyframe).id;
     chosen_.resize(limit);
   }
-  for (std::size_t i = 0; i < chosen_.size(); i += kBatch) {
-    const std::size_t count = std::min<std::size_t>(kBatch, chosen_.size() - i);
-    const Status status = Vote(atlas, query, std::span(chosen_).subspan(i, count), out);
-    if (!status.ok()) {
-      out->clear();
-      return status;
-    }
-  }
-  std::sort(out->begin(), out->end(), [&](const RetrievalCandidate& a, const RetrievalCandidate& b) {
-    if (a.num_votes != b.num_votes) return a.num_votes > b.num_votes;
-    return atlas.keyframe(a.keyframe).id < atlas.keyframe(b.keyframe).id;
-  });
-  if (out->size() > static_cast<std::size_t>(query.max_results)) {
-    out->resize(static_cast<std::size_t>(query.max_results));
-  }
-  return Status::Ok();
-}
-
-Status ExhaustiveRetrieval::Vote(const Atlas& atlas, const RetrievalQuery& query, std::span<const std::size_t> entries,
-                                 std::vector<RetrievalCandidate>* out) {
-  const std::size_t num_query = std::min(query.strongest.size(), static_cast<std::size_t>(retrieval_.max_descriptors));
-  std::size_t num_queued = 0;
-  Status status;
-  for (const std::size_t entry_idx : entries) {
+  votes->Clear();
+  votes->query_set = query.set;
+  votes->max_results = query.max_results;
+  const std::size_t num_voters = std::min(query.strongest.size(), static_cast<std::size_t>(retrieval_.max_descriptors));
+  votes->query.assign(query.strongest.begin(), query.strongest.begin() + static_cast<std::ptrdiff_t>(num_voters));
+  for (const std::size_t entry_idx : chosen_) {
     Entry& entry = entries_[entry_idx];
     const Keyframe& keyframe = atlas.keyframe(entry.keyframe);
     if (entry.num_points != keyframe.num_points) {
       SelectStrongestWithPoint(keyframe, retrieval_.max_descriptors, &entry.strongest);
       entry.num_points = keyframe.num_points;
     }
-    Slot& slot = slots_[num_queued];
-    slot.entry_idx = entry_idx;
-    slot.num_matches = 0;
-    MatchRequest request;
-    request.query = DescriptorList::Subset(query.set, query.strongest.first(num_query));
-    request.train = DescriptorList::Subset(keyframe.features.set, entry.strongest);
-    request.options = {static_cast<float>(config_.matching.min_similarity),
-                       static_cast<float>(retrieval_.max_angle_ratio), true};
-    request.matches = slot.matches;
-    request.num_matches = &slot.num_matches;
-    const Result<Ticket> ticket = device_.EnqueueMatch(Lane::kBackground, request);
-    if (!ticket.ok()) {
-      status = ticket.status();
-      break;
-    }
-    slot.ticket = *ticket;
-    ++num_queued;
+    votes->entries.push_back({entry.keyframe, keyframe.id, keyframe.features.set,
+                              static_cast<std::uint32_t>(votes->features.size()),
+                              static_cast<std::uint32_t>(entry.strongest.size())});
+    votes->features.insert(votes->features.end(), entry.strongest.begin(), entry.strongest.end());
   }
-  // What was queued is waited for even after an error: the buffers are ours.
-  for (std::size_t i = 0; i < num_queued; ++i) {
-    const Slot& slot = slots_[i];
-    if (const Status waited = device_.Wait(slot.ticket, kNoDeadline); !waited.ok()) {
-      if (status.ok()) status = waited;
-      continue;
-    }
-    if (slot.num_matches < retrieval_.min_votes) continue;
-    const Entry& entry = entries_[slot.entry_idx];
-    const double longest = static_cast<double>(std::max(num_query, entry.strongest.size()));
-    out->push_back({entry.keyframe, slot.num_matches / longest, slot.num_matches});
-  }
-  return status;
+  return Status::Ok();
 }
 
 }  // namespace haustra

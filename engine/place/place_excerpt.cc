@@ -123,8 +123,7 @@ void ExcerptCopier::CopyCandidate(const Atlas& atlas, KeyframeHandle keyframe, K
                                   GroupExcerpt* out) {
   Begin(atlas, keyframe, out);
   CollectGroup(atlas, keyframe, kWideGroup, config_.mapping.min_shared_points, &covisible_, &group_);
-  const std::size_t num_near =
-      std::min(group_.size(), static_cast<std::size_t>(config_.place.common_area.group_size));
+  const std::size_t num_near = std::min(group_.size(), static_cast<std::size_t>(config_.place.common_area.group_size));
   for (std::size_t i = 0; i < num_near; ++i) AddKeyframe(atlas, atlas.keyframe(group_[i]), out);
   out->num_searched = out->points.size();
   for (std::size_t i = num_near; i < group_.size(); ++i) AddPoints(atlas, atlas.keyframe(group_[i]), out);

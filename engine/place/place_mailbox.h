@@ -23,8 +23,10 @@ class PlaceMailbox {
     ++num_asked_;
     state_.store(kAsked, std::memory_order_release);
   }
+  // The next stage of a task whose answer was heard.
+  void AskOn() { state_.store(kAsked, std::memory_order_release); }
   // Null: no answer yet.
-  const PlaceTask* Answered() const { return StateIs(kAnswered) ? &task_ : nullptr; }
+  PlaceTask* Answered() { return StateIs(kAnswered) ? &task_ : nullptr; }
   void Take() {
     ++num_taken_;
     state_.store(kFree, std::memory_order_release);

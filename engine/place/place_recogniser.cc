@@ -9,10 +9,18 @@ constexpr std::uint64_t kRecogniserStream = 11;
 
 PlaceRecogniser::PlaceRecogniser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
     : config_(config),
+      vote_(config, config.place.retrieval, device),
       verifier_(config, config.place.common_area, camera, device),
       rng_(config.seed, kRecogniserStream) {}
 
 void PlaceRecogniser::Recognise(PlaceTask* task) {
+  switch (task->stage) {
+    case PlaceTask::Stage::kRetrieve: task->has_failed = !vote_.Count(task->votes, &task->retrieved).ok(); break;
+    case PlaceTask::Stage::kVerify: Verify(task); break;
+  }
+}
+
+void PlaceRecogniser::Verify(PlaceTask* task) {
   // Set when a piece of the keyframe's own map agrees in all but what drift can explain: the wall itself repeats.
   bool wall_repeats = false;
   CommonArea& area = task->area;

@@ -1,7 +1,8 @@
-// Place recognition for one new keyframe: which other piece of the atlas shows the same wall? Verifies the candidates
-// that the scout found (place_scout.h), and before it says yes it hears the rivals: a second place of the same map, or
-// of the keyframe's own, that agrees as well but lies elsewhere. Then the place is not distinctive and nothing is
-// joined. Reads the task alone, never the atlas. thread-bound(merging), deterministic for one seed.
+// Place recognition for one new keyframe: which other piece of the atlas shows the same wall? Answers what the scout
+// asks (place_scout.h): counts the votes for what looks alike, then verifies the best candidates, and before it says
+// yes it hears the rivals: a second place of the same map, or of the keyframe's own, that agrees as well but lies
+// elsewhere. Then the place is not distinctive and nothing is joined. Reads the task alone, never the atlas.
+// thread-bound(merging), deterministic for one seed.
 #pragma once
 
 #include "engine/place/common_area.h"
@@ -14,14 +15,16 @@ class PlaceRecogniser {
   // Everything named outlives it.
   PlaceRecogniser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
 
-  // Fills the answer of the task. A device that fails leaves entries kDeviceFailed. Cost: at most twice max_candidates
-  // verifications.
+  // Fills the answer to the task's stage. A device that fails leaves entries kDeviceFailed. Cost: at most twice
+  // max_candidates verifications.
   void Recognise(PlaceTask* task);
 
  private:
+  void Verify(PlaceTask* task);
   bool HasRival(PlaceTask* task, const PlaceCandidate& accepted);
 
   const EngineConfig& config_;
+  DescriptorVote vote_;
   CommonAreaVerifier verifier_;
   Rng rng_;
   CommonArea rival_;

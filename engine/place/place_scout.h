@@ -1,7 +1,7 @@
-// The mapper's part of place recognition: retrieves what looks like a new keyframe among all keyframes of all maps that
-// are not connected with it, and copies what the recogniser needs to verify the best of them, together with the rivals
-// of each: other places of the same map, or of the keyframe's own, that may agree as well. Reads the atlas only.
-// thread-bound(mapping), deterministic.
+// The mapper's part of place recognition: puts the question. First, what looks like a new keyframe among all keyframes
+// of all maps that are not connected with it? Then it copies what the recogniser needs to verify the best of those,
+// together with the rivals of each: other places of the same map, or of the keyframe's own, that may agree as well.
+// Reads the atlas only. thread-bound(mapping), deterministic.
 #pragma once
 
 #include <cstdint>
@@ -17,14 +17,18 @@ class PlaceScout {
   // Everything named outlives it.
   PlaceScout(const EngineConfig& config, KeyframeRetrieval& retrieval);
 
-  // True: `task` has candidates to be verified. False: its report says all there is to say; a device that fails leaves
-  // an entry kDeviceFailed. Cost: one retrieval and the copies, some milliseconds.
-  bool Look(const Atlas& atlas, KeyframeHandle keyframe, PlaceTask* task);
+  // True: the task is to be asked. False: its report says all there is to say; a device that fails leaves an entry
+  // kDeviceFailed. Cost: some milliseconds each, for lists and copies.
+  bool Begin(const Atlas& atlas, KeyframeHandle keyframe, PlaceTask* task);
+  // After kRetrieve. The task's keyframe is alive; candidates that have gone are left out.
+  bool GoOn(const Atlas& atlas, PlaceTask* task);
 
   std::uint64_t num_points_left_out() const { return copier_.num_points_left_out(); }
 
  private:
   void MarkConnected(const Atlas& atlas, KeyframeHandle keyframe);
+  bool CopyCandidates(const Atlas& atlas, PlaceTask* task);
+  bool ReportFailure(const Atlas& atlas, PlaceTask* task);
   int Copy(const Atlas& atlas, std::size_t retrieved_idx, PlaceTask* task);
   void NameRivals(const Atlas& atlas, std::size_t retrieved_idx, PlaceTask* task);
 
@@ -32,8 +36,7 @@ class PlaceScout {
   KeyframeRetrieval& retrieval_;
   ExcerptCopier copier_;
   std::vector<std::int32_t> strongest_;
-  std::vector<RetrievalCandidate> retrieved_;
-  std::vector<int> candidate_of_;           // of retrieved_: position in the task, -1: not copied
+  std::vector<int> candidate_of_;           // of what was retrieved: position in the task, -1: not copied
   std::vector<std::uint8_t> is_connected_;  // by keyframe slot
   std::vector<KeyframeHandle> connected_;
   std::vector<Covisible> covisible_;

@@ -1,5 +1,6 @@
-// One question of the mapper to the recogniser, with all that is needed to answer it, and the answer: does this new
-// keyframe show what one of these candidates shows? Fixed capacity, taken at construction; filled in place.
+// One question of the mapper to the recogniser, with all that is needed to answer it, and the answer. It is put in two
+// stages: which keyframes look like this new one? And when the mapper has added copies of the best of these: does it
+// show what one of them shows? Fixed capacity, taken at construction; filled in place.
 #pragma once
 
 #include <algorithm>
@@ -8,6 +9,7 @@
 #include <vector>
 
 #include "engine/place/common_area.h"
+#include "engine/place/descriptor_vote.h"
 #include "engine/place/place_excerpt.h"
 #include "hal/core/fixed_vector.h"
 #include "hal/core/time.h"
@@ -34,7 +36,10 @@ struct PlaceReport {
 
 struct PlaceTask {
   PlaceTask(const EngineConfig& config, std::pmr::memory_resource* memory)
-      : query(GroupExcerpt::ForQuery(config), memory), candidates(memory) {
+      : votes(config, config.place.retrieval, memory),
+        query(GroupExcerpt::ForQuery(config), memory),
+        candidates(memory) {
+    retrieved.reserve(static_cast<std::size_t>(config.memory.max_keyframes));
     candidates.reserve(static_cast<std::size_t>(MaxCandidates(config)));
     for (int i = 0; i < MaxCandidates(config); ++i) candidates.emplace_back(config, memory);
     report.tried.reserve(static_cast<std::size_t>(2 * config.place.recognition.max_candidates + 1));
@@ -46,24 +51,33 @@ struct PlaceTask {
   }
   static std::size_t BytesFor(const EngineConfig& config) {
     const auto num = static_cast<std::size_t>(MaxCandidates(config));
-    return GroupExcerpt::BytesFor(GroupExcerpt::ForQuery(config)) + MemoryArena::BytesFor<PlaceCandidate>(num) +
+    return VoteList::BytesFor(config, config.place.retrieval) + GroupExcerpt::BytesFor(GroupExcerpt::ForQuery(config)) +
+           MemoryArena::BytesFor<PlaceCandidate>(num) +
            num * GroupExcerpt::BytesFor(GroupExcerpt::ForCandidate(config));
   }
 
-  // The question.
-  std::uint32_t frame_index = 0;  // of the new keyframe
+  enum class Stage : std::uint8_t { kRetrieve, kVerify };
+
+  Stage stage = Stage::kRetrieve;
+  KeyframeHandle keyframe;  // the new one
+  std::uint32_t frame_index = 0;
   TimePoint timestamp;
+  bool is_known = false;  // in the end: `area` is accepted and says where
+  CommonArea area;
+  PlaceReport report;
+  Duration mapping_duration{0};  // what it took, on either side
+  Duration merging_duration{0};
+
+  // kRetrieve: who votes; the answer, best first.
+  VoteList votes;
+  std::vector<RetrievalCandidate> retrieved;
+  bool has_failed = false;  // the device did not answer
+
+  // kVerify. The answer is `area`.
   GroupExcerpt query;
   std::pmr::vector<PlaceCandidate> candidates;  // [0, num_candidates)
   int num_candidates = 0;
-  int num_verified = 0;           // the first so many, most votes first; the others are rivals only
-  Duration retrieval_duration{0};  // what it took to put it
-
-  // The answer.
-  bool is_known = false;  // `area` is accepted and says where
-  CommonArea area;
-  PlaceReport report;
-  Duration verification_duration{0};
+  int num_verified = 0;  // the first so many, most votes first; the others are rivals only
 };
 
 }  // namespace haustra

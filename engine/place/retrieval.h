@@ -25,7 +25,10 @@ struct RetrievalCandidate {
   KeyframeHandle keyframe;
   double score = 0.0;  // the larger the more alike, in [0, 1]; comparable within one query only
   int num_votes = 0;   // matched descriptors or shared words
+  KeyframeId id = kNoId;
 };
+
+struct VoteList;
 
 // thread-bound(mapping). Deterministic: the same calls in the same order give the same answers.
 class KeyframeRetrieval {
@@ -40,6 +43,11 @@ class KeyframeRetrieval {
   // The best matching keyframes, best first (ties: older first). Replaces `out`; on error it is empty. Errors are those
   // of the device.
   virtual Status Query(const Atlas& atlas, const RetrievalQuery& query, std::vector<RetrievalCandidate>* out) = 0;
+
+  // As Query, but what takes long and needs neither index nor atlas is left for another thread: the answer is `out`, or
+  // when `votes` is not empty, what DescriptorVote::Count makes of it (descriptor_vote.h).
+  virtual Status Prepare(const Atlas& atlas, const RetrievalQuery& query, VoteList* votes,
+                         std::vector<RetrievalCandidate>* out) = 0;
 };
 
 }  // namespace haustra

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <string>
 
+#include "engine/place/descriptor_vote.h"
 #include "engine/place/strongest_features.h"
 
 namespace haustra {
@@ -111,16 +112,22 @@ Status VocabularyRetrieval::Query(const Atlas& atlas, const RetrievalQuery& quer
     if (num_common_[i] == 0 || num_common_[i] < retrieval_.min_votes) continue;
     const Keyframe* keyframe = atlas.GetKeyframe(slots_[i].keyframe);
     if (keyframe == nullptr || (query.is_excluded && query.is_excluded(slots_[i].keyframe, *keyframe))) continue;
-    out->push_back({slots_[i].keyframe, static_cast<double>(common_[i]) / (1 << kShareBits), num_common_[i]});
+    out->push_back(
+        {slots_[i].keyframe, static_cast<double>(common_[i]) / (1 << kShareBits), num_common_[i], keyframe->id});
   }
-  std::sort(out->begin(), out->end(), [&](const RetrievalCandidate& a, const RetrievalCandidate& b) {
-    if (a.score != b.score) return a.score > b.score;
-    return atlas.keyframe(a.keyframe).id < atlas.keyframe(b.keyframe).id;
+  std::sort(out->begin(), out->end(), [](const RetrievalCandidate& a, const RetrievalCandidate& b) {
+    return a.score != b.score ? a.score > b.score : a.id < b.id;
   });
   if (out->size() > static_cast<std::size_t>(query.max_results)) {
     out->resize(static_cast<std::size_t>(query.max_results));
   }
   return Status::Ok();
+}
+
+Status VocabularyRetrieval::Prepare(const Atlas& atlas, const RetrievalQuery& query, VoteList* votes,
+                                    std::vector<RetrievalCandidate>* out) {
+  votes->Clear();
+  return Query(atlas, query, out);
 }
 
 }  // namespace haustra

@@ -36,6 +36,9 @@ class VocabularyRetrieval final : public KeyframeRetrieval {
   void Remove(KeyframeHandle keyframe) override;
   // num_votes: words in common, at least retrieval.min_votes.
   Status Query(const Atlas& atlas, const RetrievalQuery& query, std::vector<RetrievalCandidate>* out) override;
+  // All of it: looking up words takes no time to speak of.
+  Status Prepare(const Atlas& atlas, const RetrievalQuery& query, VoteList* votes,
+                 std::vector<RetrievalCandidate>* out) override;
 
  private:
   static constexpr std::uint32_t kNone = 0xffffffffu;

@@ -1,6 +1,6 @@
-// The vision device as mapping and merging see it in real-time mode, below the lock of shared_lane_device.h: each request
-// on the background lane passes the gate first. Everything else is the device's. thread-safe as the device is; the
-// background lane has one thread at a time.
+// The vision device as mapping and merging see it in real-time mode, below the lock of shared_lane_device.h: each
+// request on the background lane passes the gate first. Everything else is the device's. thread-safe as the device is;
+// the background lane has one thread at a time.
 #pragma once
 
 #include "engine/scheduler/background_gate.h"

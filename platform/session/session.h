@@ -39,14 +39,12 @@ struct FrameOutcome {
 struct MappingTimes {
   std::uint32_t frame_index = 0;  // newest frame that was tracked when it was done
   TimePoint start;                // the stages follow each other in this order
-  Duration insert{0}, create{0}, fuse{0}, bundle{0}, cull{0}, retrieval{0}, merge{0}, relocalisation{0};
-  Duration verification{0};  // merging thread, a step of its own
-  Duration place{0};         // retrieval and verification of one keyframe, in the step that heard the outcome
+  Duration insert{0}, create{0}, fuse{0}, bundle{0}, cull{0}, asking{0}, merge{0}, relocalisation{0};
+  Duration recognition{0};  // merging thread, a step of its own
+  Duration place{0};        // all that was asked and answered of one keyframe, in the step that heard the outcome
 
   Duration mapping() const { return insert + create + fuse + bundle + cull; }
-  bool is_empty() const {
-    return (mapping() + retrieval + verification + place + merge + relocalisation).count() == 0;
-  }
+  bool is_empty() const { return (mapping() + asking + recognition + place + merge + relocalisation).count() == 0; }
 };
 
 // Called on the thread that runs the session, in frame order, never on the tracking thread.
@@ -83,8 +81,8 @@ struct SessionSummary {
   Duration video_time{0};  // from the first to the last frame, one period added
 };
 
-// Every frame, tracking, mapping and merging in turn on the calling thread; repeats to the bit. Stops early, with Ok, when
-// `stop` becomes true. Errors of the source end the session with its status; what was mapped stays in the engine.
+// Every frame, tracking, mapping and merging in turn on the calling thread; repeats to the bit. Stops early, with Ok,
+// when `stop` becomes true. Errors of the source end the session with its status; what was mapped stays in the engine.
 Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const Clock& clock, SessionObserver& observer,
                                      const std::atomic<bool>& stop);
 
@@ -99,9 +97,9 @@ struct RealTimeOptions {
 };
 
 // Frames become due at their time stamps divided by `rate`, each is dropped when a newer one is due before tracking
-// comes to it. Capture, tracking, mapping and merging run on threads of their own, the observer on the calling one. A source
-// slower than its own rate delays the frames' due times: reading is not what is measured. Frames of a live camera are
-// due at their time stamps, as long ago as that was: transport and copying are part of what is measured.
+// comes to it. Capture, tracking, mapping and merging run on threads of their own, the observer on the calling one. A
+// source slower than its own rate delays the frames' due times: reading is not what is measured. Frames of a live
+// camera are due at their time stamps, as long ago as that was: transport and copying are part of what is measured.
 //
 // Each frame is to be answered within config.scheduler.deadline_ms of its due time (0: within a period of the frames,
 // at the session's rate). `stop`, set by any thread, ends the session within a fraction of a second: what was mapped

@@ -18,7 +18,7 @@ inline bool TimedMapStep(Engine& engine, const Clock& clock, MappingTimes* times
   times->fuse = after.fuse_time - before.fuse_time;
   times->bundle = after.bundle_time - before.bundle_time;
   times->cull = after.cull_time - before.cull_time;
-  times->retrieval = after.retrieval_time - before.retrieval_time;
+  times->asking = after.asking_time - before.asking_time;
   times->place = after.place_time - before.place_time;
   times->merge = after.merge_time - before.merge_time;
   times->relocalisation = after.relocalisation_time - before.relocalisation_time;
@@ -30,7 +30,7 @@ inline bool TimedMergeStep(Engine& engine, const Clock& clock, MappingTimes* tim
   *times = MappingTimes{};
   times->start = clock.Now();
   if (!engine.MergeStep()) return false;
-  times->verification = clock.Now() - times->start;
+  times->recognition = clock.Now() - times->start;
   return true;
 }
 

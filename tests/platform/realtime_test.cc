@@ -80,8 +80,8 @@ RealTimeConfig Config() {
 void ApplyOnThreads(RealTimeThreads& threads) {
   std::latch all_live(4);  // at once, so that each has an id of its own
   std::vector<std::thread> running;
-  for (const SessionThread thread : {SessionThread::kCapture, SessionThread::kTracking, SessionThread::kMapping,
-                                     SessionThread::kMerging}) {
+  for (const SessionThread thread :
+       {SessionThread::kCapture, SessionThread::kTracking, SessionThread::kMapping, SessionThread::kMerging}) {
     running.emplace_back([&threads, &all_live, thread] {
       all_live.arrive_and_wait();
       threads.Apply(thread);

@@ -1,6 +1,6 @@
-// The real-time session without pictures: capture, tracking, mapping and merging threads of the product, the engine itself, and
-// a vision device that sleeps as long as an accelerator would work. Beside it, threads of ordinary scheduling that
-// never rest, and a reader that storms the kernel. Counts what misses its deadline. For virtual time
+// The real-time session without pictures: capture, tracking, mapping and merging threads of the product, the engine
+// itself, and a vision device that sleeps as long as an accelerator would work. Beside it, threads of ordinary
+// scheduling that never rest, and a reader that storms the kernel. Counts what misses its deadline. For virtual time
 // (realtime_proof.sh) and for any machine.
 //   realtime_skeleton FRAMES ordinary|realtime HOGS READERS
 #include <fcntl.h>

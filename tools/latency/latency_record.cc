@@ -12,7 +12,7 @@ constexpr std::size_t kMaxSeconds = 24 * 3600;
 std::vector<std::pair<const char*, Duration>> StagesOf(const MappingTimes& times) {
   return {{"insert", times.insert}, {"create", times.create},
           {"fuse", times.fuse},     {"bundle", times.bundle},
-          {"cull", times.cull},     {"retrieval", times.retrieval},
+          {"cull", times.cull},     {"asking", times.asking},
           {"merge", times.merge},   {"relocalisation", times.relocalisation}};
 }
 
@@ -27,7 +27,7 @@ LatencyRecord::LatencyRecord(std::uint32_t warm_up_frames, std::size_t trace_fra
   for (const auto& [name, duration] : StagesOf(MappingTimes())) {
     stages_.push_back({"mapping/" + std::string(name), {}});
   }
-  stages_.push_back({"merging/verification", {}});
+  stages_.push_back({"merging/recognition", {}});
   worst_of_second_.reserve(kMaxSeconds);
 }
 
@@ -74,7 +74,7 @@ void LatencyRecord::OnMapped(const MappingTimes& times) {
   for (const auto& [name, duration] : StagesOf(times)) {
     if (duration.count() > 0) Stage("mapping/" + std::string(name)).Add(duration);
   }
-  if (times.verification.count() > 0) Stage("merging/verification").Add(times.verification);
+  if (times.recognition.count() > 0) Stage("merging/recognition").Add(times.recognition);
   if (trace_frames_ == 0) return;
   if (last_mappings_.size() == trace_frames_) last_mappings_.pop_front();
   last_mappings_.push_back(times);

@@ -10,12 +10,11 @@ enum Row { kCapture = 1, kTracking = 2, kStages = 3, kMapping = 4, kMerging = 5 
 class Trace {
  public:
   explicit Trace(TimePoint origin) : origin_(origin) {
-    const std::pair<Row, const char*> rows[] = {
-        {kCapture, "capture"},
-        {kTracking, "tracking"},
-        {kStages, "stages of tracking"},
-        {kMapping, "mapping"},
-        {kMerging, "merging"}};
+    const std::pair<Row, const char*> rows[] = {{kCapture, "capture"},
+                                                {kTracking, "tracking"},
+                                                {kStages, "stages of tracking"},
+                                                {kMapping, "mapping"},
+                                                {kMerging, "merging"}};
     for (const auto& [row, name] : rows) {
       events_.push_back({{"name", "thread_name"}, {"ph", "M"}, {"pid", 1}, {"tid", row}, {"args", {{"name", name}}}});
       events_.push_back(
@@ -75,7 +74,7 @@ std::string MakeTraceJson(const LatencyRecord& record) {
       trace.Span(kMapping, name, start, duration);
       start += duration;
     }
-    if (times.verification.count() > 0) trace.Span(kMerging, "verification", start, times.verification);
+    if (times.recognition.count() > 0) trace.Span(kMerging, "recognition", start, times.recognition);
   }
   return trace.Text();
 }

@@ -174,8 +174,8 @@ Status WriteTimes(ByteSink& sink, const RunRecord& record) {
     write(times.frame_index, "mapping/bundle", times.bundle);
     write(times.frame_index, "mapping/cull", times.cull);
     write(times.frame_index, "mapping/total", times.mapping());
-    write(times.frame_index, "place/retrieval", times.retrieval);
-    write(times.frame_index, "place/verification", times.verification);
+    write(times.frame_index, "place/asking", times.asking);
+    write(times.frame_index, "place/recognition", times.recognition);
     write(times.frame_index, "place/total", times.place);
     write(times.frame_index, "merging/total", times.merge);
     write(times.frame_index, "relocalisation/total", times.relocalisation);

@@ -21,7 +21,12 @@ class PlaceRecogniserTest : public testing::Test {
     }
     PlaceScout scout(colon_.config(), retrieval);
     PlaceRecogniser recogniser(colon_.config(), colon_.camera(), colon_.device());
-    if (scout.Look(atlas_, colon_.frames()[frame].keyframe, &task_)) recogniser.Recognise(&task_);
+    bool is_question = scout.Begin(atlas_, colon_.frames()[frame].keyframe, &task_);
+    if (is_question && task_.stage == PlaceTask::Stage::kRetrieve) {
+      recogniser.Recognise(&task_);
+      is_question = scout.GoOn(atlas_, &task_);
+    }
+    if (is_question) recogniser.Recognise(&task_);
     return task_.is_known;
   }
 

@@ -10,7 +10,7 @@
 // of matching requests on any lane may read it. Whoever releases a set makes sure that no queued work uses it. A stale
 // or invalid handle is refused by Enqueue* (kInvalidArgument); a stale DescriptorRef inside a list never matches.
 //
-// thread-safe: one thread a lane. rt-safe after construction: no allocation, no blocking but in Wait.
+// thread-safe: one thread a lane at a time. rt-safe after construction: no allocation, no blocking but in Wait.
 #pragma once
 
 #include <array>
@@ -96,7 +96,7 @@ struct Match {
 
 enum class Lane : std::uint8_t {
   kTracking = 0,    // high priority
-  kBackground = 1,  // mapping and merging
+  kBackground = 1,  // mapping and merging, in turn
   kNumLanes = 2,
 };
 
@@ -167,7 +167,7 @@ struct ExtractOptions {
   bool root_sift = false;           // Arandjelovic 2012
 };
 
-// thread-safe: one thread a lane (see above).
+// thread-safe: one thread a lane at a time (see above).
 class VisionDevice {
  public:
   virtual ~VisionDevice() = default;

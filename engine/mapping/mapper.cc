@@ -552,6 +552,7 @@ bool Mapper::TakeAnswer() {
 }
 
 void Mapper::EndQuestion(const PlaceTask& task) {
+  counters_.num_place_points_left_out = scout_.num_points_left_out();
   counters_.place_time += task.mapping_duration + task.merging_duration;
   for (const CommonAreaCounts& counts : task.report.tried) {
     if (counts.verdict != CommonAreaVerdict::kAccepted) ReportRejection(task, counts);

@@ -203,6 +203,27 @@ TEST(RealTimeSession, MappingThreadFoundsAMapThatTrackingAdopts) {
   EXPECT_GE(num_tracking, 20);
 }
 
+// Away from a map, and back to what it shows in another one.
+TEST(RealTimeSession, MergingThreadAnswersWhatMappingAsks) {
+  ScriptedColon colon;
+  colon.Move(0.0, 4.0, 100);
+  colon.Occlude(5);
+  colon.Move(9.0, 3.0, 150);
+  Lockstep lockstep(colon);
+  const SystemClock clock;
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device, &clock);
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, clock, 1.0, observer, test::kNeverStop).ok());
+  int num_answers = 0, num_questions = 0;
+  for (const MappingTimes& times : observer.mapped) {
+    num_answers += times.recognition.count() > 0;
+    num_questions += times.asking.count() > 0;
+  }
+  EXPECT_GT(num_answers, 0);
+  EXPECT_GE(num_questions, num_answers);
+  EXPECT_FALSE(engine->is_merging()) << "the last answer was taken";
+}
+
 // A camera that never brings a frame but respects the deadline.
 class SilentSource final : public FrameSource {
  public:

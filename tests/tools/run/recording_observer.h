@@ -22,6 +22,7 @@ class RecordingObserver : public SessionObserver {
     calls.push_back(std::string(ToString(event.kind)) + " " + std::to_string(event.frame_index));
   }
   void OnLatePose(const LatePose& pose) override { calls.push_back("late_pose " + std::to_string(pose.frame_index)); }
+  void OnMapped(const MappingTimes& times) override { mapped.push_back(times); }
   void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override {
     calls.push_back("damaged " + std::to_string(frame_index) + " " + message);
   }
@@ -29,6 +30,7 @@ class RecordingObserver : public SessionObserver {
   std::function<void(const FrameOutcome&)> on_frame;  // may be empty
   std::vector<FrameOutcome> frames;
   std::vector<MapEvent> events;
+  std::vector<MappingTimes> mapped;
   std::vector<RealTimeReport> reports;
   std::vector<std::string> calls;
 };

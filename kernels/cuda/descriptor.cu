@@ -26,7 +26,8 @@ struct Scratch {
   int counts[2][kWarps];
   alignas(16) std::uint32_t kept[kRanksPerChunk / 4];  // angles within the limit, a byte a rank
 };
-constexpr float kUnits = 128.0f;  // a cell's sum stays below 2^31: 36 samples of at most 65535 * sqrt(2) counts
+// A sample of at most 65535 * sqrt(2) counts stays below 2^23, and a cell's 36 below 2^31.
+constexpr float kUnits = 64.0f;
 
 // Gradients at the points of a grid around a keypoint, taken at the pixel nearest to each point, shared out among four
 // cells and two orientations each.
@@ -45,18 +46,19 @@ __device__ void CollectGradients(const PlaneValue* __restrict__ level, const Oct
     const float px = x + u * ux - v * uy + 0.5f;
     const float py = y + u * uy + v * ux + 0.5f;
     const bool is_inside = px >= first && py >= first && px < last_x + 1.0f && py < last_y + 1.0f;
-    const int ix = static_cast<int>(fminf(fmaxf(px, first), last_x));
-    const int iy = static_cast<int>(fminf(fmaxf(py, first), last_y));
+    const int ix = ToWholePart(fminf(fmaxf(px, first), last_x)).integer;
+    const int iy = ToWholePart(fminf(fmaxf(py, first), last_y)).integer;
     const PlaneValue* at = level + static_cast<std::ptrdiff_t>(iy) * octave.stride + ix;
-    const float dx = ToCounts(__ldg(at + kReach)) - ToCounts(__ldg(at - kReach));
-    const float dy = ToCounts(__ldg(at + down)) - ToCounts(__ldg(at - down));
+    const float dx = OnBase(__ldg(at + kReach)) - OnBase(__ldg(at - kReach));
+    const float dy = OnBase(__ldg(at + down)) - OnBase(__ldg(at - down));
     const float weight = __expf(-(u * u + v * v) / (2 * kSigma * kSigma));
     // The axes have the length of the grid's spacing, which an angle does not notice.
     const float position = Atan2(dy * ux - dx * uy, dx * ux + dy * uy) * (kDescriptorOrientations / kTwoPi);
     const float magnitude = is_inside ? sqrtf(dx * dx + dy * dy) * (weight * kUnits) : 0.0f;
-    const int lower = static_cast<int>(position);
-    const float upper_part = position - static_cast<float>(lower);
-    const int bins[2] = {lower % kDescriptorOrientations, (lower + 1) % kDescriptorOrientations};
+    const WholePart lower = ToWholePart(position);
+    const float upper_part = position - lower.value;
+    const int bins[2] = {lower.integer & (kDescriptorOrientations - 1),
+                         (lower.integer + 1) & (kDescriptorOrientations - 1)};
     const float parts[2] = {1.0f - upper_part, upper_part};
     // Samples lie between the centres of two cells each way; cells outside the descriptor are dropped.
     const int column = i % kSide / kDescriptorSamplesPerCell;
@@ -76,8 +78,10 @@ __device__ void CollectGradients(const PlaneValue* __restrict__ level, const Oct
         if (cell_column < 0 || cell_column >= kDescriptorCells) continue;
         const float share = row_magnitude * (c == 0 ? 1.0f - column_after : column_after);
         std::int32_t* cell = histogram + (cell_row * kDescriptorCells + cell_column) * kDescriptorOrientations;
-        atomicAdd(cell + bins[0], __float2int_rn(share * parts[0]));
-        atomicAdd(cell + bins[1], __float2int_rn(share * parts[1]));
+#pragma unroll
+        for (int k = 0; k < 2; ++k) {
+          atomicAdd(cell + bins[k], __float_as_int(fmaf(share, parts[k], kIntegerBase)) - kIntegerBaseBits);
+        }
       }
     }
   }
@@ -226,16 +230,17 @@ __device__ Place FindPlace(const ExtractBuffers& buffers, int rank, int angle_id
   return place;
 }
 
-// A block to a rank and an angle.
-__global__ void __launch_bounds__(kThreads)
-    DescriptorKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
-                     const __grid_constant__ SetBuffers sets, const __grid_constant__ FrameOutput output,
-                     int root_sift) {
-  __shared__ Scratch scratch;
-  __shared__ std::uint32_t bytes[kThreads / 4];
-  const int rank = blockIdx.x;
-  const int angle_idx = blockIdx.y;
-  WaitForKernelBefore();
+struct DescriptorScratch {
+  Scratch of_threads;
+  std::uint32_t bytes[kThreads / 4];
+};
+
+// One angle of a rank, by a block.
+__device__ void MakeFeature(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, const SetBuffers& sets,
+                            const FrameOutput& output, int root_sift, int rank, int angle_idx,
+                            DescriptorScratch& all_scratch) {
+  Scratch& scratch = all_scratch.of_threads;
+  std::uint32_t* bytes = all_scratch.bytes;
   const int num_wanted = buffers.params->num_wanted;
   const bool is_first = rank == 0 && angle_idx == 0;  // tells how many there are, even when there is none
   if (!is_first && angle_idx >= (buffers.angle_counts[rank] & kCountMask)) return;
@@ -271,14 +276,31 @@ __global__ void __launch_bounds__(kThreads)
   }
 }
 
+// A block to a rank and its first angle; the blocks beyond take further angles.
+__global__ void __launch_bounds__(kThreads)
+    DescriptorKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                     const __grid_constant__ SetBuffers sets, const __grid_constant__ FrameOutput output,
+                     int root_sift, int num_ranks) {
+  __shared__ DescriptorScratch scratch;
+  WaitForKernelBefore();
+  const int num_angles = num_ranks + buffers.counters->num_further;
+  for (int i = blockIdx.x; i < num_angles; i += gridDim.x) {
+    const std::uint32_t further = i < num_ranks ? 0 : buffers.further[i - num_ranks];
+    const int rank = i < num_ranks ? i : static_cast<int>(further >> kFurtherShift);
+    MakeFeature(layout, buffers, sets, output, root_sift, rank, further & ((1 << kFurtherShift) - 1), scratch);
+    __syncthreads();
+  }
+}
+
 }  // namespace
 
 cudaError_t LaunchDescriptors(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                               const ExtractBuffers& buffers, const SetBuffers& sets, const FrameOutput& output,
                               cudaStream_t stream) {
-  const dim3 grid(settings.num_features, kMaxOrientations);
-  return LaunchAfter(settings.can_launch_early, DescriptorKernel, grid, kThreads, 0, stream, layout, buffers, sets,
-                     output, settings.root_sift);
+  // Few points have more than one angle; what there is beyond the blocks is taken in turn.
+  const int num_blocks = settings.num_features + settings.num_features / 8 + 1;
+  return LaunchAfter(settings.can_launch_early, DescriptorKernel, num_blocks, kThreads, 0, stream, layout, buffers,
+                     sets, output, settings.root_sift, settings.num_features);
 }
 
 }  // namespace haustra::kernels::cuda

@@ -83,7 +83,8 @@ struct FrameCounters {
   std::int32_t num_points;
   std::int32_t num_cells_done;
   std::int32_t num_survivors;
-  std::int32_t spare[4];
+  std::int32_t num_further;
+  std::int32_t spare[3];
   std::int32_t bins[kPriorityBins];
   // Followed by the number of points of each cell.
 };
@@ -116,6 +117,7 @@ struct SelectedPoint {
 inline constexpr std::uint8_t kCountMask = 3;
 inline constexpr std::uint8_t kTwinFlag = 0x80;
 static_assert(kMaxOrientations <= kCountMask);
+inline constexpr int kFurtherShift = 2;
 
 struct ExtractBuffers {
   const FrameParams* host_params = nullptr;
@@ -144,6 +146,8 @@ struct ExtractBuffers {
   SelectedPoint* selected = nullptr;
   std::uint8_t* angle_counts = nullptr;
   std::uint64_t* places = nullptr;  // octave, y, x (cut short): almost the order of the output
+  // Angles after the first of a point, in any order: rank << kFurtherShift | number of the angle.
+  std::uint32_t* further = nullptr;
 };
 
 // Settings that stay.

@@ -97,6 +97,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   HAUSTRA_TRY(selected_.Allocate(num_ranks));
   HAUSTRA_TRY(angle_counts_.Allocate(num_ranks));
   HAUSTRA_TRY(places_.Allocate(num_ranks));
+  HAUSTRA_TRY(further_.Allocate((kMaxOrientations - 1) * num_ranks));
 
   buffers_.host_params = params_.device_data();
   buffers_.params = device_params_.data();
@@ -121,6 +122,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   buffers_.survivor_points = survivor_points_.data();
   buffers_.angle_counts = angle_counts_.data();
   buffers_.places = places_.data();
+  buffers_.further = further_.data();
   output_ = {keypoints_.device_data(), num_features_.device_data()};
 
   std::vector<BandWeights> weights;

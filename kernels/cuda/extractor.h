@@ -103,6 +103,7 @@ class Extractor {
   DeviceBuffer<SelectedPoint> selected_;
   DeviceBuffer<std::uint8_t> angle_counts_;
   DeviceBuffer<std::uint64_t> places_;
+  DeviceBuffer<std::uint32_t> further_;
 };
 
 }  // namespace haustra::kernels::cuda

@@ -29,34 +29,41 @@ __device__ void CollectGradients(const PlaneValue* __restrict__ level, const Oct
   const int reach = min(max(static_cast<int>(kOrientationReachSigmas * kOrientationWindowSigma * point.scale) + 1, 1),
                         kOrientationReachPx);
   const float falloff = -0.5f / (kOrientationWindowSigma * kOrientationWindowSigma * point.scale * point.scale);
-  // 2 * reach rows; threads go through the square around the disc.
+  // 2 * reach rows; threads go through the square around the disc. Small integers are kept as floats too: that takes
+  // fewer conversions.
   const int side = 2 * reach;
   const int first_x = centre_x + 1 - reach;
   const int first_y = centre_y + 1 - reach;
-  const float inverse_side = 1.0f / static_cast<float>(side);
+  const float side_value = static_cast<float>(side);
+  const float inverse_side = 1.0f / side_value;
+  const float reach_value = 0.5f * side_value;
+  const float to_first_x = static_cast<float>(first_x) - point.x;
+  const float to_first_y = static_cast<float>(first_y) - point.y;
+  float i_value = static_cast<float>(threadIdx.x);
 #pragma unroll 4
-  for (int i = threadIdx.x; i < side * side; i += kThreads) {
-    const int row = static_cast<int>((static_cast<float>(i) + 0.5f) * inverse_side);
-    const int x = first_x + i - row * side;
-    const int y = first_y + row;
-    const float distance_y = static_cast<float>(y) - point.y;
-    const float squared_half = static_cast<float>(reach * reach) - distance_y * distance_y;
-    const int half = squared_half > 1.0f ? static_cast<int>(sqrtf(squared_half)) : 1;
-    const bool is_inside = x >= centre_x + 1 - half && x < centre_x + 1 + half && x >= 1 && x <= octave.width - 2 &&
-                           y >= 1 && y <= octave.height - 2;
+  for (int i = threadIdx.x; i < side * side; i += kThreads, i_value += kThreads) {
+    const WholePart row = ToWholePart((i_value + 0.5f) * inverse_side);
+    const float column = i_value - row.value * side_value;
+    const int x = first_x + i - row.integer * side;
+    const int y = first_y + row.integer;
+    const float distance_x = to_first_x + column;
+    const float distance_y = to_first_y + row.value;
+    const float squared_half = reach_value * reach_value - distance_y * distance_y;
+    const float half = squared_half > 1.0f ? floorf(sqrtf(squared_half)) : 1.0f;
+    const bool is_inside = column - reach_value >= -half && column - reach_value < half && x >= 1 &&
+                           x <= octave.width - 2 && y >= 1 && y <= octave.height - 2;
     // Loads are for all, so that they are under way together; outside, of the nearest pixel that has neighbours.
     const int safe_x = min(max(x, 1), octave.width - 2);
     const int safe_y = min(max(y, 1), octave.height - 2);
     const PlaneValue* at = level + static_cast<std::ptrdiff_t>(safe_y) * octave.stride + safe_x;
-    const float dx = ToCounts(__ldg(at + 1)) - ToCounts(__ldg(at - 1));
-    const float dy = ToCounts(__ldg(at + octave.stride)) - ToCounts(__ldg(at - octave.stride));
-    const float distance_x = static_cast<float>(x) - point.x;
+    const float dx = OnBase(__ldg(at + 1)) - OnBase(__ldg(at - 1));
+    const float dy = OnBase(__ldg(at + octave.stride)) - OnBase(__ldg(at - octave.stride));
     const float weight = __expf(falloff * (distance_x * distance_x + distance_y * distance_y));
     const float magnitude = is_inside ? sqrtf(dx * dx + dy * dy) * weight : 0.0f;
     const float position = Atan2(dy, dx) * (kOrientationBins / kTwoPi);
-    const int bin = static_cast<int>(position);
-    const float upper = magnitude * (position - static_cast<float>(bin));
-    float* lower_bin = histogram + bin * kThreads;
+    const WholePart bin = ToWholePart(position);
+    const float upper = magnitude * (position - bin.value);
+    float* lower_bin = histogram + bin.integer * kThreads;
     lower_bin[0] += magnitude - upper;
     lower_bin[kThreads] += upper;
   }
@@ -175,6 +182,10 @@ __global__ void __launch_bounds__(kThreads, 18)
           for (int k = 0; k < kMaxOrientations; ++k) selected.angles[k] = angles[k];
           buffers.selected[rank] = selected;
           buffers.angle_counts[rank] = static_cast<std::uint8_t>(count | (key.is_twin ? kTwinFlag : 0));
+          if (count > 1) {
+            std::uint32_t* further = buffers.further + atomicAdd(&buffers.counters->num_further, count - 1);
+            for (int k = 1; k < count; ++k) further[k - 1] = static_cast<std::uint32_t>(rank << kFurtherShift | k);
+          }
           const float to_input = ToInput(octave.octave);
           const std::uint64_t x_bits = __float_as_uint(point.x * to_input);
           const std::uint64_t y_bits = __float_as_uint(point.y * to_input);

@@ -12,7 +12,20 @@ inline constexpr float kCountsPerUnit = 65535.0f;
 inline constexpr float kCountsPerGrey = 257.0f;
 
 __device__ __forceinline__ float ToCounts(PlaneValue value) { return static_cast<float>(value); }
-// The value on top of 2^23: cheaper than a conversion, and as good where values are subtracted from one another.
+// On top of 2^23 a float's low bits are an integer. Additions that leave a value there are cheaper than conversions.
+inline constexpr float kIntegerBase = 8388608.0f;
+inline constexpr int kIntegerBaseBits = 0x4b000000;
+// Of a number in [0, 2^23), rounded down.
+struct WholePart {
+  int integer;
+  float value;
+};
+__device__ __forceinline__ WholePart ToWholePart(float number) {
+  const float on_base = __fadd_rd(number, kIntegerBase);
+  return {__float_as_int(on_base) - kIntegerBaseBits, on_base - kIntegerBase};
+}
+// The value on top of 2^23: as good as the value where values are subtracted from one another.
+__device__ __forceinline__ float OnBase(PlaneValue value) { return __int_as_float(kIntegerBaseBits | value); }
 __device__ __forceinline__ float LowOnBase(std::uint32_t two) {
   return __uint_as_float(__byte_perm(two, 0x4b000000u, 0x7610));
 }

@@ -27,7 +27,6 @@ constexpr int kWords = kSide / 2;
 constexpr int kLevelWords = kSide * kWords;
 static_assert(kBorder == 2);
 
-constexpr float kIntegerBase = 8388608.0f;  // 2^23: the low bits of a float above it are an integer
 // What a sum of products is to be multiplied by: bytes are times 2^-24, weights for high bytes, which count as 2^8,
 // times kBandScale.
 constexpr float kUnitsPerSum = 16777216.0f * 256.0f / kBandScale;
@@ -219,11 +218,12 @@ __device__ __forceinline__ std::uint32_t Min(std::uint32_t a, std::uint32_t b) {
   asm("min.f16x2 %0, %1, %2;" : "=r"(result) : "r"(a), "r"(b));
   return result;
 }
-// The highest bit of each half where they are equal.
-__device__ __forceinline__ std::uint32_t EqualBits(std::uint32_t a, std::uint32_t b) {
-  constexpr std::uint32_t kLowBits = 0x7fff7fffu;
-  const std::uint32_t difference = a ^ b;
-  return ~(((difference & kLowBits) + kLowBits) | difference) & ~kLowBits;
+// 1 as a half-precision float in each half where they are equal, else 0; kEqualBit is one that it sets.
+constexpr int kEqualBit = 13;
+__device__ __forceinline__ std::uint32_t AreEqual(std::uint32_t a, std::uint32_t b) {
+  std::uint32_t result;
+  asm("set.eq.f16x2.f16x2 %0, %1, %2;" : "=r"(result) : "r"(a), "r"(b));
+  return result;
 }
 
 // Counts of one pixel of a tile.
@@ -346,7 +346,7 @@ __device__ __forceinline__ void SearchRows(const std::uint32_t* shared, const Ti
       const std::uint32_t low = Min(Min(left, right), here);
       const std::uint32_t top = Max(Max(highest[0][d], highest[1][d]), Max(high, lowest_maximum));
       const std::uint32_t bottom = Min(Min(lowest[0][d], lowest[1][d]), Min(low, highest_minimum));
-      found[d] = EqualBits(centre[d], top) | EqualBits(centre[d], bottom);
+      found[d] = AreEqual(centre[d], top) | AreEqual(centre[d], bottom);
       any |= found[d];
       highest[0][d] = highest[1][d];
       lowest[0][d] = lowest[1][d];
@@ -359,7 +359,7 @@ __device__ __forceinline__ void SearchRows(const std::uint32_t* shared, const Ti
     for (int d = 0; d < kScalesPerOctave; ++d) {
 #pragma unroll
       for (int e = 0; e < 2; ++e) {
-        if ((found[d] >> (16 * e + 15) & 1) == 0) continue;
+        if ((found[d] >> (16 * e + kEqualBit) & 1) == 0) continue;
         const std::uint16_t code = Code(d + 1, row - 1, 2 * lane + e);
         const int at = atomicAdd(&finds.num_candidates, 1);
         if (at < kMaxCandidates) {

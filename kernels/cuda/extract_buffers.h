@@ -46,6 +46,7 @@ struct MaskLayout {
   int width = 0;
   int height = 0;
   int words = 0;       // a row of 32 pixels each
+  int num_words = 0;
   int first_word = 0;  // in the mask's bits
 };
 
@@ -132,6 +133,8 @@ struct ExtractBuffers {
   std::int32_t* column_last = nullptr;
   std::uint8_t* static_mask = nullptr;  // pitch as grey; read when has_static_mask
   std::uint32_t* mask_bits = nullptr;
+  // Dilated: that of octave -1, then those of octaves 0 and up, laid out as in mask_bits.
+  std::uint32_t* dilated_bits = nullptr;
   const BandWeights* band_weights = nullptr;  // by BandSource
   std::uint16_t* planes = nullptr;
   uint2* extrema = nullptr;  // x | y << 16, level | octave slot << 8

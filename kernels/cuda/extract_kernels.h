@@ -17,7 +17,7 @@ cudaError_t LaunchIngest(const ScaleSpaceLayout& layout, const ExtractSettings& 
                          const std::uint8_t* frame, const RowRange& rows, cudaStream_t stream);
 // Makes an instantiated graph take the frame from elsewhere. node: one that LaunchIngest was captured as.
 cudaError_t SetFrameOfIngest(cudaGraphExec_t graph, cudaGraphNode_t node, const std::uint8_t* frame);
-// Bits of the exclusion masks of all octaves, undilated.
+// Bits of the exclusion masks of all octaves, and dilated.
 cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
                         cudaStream_t stream);
 

@@ -84,6 +84,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   HAUSTRA_TRY(static_mask_.Allocate(num_pixels));
   HAUSTRA_TRY(line_ends_.Allocate(2 * (static_cast<std::size_t>(plan.max_width_px) + plan.max_height_px)));
   HAUSTRA_TRY(mask_bits_.Allocate(sizes.mask_words));
+  HAUSTRA_TRY(dilated_bits_.Allocate(sizes.mask_words + largest.masks[0].num_words));
   HAUSTRA_TRY(band_weights_.Allocate(kNumBandSources));
   HAUSTRA_TRY(planes_.Allocate(sizes.plane_values));
   HAUSTRA_TRY(extrema_.Allocate(sizes.max_extrema));
@@ -110,6 +111,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   buffers_.column_last = buffers_.column_first + plan.max_width_px;
   buffers_.static_mask = static_mask_.data();
   buffers_.mask_bits = mask_bits_.data();
+  buffers_.dilated_bits = dilated_bits_.data();
   buffers_.band_weights = band_weights_.data();
   buffers_.planes = planes_.data();
   buffers_.extrema = extrema_.data();

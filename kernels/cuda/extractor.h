@@ -91,6 +91,7 @@ class Extractor {
   DeviceBuffer<std::uint8_t> static_mask_;
   DeviceBuffer<std::int32_t> line_ends_;
   DeviceBuffer<std::uint32_t> mask_bits_;
+  DeviceBuffer<std::uint32_t> dilated_bits_;
   DeviceBuffer<BandWeights> band_weights_;
   DeviceBuffer<std::uint16_t> planes_;
   DeviceBuffer<uint2> extrema_;

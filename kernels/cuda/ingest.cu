@@ -6,6 +6,7 @@
 
 #include "kernels/cuda/extract_kernels.h"
 #include "kernels/cuda/kernel_launch.cuh"
+#include "kernels/cuda/mask_dilation.h"
 
 namespace haustra::kernels::cuda {
 namespace {
@@ -172,6 +173,7 @@ __global__ void __launch_bounds__(kLineThreads)
 __global__ void __launch_bounds__(256)
     FinestMaskKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
                      const __grid_constant__ ExtractBuffers buffers) {
+  WaitForKernelBefore();
   const int word_index = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
   const int words = layout.masks[0].words;
   const int y = word_index / words;
@@ -194,10 +196,11 @@ __global__ void __launch_bounds__(256)
 __global__ void __launch_bounds__(256)
     CoarseMasksKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                       int num_octaves) {
+  WaitForKernelBefore();
   int word_index = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
   int octave = 1;
   for (; octave < num_octaves; ++octave) {
-    const int num_words = layout.masks[octave].words * layout.masks[octave].height;
+    const int num_words = layout.masks[octave].num_words;
     if (word_index < num_words) break;
     word_index -= num_words;
   }
@@ -223,6 +226,37 @@ __global__ void __launch_bounds__(256)
   }
   const std::uint32_t bits = __ballot_sync(0xffffffffu, any != 0);
   if (threadIdx.x % 32 == 0) buffers.mask_bits[mask.first_word + word_index] = bits;
+}
+
+// A thread to a word of a dilated mask: by slots of octaves, num_slots of them.
+__global__ void __launch_bounds__(256)
+    DilateMasksKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
+                      int dilation_px, int num_slots) {
+  WaitForKernelBefore();
+  const int index = blockIdx.x * blockDim.x + threadIdx.x;
+  int word_index = index;
+  int slot = 0;
+  for (; slot < num_slots; ++slot) {
+    const int num_words = layout.masks[max(slot - 1, 0)].num_words;
+    if (word_index < num_words) break;
+    word_index -= num_words;
+  }
+  if (slot >= num_slots) return;
+  const MaskLayout& mask = layout.masks[max(slot - 1, 0)];
+  const int reach = slot == 0 ? (dilation_px + 1) / 2 : dilation_px;
+  const int word = word_index % mask.words;
+  const int y = word_index / mask.words;
+  const int first_row = max(y - reach, 0);
+  const int last_row = min(y + reach, mask.height - 1);
+  const auto word_at = [&](int k) {
+    std::uint32_t any = 0;
+    if (word + k < 0 || word + k >= mask.words) return any;
+    const std::uint32_t* column = buffers.mask_bits + mask.first_word + word + k;
+#pragma unroll 4
+    for (int row = first_row; row <= last_row; ++row) any |= column[row * mask.words];
+    return any;
+  };
+  buffers.dilated_bits[index] = DilatedWord(reach, word_at);
 }
 
 int Blocks(int count, int per_block) { return (count + per_block - 1) / per_block; }
@@ -256,19 +290,26 @@ cudaError_t SetFrameOfIngest(cudaGraphExec_t graph, cudaGraphNode_t node, const 
 cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
                         cudaStream_t stream) {
   const int num_column_blocks = Blocks(layout.width, 4 * kColumnGroups);
+  // Each kernel waits for the one before as a whole, so the last one may read what the first one wrote.
   LineEndsKernel<<<num_column_blocks + Blocks(layout.height, kRowsPerBlock), kLineThreads, 0, stream>>>(
       layout, buffers, settings.border_threshold, num_column_blocks);
-  FinestMaskKernel<<<Blocks(layout.masks[0].words * layout.height, 8), 256, 0, stream>>>(layout, settings, buffers);
+  cudaError_t error = cudaGetLastError();
+  const bool early = settings.can_launch_early != 0;
+  const int num_finest_words = layout.masks[0].num_words;
+  if (error == cudaSuccess) {
+    error = LaunchAfter(early, FinestMaskKernel, Blocks(num_finest_words, 8), 256, 0, stream, layout, settings, buffers);
+  }
   // Masks for the octaves that there are.
   const int num_octaves = layout.num_octaves + kFirstOctave;
   int num_coarse_words = 0;
-  for (int octave = 1; octave < num_octaves; ++octave) {
-    num_coarse_words += layout.masks[octave].words * layout.masks[octave].height;
+  for (int octave = 1; octave < num_octaves; ++octave) num_coarse_words += layout.masks[octave].num_words;
+  if (error == cudaSuccess && num_coarse_words > 0) {
+    error =
+        LaunchAfter(early, CoarseMasksKernel, Blocks(num_coarse_words, 8), 256, 0, stream, layout, buffers, num_octaves);
   }
-  if (num_coarse_words > 0) {
-    CoarseMasksKernel<<<Blocks(num_coarse_words, 8), 256, 0, stream>>>(layout, buffers, num_octaves);
-  }
-  return cudaGetLastError();
+  if (error != cudaSuccess) return error;
+  return LaunchAfter(early, DilateMasksKernel, Blocks(2 * num_finest_words + num_coarse_words, 256), 256, 0, stream,
+                     layout, buffers, settings.mask_dilation_px, layout.num_octaves);
 }
 
 }  // namespace haustra::kernels::cuda

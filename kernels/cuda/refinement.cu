@@ -8,33 +8,21 @@
 namespace haustra::kernels::cuda {
 namespace {
 
-// Whether a pixel is within the dilated mask of its octave; x, y in octave pixels. By a warp, a row to a lane.
-__device__ bool IsExcluded(const ScaleSpaceLayout& layout, const std::uint32_t* mask_bits, int dilation_px, int octave,
-                           float x, float y) {
-  if (octave < 0) {
+constexpr int kLanesPerPoint = 4;  // a level each: refinement looks at four of them
+
+// Whether a pixel is within the dilated mask of its octave; x, y in octave pixels.
+__device__ bool IsExcluded(const ScaleSpaceLayout& layout, const std::uint32_t* dilated_bits, int slot, float x,
+                           float y) {
+  const MaskLayout& mask = layout.masks[max(slot - 1, 0)];
+  const std::uint32_t* words = dilated_bits;
+  if (slot == 0) {
     x *= 0.5f;
     y *= 0.5f;
-    dilation_px = (dilation_px + 1) / 2;
-    octave = 0;
+  } else {
+    words += layout.masks[0].num_words + mask.first_word;
   }
-  const MaskLayout& mask = layout.masks[octave];
-  const int first_x = max(static_cast<int>(x) - dilation_px, 0);
-  const int last_x = min(static_cast<int>(x) + dilation_px, mask.width - 1);
-  const int first_y = max(static_cast<int>(y) - dilation_px, 0);
-  const int last_y = min(static_cast<int>(y) + dilation_px, mask.height - 1);
-  const int first_word = first_x / 32;
-  const int last_word = last_x / 32;
-  std::uint32_t any = 0;
-  for (int row = first_y + static_cast<int>(threadIdx.x % 32); row <= last_y; row += 32) {
-    const std::uint32_t* words = mask_bits + mask.first_word + static_cast<std::ptrdiff_t>(row) * mask.words;
-    for (int word = first_word; word <= last_word; ++word) {
-      std::uint32_t bits = 0xffffffffu;
-      if (word == first_word) bits &= 0xffffffffu << (first_x % 32);
-      if (word == last_word) bits &= 0xffffffffu >> (31 - last_x % 32);
-      any |= __ldg(words + word) & bits;
-    }
-  }
-  return __any_sync(0xffffffffu, any != 0) != 0;
+  const int column = static_cast<int>(x);
+  return (words[static_cast<int>(y) * mask.words + column / 32] >> column % 32 & 1) != 0;
 }
 
 // Value, gradient and Hessian of the difference of Gaussians at a grid point, by central differences.
@@ -44,24 +32,44 @@ struct Quadratic {
   float hxx, hyy, hss, hxy, hxs, hys;
 };
 
-// By a warp: lane (s * 3 + r) * 3 + c has the difference at scale s, row r, column c of the cube around the point.
-__device__ Quadratic FitQuadratic(const PlaneValue* at, int stride, std::size_t plane_size) {
-  const int lane = min(static_cast<int>(threadIdx.x % 32), 26);
-  const PlaneValue* mine =
-      at + static_cast<std::ptrdiff_t>(lane / 9) * plane_size + (lane / 3 % 3 - 1) * stride + (lane % 3 - 1);
-  const float difference = ToCounts(__ldg(mine + plane_size)) - ToCounts(__ldg(mine));
-  const auto d = [&](int s, int r, int c) { return __shfl_sync(0xffffffffu, difference, (s * 3 + r) * 3 + c); };
+// By kLanesPerPoint lanes: lane l has the values around the point at level l of the four whose differences count.
+__device__ Quadratic FitQuadratic(const PlaneValue* at, int stride) {
+  int v[3][3];
+#pragma unroll
+  for (int r = 0; r < 3; ++r) {
+#pragma unroll
+    for (int c = 0; c < 3; ++c) v[r][c] = __ldg(at + (r - 1) * stride + (c - 1));
+  }
+  // Integers, so that sums are exact in any order; of the levels first, of their differences then.
+  struct Differences {
+    int of[kLanesPerPoint - 1];
+  };
+  const auto differences = [](int mine) {
+    int of_level[kLanesPerPoint];
+#pragma unroll
+    for (int l = 0; l < kLanesPerPoint; ++l) of_level[l] = __shfl_sync(0xffffffffu, mine, l, kLanesPerPoint);
+    return Differences{{of_level[1] - of_level[0], of_level[2] - of_level[1], of_level[3] - of_level[2]}};
+  };
+  const auto middle_difference = [](int mine) {
+    return __shfl_sync(0xffffffffu, mine, 2, kLanesPerPoint) - __shfl_sync(0xffffffffu, mine, 1, kLanesPerPoint);
+  };
+  const Differences centre = differences(v[1][1]);
+  const Differences dx = differences(v[1][2] - v[1][0]);
+  const Differences dy = differences(v[2][1] - v[0][1]);
+  const int sum_x = middle_difference(v[1][2] + v[1][0]);
+  const int sum_y = middle_difference(v[2][1] + v[0][1]);
+  const int dxy = middle_difference(v[2][2] - v[2][0] - v[0][2] + v[0][0]);
   Quadratic q;
-  q.value = d(1, 1, 1);
-  q.gx = 0.5f * (d(1, 1, 2) - d(1, 1, 0));
-  q.gy = 0.5f * (d(1, 2, 1) - d(1, 0, 1));
-  q.gs = 0.5f * (d(2, 1, 1) - d(0, 1, 1));
-  q.hxx = d(1, 1, 2) + d(1, 1, 0) - 2.0f * q.value;
-  q.hyy = d(1, 2, 1) + d(1, 0, 1) - 2.0f * q.value;
-  q.hss = d(2, 1, 1) + d(0, 1, 1) - 2.0f * q.value;
-  q.hxy = 0.25f * (d(1, 2, 2) - d(1, 2, 0) - d(1, 0, 2) + d(1, 0, 0));
-  q.hxs = 0.25f * (d(2, 1, 2) - d(2, 1, 0) - d(0, 1, 2) + d(0, 1, 0));
-  q.hys = 0.25f * (d(2, 2, 1) - d(2, 0, 1) - d(0, 2, 1) + d(0, 0, 1));
+  q.value = static_cast<float>(centre.of[1]);
+  q.gx = 0.5f * static_cast<float>(dx.of[1]);
+  q.gy = 0.5f * static_cast<float>(dy.of[1]);
+  q.gs = 0.5f * static_cast<float>(centre.of[2] - centre.of[0]);
+  q.hxx = static_cast<float>(sum_x - 2 * centre.of[1]);
+  q.hyy = static_cast<float>(sum_y - 2 * centre.of[1]);
+  q.hss = static_cast<float>(centre.of[2] + centre.of[0] - 2 * centre.of[1]);
+  q.hxy = 0.25f * static_cast<float>(dxy);
+  q.hxs = 0.25f * static_cast<float>(dx.of[2] - dx.of[0]);
+  q.hys = 0.25f * static_cast<float>(dy.of[2] - dy.of[0]);
   return q;
 }
 
@@ -82,32 +90,38 @@ __device__ bool SolveOffset(const Quadratic& q, float* dx, float* dy, float* ds)
   return true;
 }
 
-// By a warp, all lanes alike.
+// By a warp, kLanesPerPoint lanes to a point, all of those alike. Lanes stay together whatever becomes of their point.
 __device__ bool Refine(const OctaveLayout& octave, const PlaneValue* planes, float contrast_threshold,
-                       float edge_threshold, int x, int y, int level, ScaleSpacePoint* point, int* settled_level) {
+                       float edge_threshold, bool is_point, int x, int y, int level, ScaleSpacePoint* point,
+                       int* settled_level) {
+  const PlaneValue* my_planes = planes + octave.first_value + threadIdx.x % kLanesPerPoint * octave.plane_size;
   Quadratic q;
   float dx = 0.0f;
   float dy = 0.0f;
   float ds = 0.0f;
+  bool is_moving = is_point;
   bool has_settled = false;
-  for (int step = 0; step < kMaxRefinementSteps; ++step) {
-    q = FitQuadratic(planes + octave.first_value + static_cast<std::size_t>(level - 1) * octave.plane_size +
+  for (int step = 0; step < kMaxRefinementSteps && __any_sync(0xffffffffu, is_moving); ++step) {
+    // Of points that do not move any more, the same again.
+    q = FitQuadratic(my_planes + static_cast<std::size_t>(level - 1) * octave.plane_size +
                          static_cast<std::size_t>(y) * octave.stride + x,
-                     octave.stride, octave.plane_size);
-    if (!SolveOffset(q, &dx, &dy, &ds)) return false;
-    if (fabsf(dx) < 0.5f && fabsf(dy) < 0.5f && fabsf(ds) < 0.5f) {
-      has_settled = true;
-      break;
-    }
-    // Far away: the quadratic says nothing about this neighbourhood. (Negated to catch NaN.)
-    if (!(fabsf(dx) < 8.0f && fabsf(dy) < 8.0f && fabsf(ds) < 8.0f)) return false;
-    x += static_cast<int>(roundf(dx));
-    y += static_cast<int>(roundf(dy));
-    level += static_cast<int>(roundf(ds));
-    if (level < 1 || level > kScalesPerOctave || x < kEdgeMarginPx || x >= octave.width - kEdgeMarginPx ||
-        y < kEdgeMarginPx || y >= octave.height - kEdgeMarginPx) {
-      return false;
-    }
+                     octave.stride);
+    const bool is_regular = SolveOffset(q, &dx, &dy, &ds);
+    if (!is_moving) continue;
+    has_settled = is_regular && fabsf(dx) < 0.5f && fabsf(dy) < 0.5f && fabsf(ds) < 0.5f;
+    // Far away: the quadratic says nothing about this neighbourhood. (Written so that NaN is far, too.)
+    is_moving = is_regular && !has_settled && fabsf(dx) < 8.0f && fabsf(dy) < 8.0f && fabsf(ds) < 8.0f;
+    if (!is_moving) continue;
+    const int next_x = x + static_cast<int>(roundf(dx));
+    const int next_y = y + static_cast<int>(roundf(dy));
+    const int next_level = level + static_cast<int>(roundf(ds));
+    is_moving = next_level >= 1 && next_level <= kScalesPerOctave && next_x >= kEdgeMarginPx &&
+                next_x < octave.width - kEdgeMarginPx && next_y >= kEdgeMarginPx &&
+                next_y < octave.height - kEdgeMarginPx;
+    if (!is_moving) continue;
+    x = next_x;
+    y = next_y;
+    level = next_level;
   }
   if (!has_settled) return false;
 
@@ -126,17 +140,21 @@ __device__ bool Refine(const OctaveLayout& octave, const PlaneValue* planes, flo
   return true;
 }
 
-constexpr int kRefineWarps = 4;
-constexpr int kRefineBlocks = 132 * 16;
+constexpr int kRefineThreads = 128;
+constexpr int kPointsPerBlock = kRefineThreads / kLanesPerPoint;
+constexpr int kRefineBlocks = 132 * 8;
 
-// A warp to an extremum.
-__global__ void __launch_bounds__(32 * kRefineWarps)
+__global__ void __launch_bounds__(kRefineThreads)
     RefineKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
                  const __grid_constant__ ExtractBuffers buffers) {
   WaitForKernelBefore();
   const int num_extrema = buffers.counters->num_extrema;
-  for (int i = blockIdx.x * kRefineWarps + threadIdx.x / 32; i < num_extrema; i += gridDim.x * kRefineWarps) {
-    const uint2 extremum = buffers.extrema[i];
+  // All lanes of a warp stay in the loop together.
+  for (int first = blockIdx.x * kPointsPerBlock + threadIdx.x / 32 * (32 / kLanesPerPoint); first < num_extrema;
+       first += gridDim.x * kPointsPerBlock) {
+    __syncwarp();
+    const int i = first + threadIdx.x % 32 / kLanesPerPoint;
+    const uint2 extremum = buffers.extrema[min(i, num_extrema - 1)];
     const int x = extremum.x & 0xffff;
     const int y = extremum.x >> 16;
     const int level = extremum.y & 0xff;
@@ -144,17 +162,15 @@ __global__ void __launch_bounds__(32 * kRefineWarps)
     const OctaveLayout& octave = layout.octaves[slot];
     ScaleSpacePoint point;
     int settled_level = 0;
-    if (!Refine(octave, buffers.planes, settings.contrast_threshold, settings.edge_threshold, x, y, level, &point,
-                &settled_level)) {
+    if (!Refine(octave, buffers.planes, settings.contrast_threshold, settings.edge_threshold, i < num_extrema, x, y,
+                level, &point, &settled_level)) {
       continue;
     }
-    // Many extrema are too weak or on edges; masks are asked about the others only.
-    const int dilation_px = settings.mask_dilation_px;
+    if (threadIdx.x % kLanesPerPoint != 0) continue;
     const bool was_excluded =
-        IsExcluded(layout, buffers.mask_bits, dilation_px, octave.octave, static_cast<float>(x), static_cast<float>(y));
-    const bool is_excluded = IsExcluded(layout, buffers.mask_bits, dilation_px, octave.octave, point.x, point.y);
+        IsExcluded(layout, buffers.dilated_bits, slot, static_cast<float>(x), static_cast<float>(y));
+    const bool is_excluded = IsExcluded(layout, buffers.dilated_bits, slot, point.x, point.y);
     if (was_excluded || is_excluded) continue;
-    if (threadIdx.x % 32 != 0) continue;
     const float to_input = ToInput(octave.octave);
     const int column =
         min(max(static_cast<int>(point.x * to_input) / kSelectionCellPx, 0), layout.num_cell_columns - 1);
@@ -176,7 +192,7 @@ __global__ void __launch_bounds__(32 * kRefineWarps)
 
 cudaError_t LaunchRefinement(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                              const ExtractBuffers& buffers, cudaStream_t stream) {
-  RefineKernel<<<kRefineBlocks, 32 * kRefineWarps, 0, stream>>>(layout, settings, buffers);
+  RefineKernel<<<kRefineBlocks, kRefineThreads, 0, stream>>>(layout, settings, buffers);
   return cudaGetLastError();
 }
 

@@ -45,7 +45,8 @@ ScaleSpaceLayout MakeLayout(int width_px, int height_px) {
     mask.height = height;
     mask.words = NumTiles(width, 32);
     mask.first_word = first_word;
-    first_word += mask.words * height;
+    mask.num_words = mask.words * height;
+    first_word += mask.num_words;
     width = (width + 1) / 2;
     height = (height + 1) / 2;
   }
@@ -57,7 +58,7 @@ LayoutSizes SizesOf(const ScaleSpaceLayout& layout) {
   const MaskLayout& coarsest = layout.masks[kMaxOctaves - 1];
   LayoutSizes sizes;
   sizes.plane_values = last.first_value + kNumLevels * last.plane_size;
-  sizes.mask_words = static_cast<std::size_t>(coarsest.first_word) + coarsest.words * coarsest.height;
+  sizes.mask_words = static_cast<std::size_t>(coarsest.first_word) + coarsest.num_words;
   sizes.max_extrema = static_cast<std::size_t>(layout.num_tiles) * kMaxExtremaPerTile;
   return sizes;
 }

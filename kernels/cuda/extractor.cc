@@ -49,6 +49,7 @@ Extractor::~Extractor() {
   for (cudaEvent_t event : ingested_) {
     if (event != nullptr) (void)cudaEventDestroy(event);
   }
+  if (is_level_zero_made_ != nullptr) (void)cudaEventDestroy(is_level_zero_made_);
   for (Branch& branch : branches_) {
     if (branch.done != nullptr) (void)cudaEventDestroy(branch.done);
     if (branch.stream != nullptr) (void)cudaStreamDestroy(branch.stream);
@@ -70,6 +71,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   for (cudaEvent_t& event : ingested_) {
     HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "event"));
   }
+  HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&is_level_zero_made_, cudaEventDisableTiming), "event"));
   const ScaleSpaceLayout largest = MakeLayout(plan.max_width_px, plan.max_height_px);
   const LayoutSizes sizes = SizesOf(largest);
   const std::size_t num_pixels = static_cast<std::size_t>(largest.grey_pitch) * plan.max_height_px;
@@ -169,6 +171,25 @@ cudaError_t Extractor::LaunchIngestOf(int band) {
   return cudaEventRecord(ingested_[band], stream_);
 }
 
+// Octaves 1 and 2, whose tiles do not wait for level 0 of the coarser ones: those have a stream of their own.
+cudaError_t Extractor::LaunchCoarse(cudaStream_t stream, cudaStream_t coarsest_stream) {
+  if (layout_.num_octaves <= kFirstCoarseSlot) return cudaSuccess;
+  constexpr int kFirstCoarsestSlot = kFirstCoarseSlot + 2;
+  HAUSTRA_CUDA_TRY(LaunchLevelZero(layout_, settings_, buffers_, kFirstCoarseSlot, false, stream));
+  if (layout_.num_octaves > kFirstCoarsestSlot) {
+    HAUSTRA_CUDA_TRY(cudaEventRecord(is_level_zero_made_, stream));
+    HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(coarsest_stream, is_level_zero_made_, 0));
+    for (int slot = kFirstCoarsestSlot; slot < layout_.num_octaves; slot += 2) {
+      HAUSTRA_CUDA_TRY(
+          LaunchLevelZero(layout_, settings_, buffers_, slot, slot > kFirstCoarsestSlot, coarsest_stream));
+    }
+    HAUSTRA_CUDA_TRY(LaunchCoarseOctaves(layout_, settings_, buffers_, kFirstCoarsestSlot, layout_.num_octaves, true,
+                                         coarsest_stream));
+  }
+  return LaunchCoarseOctaves(layout_, settings_, buffers_, kFirstCoarseSlot,
+                             std::min(kFirstCoarsestSlot, layout_.num_octaves), stream != coarsest_stream, stream);
+}
+
 cudaError_t Extractor::LaunchAll() {
   // Bands do not wait for one another, so their users wait for all up to theirs.
   const auto begin = [&](int branch, int band) {
@@ -193,10 +214,10 @@ cudaError_t Extractor::LaunchAll() {
     HAUSTRA_CUDA_TRY(end(finest));
   }
   HAUSTRA_CUDA_TRY(begin(kCoarseBranch, kNumBands - 1));
-  if (layout_.num_octaves > kFirstCoarseSlot) {
-    HAUSTRA_CUDA_TRY(LaunchCoarseOctaves(layout_, settings_, buffers_, branches_[kCoarseBranch].stream));
-  }
+  HAUSTRA_CUDA_TRY(begin(kCoarsestBranch, kNumBands - 1));
+  HAUSTRA_CUDA_TRY(LaunchCoarse(branches_[kCoarseBranch].stream, branches_[kCoarsestBranch].stream));
   HAUSTRA_CUDA_TRY(end(kCoarseBranch));
+  HAUSTRA_CUDA_TRY(end(kCoarsestBranch));
   HAUSTRA_CUDA_TRY(begin(kMaskBranch, kNumBands - 1));
   HAUSTRA_CUDA_TRY(LaunchMasks(layout_, settings_, buffers_, branches_[kMaskBranch].stream));
   HAUSTRA_CUDA_TRY(end(kMaskBranch));
@@ -288,9 +309,7 @@ Status Extractor::MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out) 
     switch (step) {
       case 0: return LaunchIngest(layout_, settings_, buffers_, frame_, all, stream_);
       case 1: return LaunchMasks(layout_, settings_, buffers_, stream_);
-      case 2:
-        if (layout_.num_octaves <= kFirstCoarseSlot) return cudaSuccess;
-        return LaunchCoarseOctaves(layout_, settings_, buffers_, stream_);
+      case 2: return LaunchCoarse(stream_, stream_);
       case 3: return LaunchOctaveZero(layout_, settings_, buffers_, all, stream_);
       case 4: return LaunchFinestOctave(layout_, settings_, buffers_, all, stream_);
       case 5: return LaunchRefinement(layout_, settings_, buffers_, stream_);

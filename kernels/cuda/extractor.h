@@ -56,13 +56,14 @@ class Extractor {
   Status Capture();
   cudaError_t LaunchAll();
   cudaError_t LaunchIngestOf(int band);
+  cudaError_t LaunchCoarse(cudaStream_t stream, cudaStream_t coarsest_stream);
   RowRange BandOf(int band) const;
   const std::uint8_t* Place(const ImageView& image, std::int64_t* pitch_bytes);
 
   // The picture is taken in so many bands of rows, one after another.
   static constexpr int kNumBands = 2;
   // What runs beside the main line of a frame.
-  enum { kMaskBranch, kCoarseBranch, kFirstFineBranch, kNumBranches = kFirstFineBranch + 2 * kNumBands };
+  enum { kMaskBranch, kCoarseBranch, kCoarsestBranch, kFirstFineBranch, kNumBranches = kFirstFineBranch + 2 * kNumBands };
   struct Branch {
     cudaStream_t stream = nullptr;
     cudaEvent_t done = nullptr;
@@ -73,6 +74,7 @@ class Extractor {
   cudaStream_t stream_;
   Branch branches_[kNumBranches];
   cudaEvent_t ingested_[kNumBands] = {};
+  cudaEvent_t is_level_zero_made_ = nullptr;  // of octaves 1 and 2
   cudaGraph_t graph_source_ = nullptr;
   cudaGraphExec_t graph_ = nullptr;
   cudaGraphNode_t ingest_nodes_[kNumBands] = {};

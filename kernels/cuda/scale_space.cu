@@ -460,9 +460,9 @@ __global__ void __launch_bounds__(kFineThreads, kFineBlocks<kSource>)
 // Octaves 1 and up, from their level 0.
 __global__ void __launch_bounds__(kCoarseThreads, 1)
     CoarseOctavesKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
-                        int threshold) {
+                        int first_tile, int threshold) {
   WaitForKernelBefore();
-  const int tile = blockIdx.x + layout.octaves[kFirstCoarseSlot].first_tile;
+  const int tile = first_tile + blockIdx.x;
   int slot = layout.num_octaves - 1;
   while (tile < layout.octaves[slot].first_tile) --slot;
   const OctaveLayout& octave = layout.octaves[slot];
@@ -600,7 +600,7 @@ BlurWeights<kFactor> ReductionWeights(bool from_grey) {
 // Level 0 of octave `slot` and of the one after it, if there is one.
 template <typename Pixel>
 cudaError_t LaunchReduction(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
-                            const ExtractBuffers& buffers, const ReductionSource<Pixel>& in, int slot,
+                            const ExtractBuffers& buffers, const ReductionSource<Pixel>& in, int slot, bool is_behind,
                             cudaStream_t stream) {
   const auto target = [&](const OctaveLayout& octave) {
     return ReductionTarget{buffers.planes + octave.first_value, octave.width, octave.height, octave.stride};
@@ -611,7 +611,7 @@ cudaError_t LaunchReduction(const ScaleSpaceLayout& layout, const ExtractSetting
   const int num_half_blocks = NumReduceBlocks<2>(half);
   const int num_blocks = num_half_blocks + (has_quarter ? NumReduceBlocks<4>(quarter) : 0);
   constexpr bool kFromGrey = sizeof(Pixel) == 1;
-  return LaunchAfter(settings.can_launch_early && !kFromGrey, ReduceKernel<Pixel>, num_blocks, kReduceThreads, 0,
+  return LaunchAfter(settings.can_launch_early && is_behind, ReduceKernel<Pixel>, num_blocks, kReduceThreads, 0,
                      stream, in, target(half), target(quarter), num_half_blocks, ReductionWeights<2>(kFromGrey),
                      ReductionWeights<4>(kFromGrey));
 }
@@ -663,21 +663,27 @@ cudaError_t LaunchOctaveZero(const ScaleSpaceLayout& layout, const ExtractSettin
   return LaunchFine<BandSource::kGrey>(layout, settings, buffers, rows, stream);
 }
 
-cudaError_t LaunchCoarseOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
-                                const ExtractBuffers& buffers, cudaStream_t stream) {
-  cudaError_t error = LaunchReduction<std::uint8_t>(layout, settings, buffers,
-                                                    {buffers.grey, layout.width, layout.height, layout.grey_pitch},
-                                                    kFirstCoarseSlot, stream);
-  for (int slot = kFirstCoarseSlot + 2; slot < layout.num_octaves && error == cudaSuccess; slot += 2) {
-    const OctaveLayout& from = layout.octaves[slot - 1];
-    error = LaunchReduction<PlaneValue>(layout, settings, buffers,
-                                        {buffers.planes + from.first_value, from.width, from.height, from.stride}, slot,
-                                        stream);
+cudaError_t LaunchLevelZero(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                            const ExtractBuffers& buffers, int slot, bool is_behind, cudaStream_t stream) {
+  if (slot == kFirstCoarseSlot) {
+    return LaunchReduction<std::uint8_t>(layout, settings, buffers,
+                                         {buffers.grey, layout.width, layout.height, layout.grey_pitch}, slot,
+                                         is_behind, stream);
   }
-  if (error != cudaSuccess) return error;
-  const int num_tiles = layout.num_tiles - layout.octaves[kFirstCoarseSlot].first_tile;
-  return LaunchAfter(settings.can_launch_early, CoarseOctavesKernel, num_tiles, kCoarseThreads,
-                     SharedBytes<BandSource::kPlane>(), stream, layout, buffers, LowestThreshold(settings));
+  const OctaveLayout& from = layout.octaves[slot - 1];
+  return LaunchReduction<PlaneValue>(layout, settings, buffers,
+                                     {buffers.planes + from.first_value, from.width, from.height, from.stride}, slot,
+                                     is_behind, stream);
+}
+
+cudaError_t LaunchCoarseOctaves(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
+                                const ExtractBuffers& buffers, int first_slot, int end_slot, bool is_behind,
+                                cudaStream_t stream) {
+  const int first_tile = layout.octaves[first_slot].first_tile;
+  const OctaveLayout& last = layout.octaves[end_slot - 1];
+  return LaunchAfter(settings.can_launch_early && is_behind, CoarseOctavesKernel,
+                     last.first_tile + last.num_tiles - first_tile, kCoarseThreads, SharedBytes<BandSource::kPlane>(),
+                     stream, layout, buffers, first_tile, LowestThreshold(settings));
 }
 
 }  // namespace haustra::kernels::cuda

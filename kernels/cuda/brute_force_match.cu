@@ -111,7 +111,6 @@ __global__ void __launch_bounds__(kThreads, 2)
   unsigned long long* column_best = reinterpret_cast<unsigned long long*>(shared + SharedLayout::kColumnBest);
   float* query_gates = reinterpret_cast<float*>(shared + SharedLayout::kQueryGates);
   TopTwo* join = reinterpret_cast<TopTwo*>(shared + SharedLayout::kJoin);
-  __shared__ bool is_last;
 
   const int thread = threadIdx.x;
   const int lane = thread % 32;
@@ -394,15 +393,7 @@ __global__ void __launch_bounds__(kThreads, 2)
     }
   }
 
-  __threadfence();
-  __syncthreads();
-  if (thread == 0) {
-    is_last = atomicAdd(&work.counters[query_tile], 1) == static_cast<int>(gridDim.y) - 1;
-    if (is_last) work.counters[query_tile] = 0;
-  }
-  __syncthreads();
-  if (!is_last) return;
-  __threadfence();
+  if (!IsLastPart(&work.counters[1 + query_tile], gridDim.y)) return;
   if (thread < kQueryTile) {
     const int query = first_query + thread;
     TopTwo top;
@@ -431,18 +422,11 @@ __global__ void __launch_bounds__(kThreads, 2)
       if (query < job.query.size) job.results[query] = top;
     }
   }
-  if (is_mutual) {
+  if (!is_mutual) {
+    Complete(job.done, &work.counters[0], slice.num_query_tiles);
+  } else {
     // Whose best is whose is known when all blocks of all slices are done.
-    __threadfence();
-    __syncthreads();
-    if (thread == 0) {
-      std::int32_t* counter = &work.counters[slice.num_query_tiles];
-      is_last = atomicAdd(counter, 1) == slice.num_query_tiles - 1;
-      if (is_last) *counter = 0;
-    }
-    __syncthreads();
-    if (!is_last) return;
-    __threadfence();
+    if (!IsLastPart(&work.counters[0], slice.num_query_tiles)) return;
 #pragma unroll 4
     for (int query = thread; query < job.query.size; query += kThreads) {
       const int4 raw = __ldcg(reinterpret_cast<const int4*>(work.merged) + query);
@@ -452,7 +436,7 @@ __global__ void __launch_bounds__(kThreads, 2)
       if (chosen != static_cast<std::uint32_t>(query)) top.state = kRejected;
       job.results[query] = top;
     }
-    __syncthreads();
+    Complete(job.done, nullptr, 1);
     for (int train = thread; train < job.train.size; train += kThreads) work.train_best[train] = 0;
   }
 }

@@ -51,6 +51,9 @@ struct Work {
   // A Wait gave up on it: unless another one comes first, its results are dropped.
   bool is_overdue = false;
   std::uint64_t dropped_number = 0;  // of the last one that was
+  // When it is done the word has the number; the event comes later, and tells of errors. No word: nothing was launched.
+  const DoneWord* done_word = nullptr;
+  std::uint32_t done_number = 0;
   cudaEvent_t done = nullptr;
   // What the caller wants where.
   FeatureSetHandle set;
@@ -65,6 +68,8 @@ struct Work {
   std::uint8_t* device_input = nullptr;
   TopTwo* results = nullptr;
   TopTwo* device_results = nullptr;
+  DoneWord* own_word = nullptr;  // of matching
+  DoneWord* device_word = nullptr;
 };
 
 // Fills the input of a request piece by piece.
@@ -116,6 +121,7 @@ struct LaneState {
   PinnedBuffer<std::uint8_t> input;
   DeviceBuffer<std::uint8_t> device_input;
   PinnedBuffer<TopTwo> results;
+  PinnedBuffer<DoneWord> words;
 };
 
 class Device final : public CudaVisionDevice, private FeatureCounts {
@@ -220,6 +226,8 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     (void)slots_.Retain(request.set);
     work.kind = WorkKind::kExtraction;
     work.number = ++state.last_number;
+    work.done_word = state.extractor->done_word();
+    work.done_number = state.extractor->number();
     work.set = request.set;
     work.keypoints = request.keypoints.data();
     work.count = request.num_keypoints;
@@ -351,6 +359,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(Claim(state, WorkKind::kMatching, &work));
     work->kind = WorkKind::kNone;
     job.results = work->device_results;
+    job.done = {work->device_word, work->done_number};
     cudaEvent_t begin = nullptr;
     cudaEvent_t end = nullptr;
     cudaError_t error = cudaEventCreate(&begin);
@@ -411,12 +420,16 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(lane.input.Allocate(kQueueLength * num_bytes));
     HAUSTRA_TRY(lane.device_input.Allocate(kQueueLength * num_bytes));
     HAUSTRA_TRY(lane.results.Allocate(kQueueLength * max_list));
+    HAUSTRA_TRY(lane.words.Allocate(kQueueLength));
     for (int i = 0; i < kQueueLength; ++i) {
       Work& work = lane.queue[i];
       work.input = lane.input.data() + i * num_bytes;
       work.device_input = lane.device_input.data() + i * num_bytes;
       work.results = lane.results.data() + i * max_list;
       work.device_results = lane.results.device_data() + i * max_list;
+      work.own_word = lane.words.data() + i;
+      work.device_word = lane.words.device_data() + i;
+      *work.own_word = {};
       HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&work.done, cudaEventDisableTiming), "event"));
     }
     HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&lane.extraction.done, cudaEventDisableTiming), "event"));
@@ -447,28 +460,49 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(Finish(work, lane));
     work.kind = kind;
     work.number = ++lane.last_number;
+    work.done_word = nullptr;
+    work.done_number = static_cast<std::uint32_t>(work.number);
     *out = &work;
     return Status::Ok();
   }
 
+  static bool HasWord(const Work& work) {
+    if (work.done_word == nullptr) return true;
+    // What the device wrote before the word is there, too.
+    const bool is_there =
+        *static_cast<const volatile std::uint32_t*>(&work.done_word->number) == work.done_number;
+    std::atomic_thread_fence(std::memory_order_acquire);
+    return is_there;
+  }
+
   Status WaitFor(Work& work, TimePoint deadline) {
     // Results are due in tens or hundreds of microseconds: look without pause at first, then leave the processor to
-    // others.
+    // others. An error never sends the word: the event is asked, too, when time is long.
     constexpr Duration kImpatience = std::chrono::microseconds(500);
+    constexpr Duration kDoubt = std::chrono::microseconds(200);
+    constexpr int kLooksPerTime = 16;
     const TimePoint begin = Now();
+    TimePoint next_doubt = begin + kDoubt;
     while (true) {
-      const cudaError_t error = cudaEventQuery(work.done);
-      if (error == cudaSuccess) return Status::Ok();
-      if (error != cudaErrorNotReady) {
-        if (work.kind == WorkKind::kExtraction) {
-          slots_.AbandonWrite(work.set);
-          slots_.Release(work.set);
-        }
-        work.kind = WorkKind::kNone;
-        return Lose(ToStatus(error, "work on the device"));
+      for (int look = 0; look < kLooksPerTime; ++look) {
+        if (HasWord(work)) return Status::Ok();
       }
       const TimePoint now = Now();
-      if (deadline != kNoDeadline && now >= deadline) return Status(StatusCode::kDeadlineExceeded);
+      const bool is_over = deadline != kNoDeadline && now >= deadline;
+      if (is_over || now >= next_doubt) {
+        const cudaError_t error = cudaEventQuery(work.done);
+        if (error == cudaSuccess) return Status::Ok();
+        if (error != cudaErrorNotReady) {
+          if (work.kind == WorkKind::kExtraction) {
+            slots_.AbandonWrite(work.set);
+            slots_.Release(work.set);
+          }
+          work.kind = WorkKind::kNone;
+          return Lose(ToStatus(error, "work on the device"));
+        }
+        next_doubt = now + kDoubt;
+      }
+      if (is_over) return Status(StatusCode::kDeadlineExceeded);
       if (now - begin < kImpatience) continue;
       const timespec pause{0, 20'000};
       nanosleep(&pause, nullptr);
@@ -561,13 +595,14 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     return {device_rows, 0, size};
   }
 
-  Status LaunchMatch(LaneState& lane, const MatchRequest& request, const Work& work) {
+  Status LaunchMatch(LaneState& lane, const MatchRequest& request, Work& work) {
     InputWriter input(work);
     MatchJob job;
     job.query = RowsOf(request.query, work.num_queries, input);
     job.train = RowsOf(request.train, work.num_train, input);
     job.options = request.options;
     job.results = work.device_results;
+    job.done = {work.device_word, work.done_number};
     job.is_gated = request.disparity != nullptr || request.epipolar != nullptr;
     if (request.disparity != nullptr) {
       job.gate.has_window = 1;
@@ -595,10 +630,11 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(ToStatus(
         LaunchBruteForce(job, sets_, lane.match_work, device_options_.dot_product, lane.match_limits, lane.stream),
         "launch of matching"));
+    work.done_word = work.own_word;
     return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
   }
 
-  Status LaunchGuidedMatch(LaneState& lane, const GuidedMatchRequest& request, const Work& work) {
+  Status LaunchGuidedMatch(LaneState& lane, const GuidedMatchRequest& request, Work& work) {
     InputWriter input(work);
     GuidedJob job;
     GuidedRow* rows = input.Add<GuidedRow>(work.num_queries, &job.queries);
@@ -616,8 +652,10 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     job.num_train = work.num_train;
     job.options = request.options;
     job.results = work.device_results;
+    job.done = {work.device_word, work.done_number};
     HAUSTRA_TRY(ToStatus(input.Upload(lane.stream), "input of guided matching"));
-    HAUSTRA_TRY(ToStatus(LaunchGuided(job, sets_, lane.stream), "launch of guided matching"));
+    HAUSTRA_TRY(ToStatus(LaunchGuided(job, sets_, lane.match_work, lane.stream), "launch of guided matching"));
+    work.done_word = work.own_word;
     return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
   }
 

@@ -290,6 +290,7 @@ __global__ void __launch_bounds__(kThreads)
     MakeFeature(layout, buffers, sets, output, root_sift, rank, further & ((1 << kFurtherShift) - 1), scratch);
     __syncthreads();
   }
+  Complete({output.done, buffers.params->number}, &buffers.counters->num_described, gridDim.x);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "kernels/common/gaussian_kernel.h"
 #include "kernels/common/sift_parameters.h"
 #include "kernels/cuda/band_weights.h"
+#include "kernels/cuda/completion.h"
 
 namespace haustra::kernels::cuda {
 
@@ -70,6 +71,7 @@ struct FrameParams {
   std::uint32_t set_index = 0;
   std::int32_t num_wanted = 0;     // features, at most ExtractSettings::num_features
   float halvings_per_rank = 0.0f;  // of the priority of a point, for each stronger one of its cell
+  std::uint32_t number = 0;        // of the frame, for its completion
 };
 
 // Rows [begin, end) of the input.
@@ -85,7 +87,8 @@ struct FrameCounters {
   std::int32_t num_cells_done;
   std::int32_t num_survivors;
   std::int32_t num_further;
-  std::int32_t spare[3];
+  std::int32_t num_described;  // blocks
+  std::int32_t spare[2];
   std::int32_t bins[kPriorityBins];
   // Followed by the number of points of each cell.
 };
@@ -178,6 +181,7 @@ struct SetBuffers {
 struct FrameOutput {
   Keypoint* keypoints = nullptr;
   std::int32_t* num_features = nullptr;
+  DoneWord* done = nullptr;
 };
 
 }  // namespace haustra::kernels::cuda

@@ -80,6 +80,8 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   HAUSTRA_TRY(keypoints_.Allocate(settings_.num_features));
   HAUSTRA_TRY(num_features_.Allocate(1));
   *num_features_.data() = 0;
+  HAUSTRA_TRY(done_.Allocate(1));
+  *done_.data() = {};
   HAUSTRA_TRY(device_params_.Allocate(1));
   HAUSTRA_TRY(counters_.Allocate(sizeof(FrameCounters) / sizeof(std::int32_t) + largest.num_cells));
   HAUSTRA_TRY(grey_.Allocate(num_pixels));
@@ -127,7 +129,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   buffers_.angle_counts = angle_counts_.data();
   buffers_.places = places_.data();
   buffers_.further = further_.data();
-  output_ = {keypoints_.device_data(), num_features_.device_data()};
+  output_ = {keypoints_.device_data(), num_features_.device_data(), done_.device_data()};
 
   std::vector<BandWeights> weights;
   for (int i = 0; i < kNumBandSources; ++i) weights.push_back(MakeBandWeights(static_cast<BandSource>(i)));
@@ -293,7 +295,7 @@ Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int m
   const int num_wanted = max_features > 0 ? std::min(max_features, settings_.num_features) : settings_.num_features;
   const float points_per_halving =
       kSharesPerHalving * static_cast<float>(num_wanted) / static_cast<float>(layout_.num_cells);
-  *params_.data() = {set_index, num_wanted, 1.0f / points_per_halving};
+  *params_.data() = {set_index, num_wanted, 1.0f / points_per_halving, ++number_};
   if (frame != frame_) {
     for (const cudaGraphNode_t node : ingest_nodes_) {
       HAUSTRA_TRY(ToStatus(SetFrameOfIngest(graph_, node, frame), "source of the frame"));

@@ -36,6 +36,9 @@ class Extractor {
   // max_features: the strongest so many; 0: as planned.
   Status Enqueue(const ImageView& image, std::uint32_t set_index, int max_features);
 
+  // What tells of the end of the last frame that was queued; the host's view of the word.
+  const DoneWord* done_word() const { return done_.data(); }
+  std::uint32_t number() const { return number_; }
   // Valid when the work is done.
   std::int32_t num_features() const { return *num_features_.data(); }
   const Keypoint* keypoints() const { return keypoints_.data(); }
@@ -79,6 +82,7 @@ class Extractor {
   cudaGraphExec_t graph_ = nullptr;
   cudaGraphNode_t ingest_nodes_[kNumBands] = {};
   const std::uint8_t* frame_ = nullptr;  // where the graph reads the picture, as the device sees it
+  std::uint32_t number_ = 0;
   ScaleSpaceLayout layout_;
   ExtractBuffers buffers_;
   FrameOutput output_;
@@ -87,6 +91,7 @@ class Extractor {
   PinnedBuffer<std::uint8_t> picture_;
   PinnedBuffer<Keypoint> keypoints_;
   PinnedBuffer<std::int32_t> num_features_;
+  PinnedBuffer<DoneWord> done_;
   DeviceBuffer<FrameParams> device_params_;
   DeviceBuffer<std::int32_t> counters_;
   DeviceBuffer<std::uint8_t> grey_;

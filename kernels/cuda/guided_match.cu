@@ -10,13 +10,10 @@ namespace {
 
 constexpr int kWarps = 4;
 
-__global__ void __launch_bounds__(32 * kWarps)
-    GuidedKernel(const __grid_constant__ GuidedJob job, const __grid_constant__ SetBuffers sets) {
+__device__ __forceinline__ void MatchQuery(const GuidedJob& job, const SetBuffers& sets, int index) {
   __shared__ uint4 descriptors[kWarps][kDescriptorBytes / 16];
   const int lane = threadIdx.x % 32;
   const int warp = threadIdx.x / 32;
-  const int index = blockIdx.x * kWarps + warp;
-  if (index >= job.num_queries) return;
   const GuidedRow query = job.queries[index];
   TopTwo top;
   // Negated so that NaN finds nothing.
@@ -66,6 +63,14 @@ __global__ void __launch_bounds__(32 * kWarps)
 }
 
 __global__ void __launch_bounds__(32 * kWarps)
+    GuidedKernel(const __grid_constant__ GuidedJob job, const __grid_constant__ SetBuffers sets,
+                 std::int32_t* counter) {
+  const int index = blockIdx.x * kWarps + threadIdx.x / 32;
+  if (index < job.num_queries) MatchQuery(job, sets, index);
+  Complete(job.done, counter, gridDim.x);
+}
+
+__global__ void __launch_bounds__(32 * kWarps)
     InverseNormsKernel(const __grid_constant__ SetBuffers sets, std::int32_t first_row, std::int32_t num_rows) {
   const int index = blockIdx.x * kWarps + threadIdx.x / 32;
   if (index >= num_rows) return;
@@ -79,8 +84,8 @@ __global__ void __launch_bounds__(32 * kWarps)
 
 }  // namespace
 
-cudaError_t LaunchGuided(const GuidedJob& job, const SetBuffers& sets, cudaStream_t stream) {
-  GuidedKernel<<<(job.num_queries + kWarps - 1) / kWarps, 32 * kWarps, 0, stream>>>(job, sets);
+cudaError_t LaunchGuided(const GuidedJob& job, const SetBuffers& sets, const MatchWork& work, cudaStream_t stream) {
+  GuidedKernel<<<(job.num_queries + kWarps - 1) / kWarps, 32 * kWarps, 0, stream>>>(job, sets, work.counters);
   return cudaGetLastError();
 }
 

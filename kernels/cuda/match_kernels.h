@@ -7,6 +7,7 @@
 #include <cstdint>
 
 #include "hal/vision_device.h"
+#include "kernels/cuda/completion.h"
 #include "kernels/cuda/extract_buffers.h"
 
 namespace haustra::kernels::cuda {
@@ -53,18 +54,18 @@ struct GateInput {
   float max_dy_px = 0.0f;
 };
 
-// What a lane's brute-force matching works with. Counters and train_best are zero between launches.
+// What a lane's matching works with. Counters and train_best are zero between launches.
 struct MatchWork {
   TopTwo* partial = nullptr;  // splits x queries, rounded up to tiles
   std::size_t max_partial = 0;
-  std::int32_t* counters = nullptr;  // one a query tile, and one for all
+  std::int32_t* counters = nullptr;  // one for all, then one a query tile
   unsigned long long* train_best = nullptr;
   TopTwo* merged = nullptr;
   GateArrays query_gates;
   GateArrays train_gates;
 };
 
-// A request as the kernels see it. results: mapped host memory, one a query.
+// A request as the kernels see it. results: mapped host memory, one a query; there, before `done` says so.
 struct MatchJob {
   RowList query;
   RowList train;
@@ -72,6 +73,7 @@ struct MatchJob {
   bool is_gated = false;
   GateInput gate;
   TopTwo* results = nullptr;
+  Completion done;
 };
 
 // What a launch of the matcher may take of the device. A request of more pairs is done in several launches.
@@ -110,9 +112,10 @@ struct GuidedJob {
   const std::uint8_t* train_allowed = nullptr;  // optional
   MatchOptions options;
   TopTwo* results = nullptr;  // mapped host memory, one a query
+  Completion done;
 };
 
-cudaError_t LaunchGuided(const GuidedJob& job, const SetBuffers& sets, cudaStream_t stream);
+cudaError_t LaunchGuided(const GuidedJob& job, const SetBuffers& sets, const MatchWork& work, cudaStream_t stream);
 
 // 1 / |descriptor| of rows that were written by the host.
 cudaError_t LaunchInverseNorms(const SetBuffers& sets, std::int32_t first_row, std::int32_t num_rows,

@@ -54,10 +54,21 @@ __device__ int FindThresholdBin(const std::int32_t* bins, int num_wanted, std::i
   return *result;
 }
 
+// Whether `other` comes before `mine` among points of the same response.
+__device__ __forceinline__ bool IsEqualBefore(const CellPoint& other, const CellPoint& mine) {
+  return other.response == mine.response && other.tie < mine.tie;
+}
+
+// Whether two extrema settled at the very same point.
+__device__ bool AreTwins(const ExtractBuffers& buffers, int index, int other) {
+  const ScaleSpacePoint a = buffers.points[index];
+  const ScaleSpacePoint b = buffers.points[other];
+  return a.x == b.x && a.y == b.y && a.scale == b.scale && buffers.keys[index].octave == buffers.keys[other].octave;
+}
+
 // A block to a cell.
 __global__ void __launch_bounds__(kCellThreads) PriorityKernel(const __grid_constant__ ExtractBuffers buffers) {
   __shared__ CellPoint cell[kMaxPointsPerCell];
-  __shared__ bool is_last;
   __shared__ std::int32_t warp_sums[kWarps];
   __shared__ int threshold_bin;
   __shared__ int num_survivors;
@@ -75,31 +86,30 @@ __global__ void __launch_bounds__(kCellThreads) PriorityKernel(const __grid_cons
     const int index = mine.point;
     int rank = 0;
     int num_equal = 0;
+    int last_equal = 0;
 #pragma unroll 4
     for (int j = part; j < num_points; j += kLanesPerPoint) {
       const CellPoint other = cell[j];
-      const bool is_equal_before = other.response == mine.response && other.tie < mine.tie;
+      const bool is_equal_before = IsEqualBefore(other, mine);
       rank += other.response > mine.response || is_equal_before ? 1 : 0;
       num_equal += is_equal_before ? 1 : 0;
+      last_equal = is_equal_before ? j : last_equal;
     }
+    // Points of the same response are few: back from the last one.
+    int is_twin = 0;
+    for (int j = last_equal; num_equal > 0; j -= kLanesPerPoint) {
+      if (!IsEqualBefore(cell[j], mine)) continue;
+      is_twin |= AreTwins(buffers, index, cell[j].point) ? 1 : 0;
+      --num_equal;
+    }
+    __syncwarp();
 #pragma unroll
     for (int step = 1; step < kLanesPerPoint; step *= 2) {
       rank += __shfl_xor_sync(0xffffffffu, rank, step);
-      num_equal += __shfl_xor_sync(0xffffffffu, num_equal, step);
+      is_twin |= __shfl_xor_sync(0xffffffffu, is_twin, step);
     }
     if (part != 0 || i >= num_points) continue;
-    if (num_equal > 0) {
-      // Another extremum that settled at the very same point?
-      const ScaleSpacePoint a = buffers.points[index];
-      for (int j = 0; j < num_points; ++j) {
-        if (cell[j].response != mine.response || cell[j].tie >= mine.tie) continue;
-        const ScaleSpacePoint b = buffers.points[cell[j].point];
-        if (a.x == b.x && a.y == b.y && a.scale == b.scale &&
-            buffers.keys[index].octave == buffers.keys[cell[j].point].octave) {
-          buffers.keys[index].is_twin = 1;
-        }
-      }
-    }
+    if (is_twin != 0) buffers.keys[index].is_twin = 1;
     const float priority = mine.response * exp2f(-static_cast<float>(rank) * params.halvings_per_rank);
     const std::uint32_t bits = __float_as_uint(priority);
     buffers.priorities[index] = static_cast<std::uint64_t>(bits) << 32 | (0xffffffffu - mine.tie);
@@ -107,12 +117,7 @@ __global__ void __launch_bounds__(kCellThreads) PriorityKernel(const __grid_cons
   }
 
   // The last block leaves out those that are surely not selected.
-  __threadfence();
-  __syncthreads();
-  if (threadIdx.x == 0) is_last = atomicAdd(&buffers.counters->num_cells_done, 1) == static_cast<int>(gridDim.x) - 1;
-  __syncthreads();
-  if (!is_last) return;
-  __threadfence();
+  if (!IsLastPart(&buffers.counters->num_cells_done, gridDim.x)) return;
   if (threadIdx.x == 0) num_survivors = 0;
   const int threshold = FindThresholdBin(buffers.counters->bins, params.num_wanted, warp_sums, &threshold_bin);
   const int num_all = __ldcg(&buffers.counters->num_points);

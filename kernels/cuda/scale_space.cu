@@ -278,7 +278,9 @@ struct TilePlace {
   int height;
 };
 
-__device__ __forceinline__ void Examine(const std::uint32_t* shared, const TilePlace& place, int code, Finds& finds) {
+// Not inlined: it would be in several places of every kernel, and half of its instructions.
+__device__ __noinline__ void Examine(TilePlace place, int code, Finds* finds) {
+  extern __shared__ __align__(16) std::uint32_t shared[];
   const int level = code >> 12;
   const int row = code >> 6 & 63;
   const int column = code & 63;
@@ -288,8 +290,8 @@ __device__ __forceinline__ void Examine(const std::uint32_t* shared, const TileP
     return;
   }
   if (!IsExtremum(shared, level, row, column)) return;
-  const int at = atomicAdd(&finds.num_extrema, 1);
-  if (at < kMaxExtremaPerTile) finds.extrema[at] = static_cast<std::uint16_t>(code);
+  const int at = atomicAdd(&finds->num_extrema, 1);
+  if (at < kMaxExtremaPerTile) finds->extrema[at] = static_cast<std::uint16_t>(code);
 }
 
 // Goes through the rows of the tile: a warp to some of them, a lane to two columns. Finds pixels that none of their
@@ -365,7 +367,7 @@ __device__ __forceinline__ void SearchRows(const std::uint32_t* shared, const Ti
         if (at < kMaxCandidates) {
           finds.candidates[at] = code;
         } else {
-          Examine(shared, place, code, finds);
+          Examine(place, code, &finds);
         }
       }
     }
@@ -394,7 +396,7 @@ __device__ __forceinline__ void FindExtrema(const std::uint32_t* shared, const E
     __syncthreads();
     const int num_candidates = min(finds.num_candidates, kMaxCandidates);
     for (int i = threadIdx.x; i < num_candidates; i += kThreads) {
-      Examine(shared, place, finds.candidates[i], finds);
+      Examine(place, finds.candidates[i], &finds);
     }
     __syncthreads();
     if (finds.num_extrema <= kMaxExtremaPerTile) break;

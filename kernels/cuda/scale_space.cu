@@ -56,12 +56,24 @@ __device__ __forceinline__ void LoadSource(const Pixel* __restrict__ source, int
   const Pixel* left = source + Clamp(first_x + 2 * pair, 0, width - 1);
   const Pixel* right = source + Clamp(first_x + 2 * pair + 1, 0, width - 1);
   std::uint32_t* out = tile + pair;
-#pragma unroll 4
-  for (int row = group; row < Tile::kSize; row += kRowGroups) {
-    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(Clamp(first_y + row, 0, height - 1)) * pitch;
-    const std::uint32_t two =
-        static_cast<std::uint32_t>(__ldg(left + at)) | static_cast<std::uint32_t>(__ldg(right + at)) << 16;
-    out[row * (Tile::kPitch / 2)] = two;
+  constexpr int kRows = (Tile::kSize + kRowGroups - 1) / kRowGroups;  // of a thread
+  constexpr int kAtOnce = kRows <= 10 ? kRows : (kRows + 1) / 2;      // loads under way together
+#pragma unroll
+  for (int first = 0; first < kRows; first += kAtOnce) {
+    std::uint32_t lower[kAtOnce];
+    std::uint32_t upper[kAtOnce];
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      const int row = group + (first + k) * kRowGroups;
+      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(Clamp(first_y + row, 0, height - 1)) * pitch;
+      lower[k] = __ldg(left + at);
+      upper[k] = __ldg(right + at);
+    }
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      const int row = group + (first + k) * kRowGroups;
+      if (row < Tile::kSize) out[row * (Tile::kPitch / 2)] = lower[k] | upper[k] << 16;
+    }
   }
 }
 

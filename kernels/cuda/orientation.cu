@@ -9,19 +9,20 @@
 namespace haustra::kernels::cuda {
 namespace {
 
-constexpr int kThreads = 64;
+// A warp to a point, so that the ranks of kWarps points are found in one pass.
+constexpr int kThreads = 128;
+constexpr int kWarps = kThreads / 32;
 constexpr int kBins = kOrientationBins + 2;  // the last two wrap around: an angle may round up to a full turn
 
-// A histogram for each thread: bin b of thread t is at b * kThreads + t, so that no two threads meet and sums have one
+// Of a warp. A histogram for each lane: bin b of lane t is at b * 32 + t, so that no two lanes meet and sums have one
 // order.
 struct Scratch {
-  float histograms[kBins * kThreads];
+  float histograms[kBins * 32];
   float sums[kBins];
   float smooth[kOrientationBins];
-  int ranks[kThreads / 32];
 };
 
-// Gradients of the disc around the point, into the histogram of each thread.
+// Gradients of the disc around the point, into the histogram of each lane.
 __device__ void CollectGradients(const PlaneValue* __restrict__ level, const OctaveLayout& octave,
                                  const ScaleSpacePoint& point, float* histogram) {
   const int centre_x = static_cast<int>(point.x);
@@ -29,7 +30,7 @@ __device__ void CollectGradients(const PlaneValue* __restrict__ level, const Oct
   const int reach = min(max(static_cast<int>(kOrientationReachSigmas * kOrientationWindowSigma * point.scale) + 1, 1),
                         kOrientationReachPx);
   const float falloff = -0.5f / (kOrientationWindowSigma * kOrientationWindowSigma * point.scale * point.scale);
-  // 2 * reach rows; threads go through the square around the disc. Small integers are kept as floats too: that takes
+  // 2 * reach rows; lanes go through the square around the disc. Small integers are kept as floats too: that takes
   // fewer conversions.
   const int side = 2 * reach;
   const int first_x = centre_x + 1 - reach;
@@ -39,9 +40,9 @@ __device__ void CollectGradients(const PlaneValue* __restrict__ level, const Oct
   const float reach_value = 0.5f * side_value;
   const float to_first_x = static_cast<float>(first_x) - point.x;
   const float to_first_y = static_cast<float>(first_y) - point.y;
-  float i_value = static_cast<float>(threadIdx.x);
+  float i_value = static_cast<float>(threadIdx.x % 32);
 #pragma unroll 4
-  for (int i = threadIdx.x; i < side * side; i += kThreads, i_value += kThreads) {
+  for (int i = threadIdx.x % 32; i < side * side; i += 32, i_value += 32.0f) {
     const WholePart row = ToWholePart((i_value + 0.5f) * inverse_side);
     const float column = i_value - row.value * side_value;
     const int x = first_x + i - row.integer * side;
@@ -63,15 +64,34 @@ __device__ void CollectGradients(const PlaneValue* __restrict__ level, const Oct
     const float position = Atan2(dy, dx) * (kOrientationBins / kTwoPi);
     const WholePart bin = ToWholePart(position);
     const float upper = magnitude * (position - bin.value);
-    float* lower_bin = histogram + bin.integer * kThreads;
+    float* lower_bin = histogram + bin.integer * 32;
     lower_bin[0] += magnitude - upper;
-    lower_bin[kThreads] += upper;
+    lower_bin[32] += upper;
   }
 }
 
-// Angles in order of height, at most kMaxOrientations; returns their number. By the first warp, from scratch.sums.
+// The histograms of the lanes in one.
+__device__ void AddHistograms(Scratch& scratch) {
+  const int lane = threadIdx.x % 32;
+  // A bin to a lane, each from another lane's on; of the bins that are left, four lanes to each.
+  float sums[4] = {};
+#pragma unroll
+  for (int t = 0; t < 32; ++t) sums[t % 4] += scratch.histograms[lane * 32 + (t + lane) % 32];
+  scratch.sums[lane] = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  constexpr int kRest = kBins - 32;
+  static_assert(kRest > 0 && kRest <= 8);
+  const int bin = 32 + min(lane / 4, kRest - 1);
+  float sum = 0.0f;
+#pragma unroll
+  for (int t = 0; t < 8; ++t) sum += scratch.histograms[bin * 32 + lane % 4 * 8 + (t + lane / 4) % 8];
+  sum += __shfl_xor_sync(0xffffffffu, sum, 1);
+  sum += __shfl_xor_sync(0xffffffffu, sum, 2);
+  if (lane % 4 == 0 && lane / 4 < kRest) scratch.sums[bin] = sum;
+}
+
+// Angles in order of height, at most kMaxOrientations; returns their number. By a warp, from scratch.sums.
 __device__ int FindPeaks(Scratch& scratch, float* angles) {
-  const int lane = threadIdx.x;
+  const int lane = threadIdx.x % 32;
   float highest = 0.0f;
   for (int b = lane; b < kOrientationBins; b += 32) {
     const auto at = [&](int k) {
@@ -131,67 +151,79 @@ __device__ int FindPeaks(Scratch& scratch, float* angles) {
   return count;
 }
 
-// A block to a survivor.
-__global__ void __launch_bounds__(kThreads, 18)
+// The survivor of each warp among all of them, by a block: how many have a higher priority.
+__device__ int FindRank(const ExtractBuffers& buffers, int first, int num_survivors, int (&ranks)[kWarps][kWarps]) {
+  std::uint64_t priorities[kWarps];
+  int num_before[kWarps] = {};
+#pragma unroll
+  for (int p = 0; p < kWarps; ++p) priorities[p] = buffers.survivor_priorities[min(first + p, num_survivors - 1)];
+#pragma unroll 4
+  for (int j = 2 * threadIdx.x; j < num_survivors; j += 2 * kThreads) {
+    const ulonglong2 two = *reinterpret_cast<const ulonglong2*>(buffers.survivor_priorities + j);
+    const std::uint64_t second = j + 1 < num_survivors ? two.y : 0;
+#pragma unroll
+    for (int p = 0; p < kWarps; ++p) {
+      num_before[p] += two.x > priorities[p] ? 1 : 0;
+      num_before[p] += second > priorities[p] ? 1 : 0;
+    }
+  }
+  const int warp = threadIdx.x / 32;
+#pragma unroll
+  for (int p = 0; p < kWarps; ++p) {
+    num_before[p] = __reduce_add_sync(0xffffffffu, num_before[p]);
+    if (threadIdx.x % 32 == 0) ranks[p][warp] = num_before[p];
+  }
+  __syncthreads();
+  int rank = 0;
+#pragma unroll
+  for (int w = 0; w < kWarps; ++w) rank += ranks[warp][w];
+  return rank;
+}
+
+// Angles of a survivor that is selected, by a warp.
+__device__ void WriteSelected(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int point_idx, int rank,
+                              Scratch& scratch) {
+  const ScaleSpacePoint point = buffers.points[point_idx];
+  const PointKey key = buffers.keys[point_idx];
+  const OctaveLayout& octave = layout.octaves[key.octave];
+  float* histogram = scratch.histograms + threadIdx.x % 32;
+#pragma unroll
+  for (int b = 0; b < kBins; ++b) histogram[b * 32] = 0.0f;
+  CollectGradients(buffers.planes + octave.first_value + key.level * octave.plane_size, octave, point, histogram);
+  __syncwarp();
+  AddHistograms(scratch);
+  __syncwarp();
+  float angles[kMaxOrientations] = {};
+  const int count = FindPeaks(scratch, angles);
+  if (threadIdx.x % 32 != 0) return;
+  SelectedPoint selected{point_idx, {}};
+#pragma unroll
+  for (int k = 0; k < kMaxOrientations; ++k) selected.angles[k] = angles[k];
+  buffers.selected[rank] = selected;
+  buffers.angle_counts[rank] = static_cast<std::uint8_t>(count | (key.is_twin ? kTwinFlag : 0));
+  if (count > 1) {
+    std::uint32_t* further = buffers.further + atomicAdd(&buffers.counters->num_further, count - 1);
+    for (int k = 1; k < count; ++k) further[k - 1] = static_cast<std::uint32_t>(rank << kFurtherShift | k);
+  }
+  const float to_input = ToInput(octave.octave);
+  const std::uint64_t x_bits = __float_as_uint(point.x * to_input);
+  const std::uint64_t y_bits = __float_as_uint(point.y * to_input);
+  buffers.places[rank] = static_cast<std::uint64_t>(key.octave) << 60 | y_bits << 29 | x_bits >> 3;
+}
+
+__global__ void __launch_bounds__(kThreads, 5)
     OrientationKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers) {
-  __shared__ Scratch scratch;
+  __shared__ Scratch scratch[kWarps];
+  __shared__ int ranks[kWarps][kWarps];
   WaitForKernelBefore();
   const int num_wanted = buffers.params->num_wanted;
   const int num_survivors = buffers.counters->num_survivors;
-  for (int i = blockIdx.x; i < num_survivors; i += gridDim.x) {
-    const std::uint64_t priority = buffers.survivor_priorities[i];
-    const std::int32_t point_idx = buffers.survivor_points[i];
-    const ScaleSpacePoint point = buffers.points[point_idx];
-    const PointKey key = buffers.keys[point_idx];
-    const OctaveLayout& octave = layout.octaves[key.octave];
-    int rank = 0;
-#pragma unroll 8
-    for (int j = 2 * threadIdx.x; j < num_survivors; j += 2 * kThreads) {
-      const ulonglong2 two = *reinterpret_cast<const ulonglong2*>(buffers.survivor_priorities + j);
-      rank += two.x > priority ? 1 : 0;
-      rank += two.y > priority && j + 1 < num_survivors ? 1 : 0;
-    }
-    rank = __reduce_add_sync(0xffffffffu, rank);
-    if (threadIdx.x % 32 == 0) scratch.ranks[threadIdx.x / 32] = rank;
-#pragma unroll
-    for (int b = 0; b < kBins; ++b) scratch.histograms[b * kThreads + threadIdx.x] = 0.0f;
-    __syncthreads();
-    rank = scratch.ranks[0] + scratch.ranks[1];
-    if (rank < num_wanted) {
-      CollectGradients(buffers.planes + octave.first_value + key.level * octave.plane_size, octave, point,
-                       scratch.histograms + threadIdx.x);
-      __syncthreads();
-      if (threadIdx.x < kBins) {
-        float sums[4] = {};
-#pragma unroll 4
-        for (int t = 0; t < kThreads; t += 4) {
-#pragma unroll
-          for (int k = 0; k < 4; ++k) {
-            sums[k] += scratch.histograms[threadIdx.x * kThreads + (t + k + threadIdx.x) % kThreads];
-          }
-        }
-        scratch.sums[threadIdx.x] = (sums[0] + sums[1]) + (sums[2] + sums[3]);
-      }
-      __syncthreads();
-      if (threadIdx.x < 32) {
-        float angles[kMaxOrientations] = {};
-        const int count = FindPeaks(scratch, angles);
-        if (threadIdx.x == 0) {
-          SelectedPoint selected{point_idx, {}};
-#pragma unroll
-          for (int k = 0; k < kMaxOrientations; ++k) selected.angles[k] = angles[k];
-          buffers.selected[rank] = selected;
-          buffers.angle_counts[rank] = static_cast<std::uint8_t>(count | (key.is_twin ? kTwinFlag : 0));
-          if (count > 1) {
-            std::uint32_t* further = buffers.further + atomicAdd(&buffers.counters->num_further, count - 1);
-            for (int k = 1; k < count; ++k) further[k - 1] = static_cast<std::uint32_t>(rank << kFurtherShift | k);
-          }
-          const float to_input = ToInput(octave.octave);
-          const std::uint64_t x_bits = __float_as_uint(point.x * to_input);
-          const std::uint64_t y_bits = __float_as_uint(point.y * to_input);
-          buffers.places[rank] = static_cast<std::uint64_t>(key.octave) << 60 | y_bits << 29 | x_bits >> 3;
-        }
-      }
+  for (int first = kWarps * blockIdx.x; first < num_survivors; first += kWarps * gridDim.x) {
+    const int i = first + threadIdx.x / 32;
+    const int point_idx = buffers.survivor_points[min(i, num_survivors - 1)];
+    const int rank = FindRank(buffers, first, num_survivors, ranks);
+    if (i < num_survivors && rank < num_wanted) {
+      WriteSelected(layout, buffers, point_idx, rank, scratch[threadIdx.x / 32]);
     }
     __syncthreads();
   }
@@ -202,7 +234,7 @@ __global__ void __launch_bounds__(kThreads, 18)
 cudaError_t LaunchOrientations(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                                const ExtractBuffers& buffers, cudaStream_t stream) {
   // A few more survive than are selected; what there is beyond is taken in turn.
-  const int num_blocks = settings.num_features + settings.num_features / 8 + 1;
+  const int num_blocks = (settings.num_features + settings.num_features / 8) / kWarps + 1;
   return LaunchAfter(settings.can_launch_early, OrientationKernel, num_blocks, kThreads, 0, stream, layout, buffers);
 }
 

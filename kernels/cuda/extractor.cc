@@ -204,6 +204,13 @@ cudaError_t Extractor::LaunchAll() {
   const auto end = [&](int branch) { return cudaEventRecord(branches_[branch].done, branches_[branch].stream); };
 
   for (int band = 0; band < kNumBands; ++band) HAUSTRA_CUDA_TRY(LaunchIngestOf(band));
+  // The order of capture is the order in which the graph launches what is ready. The coarse octaves go first: their
+  // branch is the longest, and their blocks would wait until fine tiles leave them room.
+  HAUSTRA_CUDA_TRY(begin(kCoarseBranch, kNumBands - 1));
+  HAUSTRA_CUDA_TRY(begin(kCoarsestBranch, kNumBands - 1));
+  HAUSTRA_CUDA_TRY(LaunchCoarse(branches_[kCoarseBranch].stream, branches_[kCoarsestBranch].stream));
+  HAUSTRA_CUDA_TRY(end(kCoarseBranch));
+  HAUSTRA_CUDA_TRY(end(kCoarsestBranch));
   // Nobody waits for the fine octaves of a band but the frame; the others need the whole picture.
   for (int band = 0; band < kNumBands; ++band) {
     const int zero = kFirstFineBranch + 2 * band;
@@ -215,11 +222,6 @@ cudaError_t Extractor::LaunchAll() {
     HAUSTRA_CUDA_TRY(LaunchFinestOctave(layout_, settings_, buffers_, BandOf(band), branches_[finest].stream));
     HAUSTRA_CUDA_TRY(end(finest));
   }
-  HAUSTRA_CUDA_TRY(begin(kCoarseBranch, kNumBands - 1));
-  HAUSTRA_CUDA_TRY(begin(kCoarsestBranch, kNumBands - 1));
-  HAUSTRA_CUDA_TRY(LaunchCoarse(branches_[kCoarseBranch].stream, branches_[kCoarsestBranch].stream));
-  HAUSTRA_CUDA_TRY(end(kCoarseBranch));
-  HAUSTRA_CUDA_TRY(end(kCoarsestBranch));
   HAUSTRA_CUDA_TRY(begin(kMaskBranch, kNumBands - 1));
   HAUSTRA_CUDA_TRY(LaunchMasks(layout_, settings_, buffers_, branches_[kMaskBranch].stream));
   HAUSTRA_CUDA_TRY(end(kMaskBranch));

@@ -469,8 +469,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   static bool HasWord(const Work& work) {
     if (work.done_word == nullptr) return true;
     // What the device wrote before the word is there, too.
-    const bool is_there =
-        *static_cast<const volatile std::uint32_t*>(&work.done_word->number) == work.done_number;
+    const bool is_there = *static_cast<const volatile std::uint32_t*>(&work.done_word->number) == work.done_number;
     std::atomic_thread_fence(std::memory_order_acquire);
     return is_there;
   }

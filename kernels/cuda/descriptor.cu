@@ -21,10 +21,11 @@ constexpr int kRanksPerThread = kRanksPerChunk / kThreads;
 static_assert(kRanksPerThread == 16);
 
 struct Scratch {
-  alignas(16) std::int32_t histograms[kWarps][kDescriptorBytes];  // in units of 1 / kUnits: sums of integers have no order
-  int sums[kWarps];                                               // of the warps
+  alignas(16) std::int32_t
+      histograms[kWarps][kDescriptorBytes];  // in units of 1 / kUnits: sums of integers have no order
+  int sums[kWarps];                          // of the warps
   int num_kept[kWarps];
-  int num_before[kWarps][kWarps];                        // of each feature, by warp
+  int num_before[kWarps][kWarps];                      // of each feature, by warp
   alignas(16) std::uint32_t kept[kRanksPerChunk / 4];  // angles within the limit, a byte a rank
 };
 // A sample of at most 65535 * sqrt(2) counts stays below 2^23, and a cell's 36 below 2^31.
@@ -179,8 +180,8 @@ struct Place {
   int num_features;  // of the whole output
 };
 
-// Features are counted in order of rank until the limit; the place of one is the number of those that go before it. By a
-// block, for a feature of each warp.
+// Features are counted in order of rank until the limit; the place of one is the number of those that go before it. By
+// a block, for a feature of each warp.
 __device__ Place FindPlaces(const ExtractBuffers& buffers, const Feature (&features)[kWarps], const Feature& mine,
                             int num_wanted, Scratch& scratch) {
   const int lane = threadIdx.x % 32;
@@ -311,8 +312,8 @@ __device__ void WriteFeature(const ScaleSpaceLayout& layout, const ExtractBuffer
 
 __global__ void __launch_bounds__(kThreads, 5)
     DescriptorKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
-                     const __grid_constant__ SetBuffers sets, const __grid_constant__ FrameOutput output,
-                     int root_sift, int num_ranks) {
+                     const __grid_constant__ SetBuffers sets, const __grid_constant__ FrameOutput output, int root_sift,
+                     int num_ranks) {
   __shared__ Scratch scratch;
   const int warp = threadIdx.x / 32;
   WaitForKernelBefore();

@@ -46,7 +46,7 @@ struct OctaveLayout {
 struct MaskLayout {
   int width = 0;
   int height = 0;
-  int words = 0;       // a row of 32 pixels each
+  int words = 0;  // a row of 32 pixels each
   int num_words = 0;
   int first_word = 0;  // in the mask's bits
 };

@@ -30,8 +30,8 @@ cudaError_t LaunchFinestOctave(const ScaleSpaceLayout& layout, const ExtractSett
 cudaError_t LaunchOctaveZero(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                              const ExtractBuffers& buffers, const RowRange& rows, cudaStream_t stream);
 // Level 0 of the octave of a slot, and of the one after it if there is one: of kFirstCoarseSlot from the grey image, of
-// those two, four, ... slots on from level 0 of the octave before. is_behind, here and below: the kernel that makes what
-// is needed comes right before on the stream.
+// those two, four, ... slots on from level 0 of the octave before. is_behind, here and below: the kernel that makes
+// what is needed comes right before on the stream.
 cudaError_t LaunchLevelZero(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                             const ExtractBuffers& buffers, int slot, bool is_behind, cudaStream_t stream);
 // Levels and extrema of the octaves of slots [first_slot, end_slot), at least one, from their level 0.

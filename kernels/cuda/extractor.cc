@@ -182,8 +182,7 @@ cudaError_t Extractor::LaunchCoarse(cudaStream_t stream, cudaStream_t coarsest_s
     HAUSTRA_CUDA_TRY(cudaEventRecord(is_level_zero_made_, stream));
     HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(coarsest_stream, is_level_zero_made_, 0));
     for (int slot = kFirstCoarsestSlot; slot < layout_.num_octaves; slot += 2) {
-      HAUSTRA_CUDA_TRY(
-          LaunchLevelZero(layout_, settings_, buffers_, slot, slot > kFirstCoarsestSlot, coarsest_stream));
+      HAUSTRA_CUDA_TRY(LaunchLevelZero(layout_, settings_, buffers_, slot, slot > kFirstCoarsestSlot, coarsest_stream));
     }
     HAUSTRA_CUDA_TRY(LaunchCoarseOctaves(layout_, settings_, buffers_, kFirstCoarsestSlot, layout_.num_octaves, true,
                                          coarsest_stream));

@@ -66,7 +66,13 @@ class Extractor {
   // The picture is taken in so many bands of rows, one after another.
   static constexpr int kNumBands = 2;
   // What runs beside the main line of a frame.
-  enum { kMaskBranch, kCoarseBranch, kCoarsestBranch, kFirstFineBranch, kNumBranches = kFirstFineBranch + 2 * kNumBands };
+  enum {
+    kMaskBranch,
+    kCoarseBranch,
+    kCoarsestBranch,
+    kFirstFineBranch,
+    kNumBranches = kFirstFineBranch + 2 * kNumBands
+  };
   struct Branch {
     cudaStream_t stream = nullptr;
     cudaEvent_t done = nullptr;

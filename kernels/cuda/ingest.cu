@@ -297,15 +297,16 @@ cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& s
   const bool early = settings.can_launch_early != 0;
   const int num_finest_words = layout.masks[0].num_words;
   if (error == cudaSuccess) {
-    error = LaunchAfter(early, FinestMaskKernel, Blocks(num_finest_words, 8), 256, 0, stream, layout, settings, buffers);
+    error =
+        LaunchAfter(early, FinestMaskKernel, Blocks(num_finest_words, 8), 256, 0, stream, layout, settings, buffers);
   }
   // Masks for the octaves that there are.
   const int num_octaves = layout.num_octaves + kFirstOctave;
   int num_coarse_words = 0;
   for (int octave = 1; octave < num_octaves; ++octave) num_coarse_words += layout.masks[octave].num_words;
   if (error == cudaSuccess && num_coarse_words > 0) {
-    error =
-        LaunchAfter(early, CoarseMasksKernel, Blocks(num_coarse_words, 8), 256, 0, stream, layout, buffers, num_octaves);
+    error = LaunchAfter(early, CoarseMasksKernel, Blocks(num_coarse_words, 8), 256, 0, stream, layout, buffers,
+                        num_octaves);
   }
   if (error != cudaSuccess) return error;
   return LaunchAfter(early, DilateMasksKernel, Blocks(2 * num_finest_words + num_coarse_words, 256), 256, 0, stream,

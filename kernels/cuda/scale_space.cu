@@ -625,8 +625,8 @@ cudaError_t LaunchReduction(const ScaleSpaceLayout& layout, const ExtractSetting
   const int num_half_blocks = NumReduceBlocks<2>(half);
   const int num_blocks = num_half_blocks + (has_quarter ? NumReduceBlocks<4>(quarter) : 0);
   constexpr bool kFromGrey = sizeof(Pixel) == 1;
-  return LaunchAfter(settings.can_launch_early && is_behind, ReduceKernel<Pixel>, num_blocks, kReduceThreads, 0,
-                     stream, in, target(half), target(quarter), num_half_blocks, ReductionWeights<2>(kFromGrey),
+  return LaunchAfter(settings.can_launch_early && is_behind, ReduceKernel<Pixel>, num_blocks, kReduceThreads, 0, stream,
+                     in, target(half), target(quarter), num_half_blocks, ReductionWeights<2>(kFromGrey),
                      ReductionWeights<4>(kFromGrey));
 }
 

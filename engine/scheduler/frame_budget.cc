@@ -21,6 +21,7 @@ FrameBudget::FrameBudget(const SchedulerConfig& config, const Clock* clock)
     : config_(config),
       clock_(clock),
       reserve_(static_cast<std::int64_t>(1e6 * config.reserve_ms)),
+      lost_time_(static_cast<std::int64_t>(1e6 * config.lost_time_ms)),
       expected_(MakeExpectations(config, std::make_index_sequence<kNumStages>())) {}
 
 void FrameBudget::BeginFrame(TimePoint deadline, bool is_tracking, bool needs_all) {
@@ -37,8 +38,8 @@ void FrameBudget::BeginFrame(TimePoint deadline, bool is_tracking, bool needs_al
   // What was given up at a deadline took longer than it says, and would seem to fit for ever.
   const Duration margin = needs_all ? reserve_ : Duration{0};
   if (expected(Stage::kExtract) + search + full + margin <= rest) return;
-  if (needs_all && expected(Stage::kExtract) <= kLostTime) {
-    deadline_ = std::max(deadline, Now() + kLostTime);
+  if (needs_all && expected(Stage::kExtract) <= lost_time_) {
+    deadline_ = std::max(deadline, Now() + lost_time_);
     return;
   }
   has_fewer_features_ = true;

@@ -48,10 +48,9 @@ class FrameBudget {
 
   // Chooses between full and reduced stages for a frame that is tracked, or looked for (is_tracking: false). needs_all:
   // the scope is lost, or nearly so; it has no pose that could be late, and what few features find or found is poor.
-  // Such a frame gets all features if that takes no more than kLostTime, even beyond its deadline; frames that come
-  // meanwhile are dropped.
+  // Such a frame gets all features if that takes no more than config.lost_time_ms, even beyond its deadline; frames
+  // that come meanwhile are dropped.
   void BeginFrame(TimePoint deadline, bool is_tracking, bool needs_all);
-  static constexpr Duration kLostTime = std::chrono::milliseconds(100);
   void EndFrame();
 
   bool has_fewer_features() const { return has_fewer_features_; }
@@ -102,6 +101,7 @@ class FrameBudget {
   const SchedulerConfig& config_;
   const Clock* clock_;
   const Duration reserve_;
+  const Duration lost_time_;
   std::array<StageExpectation, kNumStages> expected_;
   StageTimes times_{};
   std::array<bool, kNumStages> is_refused_{};

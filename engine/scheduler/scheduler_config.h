@@ -19,6 +19,10 @@ struct SchedulerConfig {
   // On the rung that has fewer features: finer ones are not looked for. 1.8 leaves out the enlarged picture, which
   // takes the CPU device two thirds of its time [0, 10].
   double reduced_min_scale_px = 1.8;
+  // A frame that is lost, or nearly so, may take this long for all its features, even beyond its deadline: it has no
+  // pose that could be late. Two or three frames of a camera, in which a scope hardly moves on; 0: it keeps its
+  // deadline [0, 1000].
+  double lost_time_ms = 100.0;
   int max_predicted_frames = 5;  // in a row without a measurement: a scope does not keep its course longer [0, 100]
   bool background_gap = true;    // mapping asks an accelerator for nothing while a frame is due
 };

@@ -366,6 +366,8 @@ void AddScheduler(Fields* out) {
                                               "of features and of local points, on the rungs that have fewer"));
   out->push_back(Scheduler<&C::reduced_min_scale_px>("reduced_min_scale_px", {0, 10}, "px",
                                                      "features finer than this are not looked for on that rung"));
+  out->push_back(Scheduler<&C::lost_time_ms>("lost_time_ms", {0, 1000}, "ms",
+                                             "for all features of a frame that is lost, even beyond its deadline"));
   out->push_back(Scheduler<&C::max_predicted_frames>("max_predicted_frames", {0, 100}, "frames",
                                                      "in a row without a measurement, then lost"));
   out->push_back(Scheduler<&C::background_gap>("background_gap", {}, "",

@@ -76,7 +76,7 @@ TEST(StageExpectation, OneRefusalForgetsNothing) {
 // Frames whose stages take what the test says.
 class Driver {
  public:
-  Driver() : budget_(config_, &clock_) {}
+  explicit Driver(SchedulerConfig config = {}) : config_(config), budget_(config_, &clock_) {}
 
   struct Costs {
     int extract = 0, extract_reduced = 0, motion = 0, local_map = 0, local_map_reduced = 0;
@@ -213,11 +213,20 @@ TEST(FrameBudget, LostFrameGetsAllFeaturesAndTheTimeForThem) {
   budget.BeginFrame(deadline, false, true);
   EXPECT_FALSE(budget.has_fewer_features());
   EXPECT_GT(budget.wait_deadline(), deadline);
-  EXPECT_LE(budget.wait_deadline(), driver.clock().Now() + FrameBudget::kLostTime);
+  EXPECT_LE(budget.wait_deadline(), driver.clock().Now() + milliseconds(100));
   budget.EndFrame();
   // One that looks for its first map has frames to lose.
   budget.BeginFrame(deadline, false, false);
   EXPECT_TRUE(budget.has_fewer_features());
+}
+
+TEST(FrameBudget, LostFrameKeepsItsDeadlineWhereNoTimeIsAllowedForIt) {
+  SchedulerConfig config;
+  config.lost_time_ms = 0.0;
+  Driver driver(config);
+  for (int i = 0; i < 70; ++i) driver.Frame({60, 20, 5, 8, 4});
+  driver.budget().BeginFrame(driver.clock().Now() + kPeriodOfBudget, false, true);
+  EXPECT_TRUE(driver.budget().has_fewer_features());
 }
 
 TEST(FrameBudget, LostFrameKeepsItsDeadlineWhereAllFeaturesAreQuickOrHopeless) {

@@ -17,36 +17,39 @@ struct Completion {
 };
 
 #ifdef __CUDACC__
+// Adds 1 to the counter and returns what it was. What this thread wrote or saw before is visible to whoever adds later,
+// and what earlier ones wrote is visible to it after. (An atomicAdd between two fences waits for memory twice.)
+__device__ __forceinline__ std::int32_t CountPart(std::int32_t* counter) {
+  std::int32_t before;
+  asm volatile("atom.add.acq_rel.gpu.s32 %0, [%1], 1;" : "=r"(before) : "l"(counter) : "memory");
+  return before;
+}
+
 // Counts the parts of a piece of work, each a block: true for the last one, for which all that the others wrote is
-// visible, and which leaves the counter at 0. For all threads of a block, with the same result.
+// visible, and which leaves the counter at 0 for the next launch. For all threads of a block, with the same result.
 __device__ __forceinline__ bool IsLastPart(std::int32_t* counter, int num_parts) {
   __shared__ bool is_last;
-  // The threads' writes come before the barrier, and a fence of one thread covers what it has seen.
+  // The threads' writes come before the barrier, so the one that counts has seen them.
   __syncthreads();
   if (threadIdx.x == 0) {
-    __threadfence();
-    is_last = atomicAdd(counter, 1) == num_parts - 1;
-    if (is_last) {
-      *counter = 0;
-      __threadfence();
-    }
+    is_last = CountPart(counter) == num_parts - 1;
+    if (is_last) *counter = 0;
   }
   __syncthreads();
   return is_last;
 }
 
-// The same for the last step of a request, whose results are in host memory: the last part tells the host. A counter is
-// nullptr where there is one part only.
+// The same for the last step of a request, whose results are in host memory: the last part tells the host. Only its
+// write of the word is ordered for the host; by then it has seen the results of all others. A counter is nullptr where
+// there is one part only.
 __device__ __forceinline__ void Complete(const Completion& completion, std::int32_t* counter, int num_parts) {
   __syncthreads();
   if (threadIdx.x != 0) return;
-  __threadfence_system();
   if (counter != nullptr) {
-    if (atomicAdd(counter, 1) != num_parts - 1) return;
+    if (CountPart(counter) != num_parts - 1) return;
     *counter = 0;
-    __threadfence_system();
   }
-  *reinterpret_cast<volatile std::uint32_t*>(&completion.word->number) = completion.number;
+  asm volatile("st.release.sys.u32 [%0], %1;" ::"l"(&completion.word->number), "r"(completion.number) : "memory");
 }
 #endif
 

@@ -493,7 +493,9 @@ struct Reduction {
   static constexpr int kRows = 8;
   static constexpr int kWidth = kFactor * kColumns + 2 * kRadius;  // that they are made from
   static constexpr int kHeight = kFactor * kRows + 2 * kRadius;
-  static constexpr int kTmpBytes = kRows * kWidth * 4;
+  // Of blurred columns. Eight rows by four places eight apart meet in no bank.
+  static constexpr int kTmpPitch = (kWidth + 31) / 32 * 32 + 1;
+  static constexpr int kTmpBytes = kRows * kTmpPitch * 4;
   static constexpr int kBytes = kTmpBytes + kHeight * kWidth * 2;
 };
 constexpr int kReduceThreads = 256;
@@ -519,6 +521,29 @@ struct ReductionTarget {
   int height;
   int stride;
 };
+
+// A line blurred at kCount places, kFactor apart; at(i): its value i, kRadius of them before the first place. Each
+// value is fetched once for all places, and held as long as it takes.
+template <int kFactor, int kCount, typename At>
+__device__ __forceinline__ void BlurLine(const BlurWeights<kFactor>& weights, const At& at, float (&sums)[kCount]) {
+  constexpr int kRadius = Reduction<kFactor>::kRadius;
+  constexpr int kLast = kRadius + (kCount - 1) * kFactor;
+  float values[kLast + kRadius + 1];
+#pragma unroll
+  for (int i = kRadius; i <= kLast; ++i) values[i] = at(i);
+#pragma unroll
+  for (int c = 0; c < kCount; ++c) sums[c] = weights.w[0] * values[kRadius + c * kFactor];
+#pragma unroll
+  for (int j = 1; j <= kRadius; ++j) {
+    values[kRadius - j] = at(kRadius - j);
+    values[kLast + j] = at(kLast + j);
+#pragma unroll
+    for (int c = 0; c < kCount; ++c) {
+      const int place = kRadius + c * kFactor;
+      sums[c] = fmaf(weights.w[j], values[place - j] + values[place + j], sums[c]);
+    }
+  }
+}
 
 template <int kFactor, typename Pixel>
 __device__ __forceinline__ void Reduce(const ReductionSource<Pixel>& in, const ReductionTarget& out,
@@ -551,25 +576,39 @@ __device__ __forceinline__ void Reduce(const ReductionSource<Pixel>& in, const R
     }
   }
   __syncthreads();
-  static_assert(R::kRows == kWarps);
-  for (int column = lane; column < R::kWidth; column += 32) {
-    const PlaneValue* centre = tile + (kFactor * warp + R::kRadius) * R::kWidth + column;
-    float sum = weights.w[0] * ToCounts(*centre);
+  // A thread to some rows of a column.
+  constexpr int kThreadsPerRows = 128;
+  constexpr int kRowsPerThread = R::kRows * kThreadsPerRows / kReduceThreads;
+  static_assert(R::kWidth <= kThreadsPerRows);
+  const int column = threadIdx.x % kThreadsPerRows;
+  if (column < R::kWidth) {
+    const int first_row = threadIdx.x / kThreadsPerRows * kRowsPerThread;
+    const PlaneValue* first = tile + kFactor * first_row * R::kWidth + column;
+    float sums[kRowsPerThread];
+    BlurLine<kFactor>(
+        weights, [&](int i) { return ToCounts(first[i * R::kWidth]); }, sums);
 #pragma unroll
-    for (int j = 1; j <= R::kRadius; ++j) {
-      sum = fmaf(weights.w[j], static_cast<float>(centre[-j * R::kWidth] + centre[j * R::kWidth]), sum);
-    }
-    tmp[warp * R::kWidth + column] = sum;
+    for (int r = 0; r < kRowsPerThread; ++r) tmp[(first_row + r) * R::kTmpPitch + column] = sums[r];
   }
   __syncthreads();
-  for (int i = threadIdx.x; i < R::kColumns * R::kRows; i += kReduceThreads) {
-    const float* centre = tmp + i / R::kColumns * R::kWidth + kFactor * (i % R::kColumns) + R::kRadius;
-    float sum = weights.w[0] * centre[0];
+  // A thread to some columns of a row.
+  constexpr int kColumnsPerThread = 8 / kFactor;
+  static_assert(R::kRows == 8);
+  if (threadIdx.x < R::kRows * R::kColumns / kColumnsPerThread) {
+    const int row = threadIdx.x % R::kRows;
+    const int first_column = threadIdx.x / R::kRows * kColumnsPerThread;
+    const float* first = tmp + row * R::kTmpPitch + kFactor * first_column;
+    float sums[kColumnsPerThread];
+    BlurLine<kFactor>(
+        weights, [&](int i) { return first[i]; }, sums);
+    const int y = out_y + row;
 #pragma unroll
-    for (int j = 1; j <= R::kRadius; ++j) sum = fmaf(weights.w[j], centre[-j] + centre[j], sum);
-    const int x = out_x + i % R::kColumns;
-    const int y = out_y + i / R::kColumns;
-    if (x < out.width && y < out.height) out.values[static_cast<std::size_t>(y) * out.stride + x] = ToPlaneValue(sum);
+    for (int c = 0; c < kColumnsPerThread; ++c) {
+      const int x = out_x + first_column + c;
+      if (x < out.width && y < out.height) {
+        out.values[static_cast<std::size_t>(y) * out.stride + x] = ToPlaneValue(sums[c]);
+      }
+    }
   }
 }
 

@@ -84,11 +84,10 @@ struct RowRange {
 struct FrameCounters {
   std::int32_t num_extrema;
   std::int32_t num_points;
-  std::int32_t num_cells_done;
   std::int32_t num_survivors;
   std::int32_t num_further;
   std::int32_t num_described;  // blocks
-  std::int32_t spare[2];
+  std::int32_t spare[3];
   std::int32_t bins[kPriorityBins];
   // Followed by the number of points of each cell.
 };

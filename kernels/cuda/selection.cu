@@ -9,8 +9,10 @@ namespace haustra::kernels::cuda {
 namespace {
 
 constexpr int kCellThreads = 512;
-constexpr int kBinsPerThread = kPriorityBins / kCellThreads;
-constexpr int kWarps = kCellThreads / 32;
+constexpr int kSurvivorThreads = 512;
+constexpr int kSurvivorBlocks = 64;
+constexpr int kBinsPerThread = kPriorityBins / kSurvivorThreads;
+constexpr int kWarps = kSurvivorThreads / 32;
 constexpr int kLanesPerPoint = 4;
 constexpr int kPointsPerWarp = 32 / kLanesPerPoint;
 
@@ -69,11 +71,8 @@ __device__ bool AreTwins(const ExtractBuffers& buffers, int index, int other) {
 // A block to a cell.
 __global__ void __launch_bounds__(kCellThreads) PriorityKernel(const __grid_constant__ ExtractBuffers buffers) {
   __shared__ CellPoint cell[kMaxPointsPerCell];
-  __shared__ std::int32_t warp_sums[kWarps];
-  __shared__ int threshold_bin;
-  __shared__ int num_survivors;
   WaitForKernelBefore();
-  const FrameParams params = *buffers.params;
+  const float halvings_per_rank = buffers.params->halvings_per_rank;
   const int num_points = min(buffers.cell_counts[blockIdx.x], kMaxPointsPerCell);
   const CellPoint* points = buffers.cell_points + static_cast<std::size_t>(blockIdx.x) * kMaxPointsPerCell;
   for (int i = threadIdx.x; i < num_points; i += kCellThreads) cell[i] = points[i];
@@ -110,53 +109,51 @@ __global__ void __launch_bounds__(kCellThreads) PriorityKernel(const __grid_cons
     }
     if (part != 0 || i >= num_points) continue;
     if (is_twin != 0) buffers.keys[index].is_twin = 1;
-    const float priority = mine.response * exp2f(-static_cast<float>(rank) * params.halvings_per_rank);
+    const float priority = mine.response * exp2f(-static_cast<float>(rank) * halvings_per_rank);
     const std::uint32_t bits = __float_as_uint(priority);
     buffers.priorities[index] = static_cast<std::uint64_t>(bits) << 32 | (0xffffffffu - mine.tie);
     atomicAdd(&buffers.counters->bins[bits >> kPriorityBinShift], 1);
   }
+}
 
-  // The last block leaves out those that are surely not selected.
-  if (!IsLastPart(&buffers.counters->num_cells_done, gridDim.x)) return;
-  if (threadIdx.x == 0) num_survivors = 0;
-  const int threshold = FindThresholdBin(buffers.counters->bins, params.num_wanted, warp_sums, &threshold_bin);
-  const int num_all = __ldcg(&buffers.counters->num_points);
-  constexpr int kAtOnce = 16;  // loads under way together
-  for (int first = threadIdx.x; first < num_all; first += kAtOnce * kCellThreads) {
-    std::uint64_t priorities[kAtOnce];
-    int count = 0;
-#pragma unroll
-    for (int k = 0; k < kAtOnce; ++k) {
-      const int i = first + k * kCellThreads;
-      priorities[k] = i < num_all ? __ldcg(buffers.priorities + i) : 0;
-    }
-#pragma unroll
-    for (int k = 0; k < kAtOnce; ++k) {
-      const bool survives = first + k * kCellThreads < num_all &&
-                            static_cast<int>(priorities[k] >> (32 + kPriorityBinShift)) >= threshold;
-      if (!survives) priorities[k] = 0;
-      count += survives ? 1 : 0;
-    }
-    if (count == 0) continue;
-    int place = atomicAdd(&num_survivors, count);
-#pragma unroll
-    for (int k = 0; k < kAtOnce; ++k) {
-      // (A priority is never 0: its lower half is the complement of a small number.)
-      if (priorities[k] == 0) continue;
-      buffers.survivor_priorities[place] = priorities[k];
-      buffers.survivor_points[place] = first + k * kCellThreads;
-      ++place;
-    }
+// Leaves out the points that are surely not selected. Every block finds the threshold, which is quicker than to wait
+// for one that does.
+__global__ void __launch_bounds__(kSurvivorThreads) SurvivorKernel(const __grid_constant__ ExtractBuffers buffers) {
+  __shared__ std::int32_t warp_sums[kWarps];
+  __shared__ int threshold_bin;
+  WaitForKernelBefore();
+  const int num_points = buffers.counters->num_points;
+  const int stride = gridDim.x * kSurvivorThreads;
+  int i = blockIdx.x * kSurvivorThreads + threadIdx.x;
+  if (i - static_cast<int>(threadIdx.x) >= num_points) return;
+  const auto priority_of = [&](int point) { return point < num_points ? buffers.priorities[point] : 0; };
+  std::uint64_t next = priority_of(i);
+  const int threshold = FindThresholdBin(buffers.counters->bins, buffers.params->num_wanted, warp_sums, &threshold_bin);
+  const int lane = threadIdx.x % 32;
+  // All lanes of a warp stay in the loop together.
+  for (; i - lane < num_points; i += stride) {
+    const std::uint64_t priority = next;
+    next = priority_of(i + stride);
+    const bool survives = i < num_points && static_cast<int>(priority >> (32 + kPriorityBinShift)) >= threshold;
+    const std::uint32_t survivors = __ballot_sync(0xffffffffu, survives);
+    if (survivors == 0) continue;
+    int first = lane == 0 ? atomicAdd(&buffers.counters->num_survivors, __popc(survivors)) : 0;
+    first = __shfl_sync(0xffffffffu, first, 0);
+    if (!survives) continue;
+    const int place = first + __popc(survivors & ((1u << lane) - 1));
+    buffers.survivor_priorities[place] = priority;
+    buffers.survivor_points[place] = i;
   }
-  __syncthreads();
-  if (threadIdx.x == 0) buffers.counters->num_survivors = num_survivors;
 }
 
 }  // namespace
 
 cudaError_t LaunchPriorities(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                              const ExtractBuffers& buffers, cudaStream_t stream) {
-  return LaunchAfter(settings.can_launch_early, PriorityKernel, layout.num_cells, kCellThreads, 0, stream, buffers);
+  const bool early = settings.can_launch_early != 0;
+  const cudaError_t error = LaunchAfter(early, PriorityKernel, layout.num_cells, kCellThreads, 0, stream, buffers);
+  if (error != cudaSuccess) return error;
+  return LaunchAfter(early, SurvivorKernel, kSurvivorBlocks, kSurvivorThreads, 0, stream, buffers);
 }
 
 }  // namespace haustra::kernels::cuda

@@ -264,9 +264,10 @@ __global__ void __launch_bounds__(kThreads, 2)
       }
 
       // Without mutual matching and gates, most pairs need no more than a bound: the product times the norm of the
-      // train descriptor, rounded once. Exact similarities are taken where the highest bound of a row may enter.
+      // train descriptor, rounded once. Exact similarities are taken where the highest bound of a row may enter, which
+      // is nearly everywhere in the first tile.
       bool is_candidate[4] = {true, true, true, true};
-      if constexpr (!kMutual && !kGated) {
+      if (!kMutual && !kGated && tile > first_tile) {
         float bounds[4] = {};
 #pragma unroll
         for (int n = 0; n < 4; ++n) {
@@ -351,7 +352,7 @@ __global__ void __launch_bounds__(kThreads, 2)
       }
       __syncthreads();
     }
-    if constexpr (!kMutual && !kGated) {
+    if (!kMutual && !kGated && tile + 1 < last_tile) {
 #pragma unroll
       for (int r = 0; r < 4; ++r) {
         float best = tops[r].best;

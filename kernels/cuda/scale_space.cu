@@ -18,7 +18,8 @@ namespace haustra::kernels::cuda {
 namespace {
 
 constexpr int kFineThreads = 256;
-// The few tiles of the coarse octaves are waited for: more threads to each.
+// The few tiles of the coarse octaves are waited for: more threads to each, but not more than find room where two tiles
+// of the finest octave have left. (Nothing is placed while a block of a higher priority waits for more.)
 constexpr int kCoarseThreads = 512;
 // A tile as it is computed: 64 x 64 pixels, two to a word; the outer two on each side belong to the neighbours.
 constexpr int kSide = 64;
@@ -472,7 +473,7 @@ __global__ void __launch_bounds__(kFineThreads, kFineBlocks<kSource>)
 }
 
 // Octaves 1 and up, from their level 0.
-__global__ void __launch_bounds__(kCoarseThreads, 1)
+__global__ void __launch_bounds__(kCoarseThreads, 2)
     CoarseOctavesKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                         int first_tile, int threshold) {
   WaitForKernelBefore();

@@ -89,6 +89,7 @@ struct FrameCounters {
   std::int32_t num_described;  // blocks
   std::int32_t spare[3];
   std::int32_t bins[kPriorityBins];
+  std::int32_t num_placed[kPriorityBins];  // survivors of each bin
   // Followed by the number of points of each cell.
 };
 
@@ -108,6 +109,15 @@ struct CellPoint {
   float response;
   std::uint32_t tie;
   std::int32_t point;
+  std::int32_t spare;
+};
+
+// A point that may be selected; `first` to `end` are the places of those of its bin, in any order, behind all of higher
+// bins.
+struct alignas(16) Survivor {
+  std::int32_t point;
+  std::int32_t first;
+  std::int32_t end;
   std::int32_t spare;
 };
 
@@ -146,7 +156,7 @@ struct ExtractBuffers {
   CellPoint* cell_points = nullptr;     // kMaxPointsPerCell a cell
   // The points that may be selected: those whose priority is in the bin of the last one that is, or in a higher one.
   std::uint64_t* survivor_priorities = nullptr;
-  std::int32_t* survivor_points = nullptr;
+  Survivor* survivors = nullptr;
   // By rank, num_features rounded up to kRanksPerChunk; counts beyond the selected points are 0.
   SelectedPoint* selected = nullptr;
   std::uint8_t* angle_counts = nullptr;

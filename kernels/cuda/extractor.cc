@@ -96,8 +96,8 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   HAUSTRA_TRY(keys_.Allocate(sizes.max_extrema));
   HAUSTRA_TRY(priorities_.Allocate(sizes.max_extrema));
   HAUSTRA_TRY(cell_points_.Allocate(static_cast<std::size_t>(largest.num_cells) * kMaxPointsPerCell));
-  HAUSTRA_TRY(survivor_priorities_.Allocate(AlignUp(static_cast<int>(sizes.max_extrema), 2)));
-  HAUSTRA_TRY(survivor_points_.Allocate(sizes.max_extrema));
+  HAUSTRA_TRY(survivor_priorities_.Allocate(sizes.max_extrema));
+  HAUSTRA_TRY(survivors_.Allocate(sizes.max_extrema));
   const std::size_t num_ranks = AlignUp(settings_.num_features, kRanksPerChunk);
   HAUSTRA_TRY(selected_.Allocate(num_ranks));
   HAUSTRA_TRY(angle_counts_.Allocate(num_ranks));
@@ -125,7 +125,7 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
   buffers_.cell_points = cell_points_.data();
   buffers_.selected = selected_.data();
   buffers_.survivor_priorities = survivor_priorities_.data();
-  buffers_.survivor_points = survivor_points_.data();
+  buffers_.survivors = survivors_.data();
   buffers_.angle_counts = angle_counts_.data();
   buffers_.places = places_.data();
   buffers_.further = further_.data();

@@ -113,7 +113,7 @@ class Extractor {
   DeviceBuffer<std::uint64_t> priorities_;
   DeviceBuffer<CellPoint> cell_points_;
   DeviceBuffer<std::uint64_t> survivor_priorities_;
-  DeviceBuffer<std::int32_t> survivor_points_;
+  DeviceBuffer<Survivor> survivors_;
   DeviceBuffer<SelectedPoint> selected_;
   DeviceBuffer<std::uint8_t> angle_counts_;
   DeviceBuffer<std::uint64_t> places_;

@@ -9,7 +9,7 @@
 namespace haustra::kernels::cuda {
 namespace {
 
-// A warp to a point, so that the ranks of kWarps points are found in one pass.
+// A warp to a point.
 constexpr int kThreads = 128;
 constexpr int kWarps = kThreads / 32;
 constexpr int kBins = kOrientationBins + 2;  // the last two wrap around: an angle may round up to a full turn
@@ -151,33 +151,14 @@ __device__ int FindPeaks(Scratch& scratch, float* angles) {
   return count;
 }
 
-// The survivor of each warp among all of them, by a block: how many have a higher priority.
-__device__ int FindRank(const ExtractBuffers& buffers, int first, int num_survivors, int (&ranks)[kWarps][kWarps]) {
-  std::uint64_t priorities[kWarps];
-  int num_before[kWarps] = {};
-#pragma unroll
-  for (int p = 0; p < kWarps; ++p) priorities[p] = buffers.survivor_priorities[min(first + p, num_survivors - 1)];
-#pragma unroll 4
-  for (int j = 2 * threadIdx.x; j < num_survivors; j += 2 * kThreads) {
-    const ulonglong2 two = *reinterpret_cast<const ulonglong2*>(buffers.survivor_priorities + j);
-    const std::uint64_t second = j + 1 < num_survivors ? two.y : 0;
-#pragma unroll
-    for (int p = 0; p < kWarps; ++p) {
-      num_before[p] += two.x > priorities[p] ? 1 : 0;
-      num_before[p] += second > priorities[p] ? 1 : 0;
-    }
+// How many points have a higher priority, by a warp: all of higher bins, and some of the same.
+__device__ int FindRank(const ExtractBuffers& buffers, const Survivor& survivor, int place) {
+  const std::uint64_t priority = buffers.survivor_priorities[place];
+  int num_before = 0;
+  for (int i = survivor.first + threadIdx.x % 32; i < survivor.end; i += 32) {
+    num_before += buffers.survivor_priorities[i] > priority ? 1 : 0;
   }
-  const int warp = threadIdx.x / 32;
-#pragma unroll
-  for (int p = 0; p < kWarps; ++p) {
-    num_before[p] = __reduce_add_sync(0xffffffffu, num_before[p]);
-    if (threadIdx.x % 32 == 0) ranks[p][warp] = num_before[p];
-  }
-  __syncthreads();
-  int rank = 0;
-#pragma unroll
-  for (int w = 0; w < kWarps; ++w) rank += ranks[warp][w];
-  return rank;
+  return survivor.first + __reduce_add_sync(0xffffffffu, num_before);
 }
 
 // Angles of a survivor that is selected, by a warp.
@@ -214,18 +195,14 @@ __device__ void WriteSelected(const ScaleSpaceLayout& layout, const ExtractBuffe
 __global__ void __launch_bounds__(kThreads, 5)
     OrientationKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers) {
   __shared__ Scratch scratch[kWarps];
-  __shared__ int ranks[kWarps][kWarps];
   WaitForKernelBefore();
   const int num_wanted = buffers.params->num_wanted;
   const int num_survivors = buffers.counters->num_survivors;
-  for (int first = kWarps * blockIdx.x; first < num_survivors; first += kWarps * gridDim.x) {
-    const int i = first + threadIdx.x / 32;
-    const int point_idx = buffers.survivor_points[min(i, num_survivors - 1)];
-    const int rank = FindRank(buffers, first, num_survivors, ranks);
-    if (i < num_survivors && rank < num_wanted) {
-      WriteSelected(layout, buffers, point_idx, rank, scratch[threadIdx.x / 32]);
-    }
-    __syncthreads();
+  for (int i = kWarps * blockIdx.x + threadIdx.x / 32; i < num_survivors; i += kWarps * gridDim.x) {
+    const Survivor survivor = buffers.survivors[i];
+    const int rank = FindRank(buffers, survivor, i);
+    if (rank < num_wanted) WriteSelected(layout, buffers, survivor.point, rank, scratch[threadIdx.x / 32]);
+    __syncwarp();
   }
 }
 

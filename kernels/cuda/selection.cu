@@ -16,11 +16,13 @@ constexpr int kWarps = kSurvivorThreads / 32;
 constexpr int kLanesPerPoint = 4;
 constexpr int kPointsPerWarp = 32 / kLanesPerPoint;
 
-// The highest bin from which on there are num_wanted points, or the lowest of all. For all threads of a block.
-__device__ int FindThresholdBin(const std::int32_t* bins, int num_wanted, std::int32_t* warp_sums, int* result) {
+// The highest bin from which on there are num_wanted points, or the lowest of all; in num_above the number of points in
+// higher bins than each. For all threads of a block.
+__device__ int FindThresholdBin(const std::int32_t* bins, int num_wanted, std::int32_t* num_above,
+                                std::int32_t* warp_sums, int* result) {
   // Thread 0 has the highest bins.
   const int first_bin = kPriorityBins - (threadIdx.x + 1) * kBinsPerThread;
-  std::int32_t counts[kBinsPerThread];
+  std::int32_t counts[kBinsPerThread];  // then those above each
   std::int32_t sum = 0;
 #pragma unroll
   for (int i = 0; i < kBinsPerThread; i += 4) {
@@ -43,14 +45,17 @@ __device__ int FindThresholdBin(const std::int32_t* bins, int num_wanted, std::i
   __syncthreads();
   std::int32_t above = inclusive - sum;
   for (int warp = 0; warp < static_cast<int>(threadIdx.x) / 32; ++warp) above += warp_sums[warp];
-  if (above < num_wanted && above + sum >= num_wanted) {
-    int bin = kBinsPerThread - 1;
 #pragma unroll
-    for (int i = kBinsPerThread - 1; i >= 0; --i) {
-      above += counts[i];
-      if (above >= num_wanted && above - counts[i] < num_wanted) bin = i;
-    }
-    *result = first_bin + bin;
+  for (int i = kBinsPerThread - 1; i >= 0; --i) {
+    const std::int32_t count = counts[i];
+    counts[i] = above;
+    if (above < num_wanted && above + count >= num_wanted) *result = first_bin + i;
+    above += count;
+  }
+#pragma unroll
+  for (int i = 0; i < kBinsPerThread; i += 4) {
+    *reinterpret_cast<int4*>(num_above + first_bin + i) =
+        make_int4(counts[i], counts[i + 1], counts[i + 2], counts[i + 3]);
   }
   __syncthreads();
   return *result;
@@ -116,33 +121,32 @@ __global__ void __launch_bounds__(kCellThreads) PriorityKernel(const __grid_cons
   }
 }
 
-// Leaves out the points that are surely not selected. Every block finds the threshold, which is quicker than to wait
-// for one that does.
+// Leaves out the points that are surely not selected, and puts the others in order of their bins. Every block counts
+// the bins through, which is quicker than to wait for one that does.
 __global__ void __launch_bounds__(kSurvivorThreads) SurvivorKernel(const __grid_constant__ ExtractBuffers buffers) {
+  __shared__ __align__(16) std::int32_t num_above[kPriorityBins];
   __shared__ std::int32_t warp_sums[kWarps];
   __shared__ int threshold_bin;
   WaitForKernelBefore();
-  const int num_points = buffers.counters->num_points;
-  const int stride = gridDim.x * kSurvivorThreads;
-  int i = blockIdx.x * kSurvivorThreads + threadIdx.x;
-  if (i - static_cast<int>(threadIdx.x) >= num_points) return;
+  FrameCounters& counters = *buffers.counters;
+  const int num_points = counters.num_points;
+  const int first = blockIdx.x * kSurvivorThreads;
+  if (first >= num_points) return;
   const auto priority_of = [&](int point) { return point < num_points ? buffers.priorities[point] : 0; };
-  std::uint64_t next = priority_of(i);
-  const int threshold = FindThresholdBin(buffers.counters->bins, buffers.params->num_wanted, warp_sums, &threshold_bin);
-  const int lane = threadIdx.x % 32;
-  // All lanes of a warp stay in the loop together.
-  for (; i - lane < num_points; i += stride) {
+  std::uint64_t next = priority_of(first + threadIdx.x);
+  const int threshold =
+      FindThresholdBin(counters.bins, buffers.params->num_wanted, num_above, warp_sums, &threshold_bin);
+  const auto end_of = [&](int bin) { return bin > 0 ? num_above[bin - 1] : num_points; };
+  if (first == 0 && threadIdx.x == 0) counters.num_survivors = end_of(threshold);
+  const int stride = gridDim.x * kSurvivorThreads;
+  for (int i = first + threadIdx.x; i < num_points; i += stride) {
     const std::uint64_t priority = next;
     next = priority_of(i + stride);
-    const bool survives = i < num_points && static_cast<int>(priority >> (32 + kPriorityBinShift)) >= threshold;
-    const std::uint32_t survivors = __ballot_sync(0xffffffffu, survives);
-    if (survivors == 0) continue;
-    int first = lane == 0 ? atomicAdd(&buffers.counters->num_survivors, __popc(survivors)) : 0;
-    first = __shfl_sync(0xffffffffu, first, 0);
-    if (!survives) continue;
-    const int place = first + __popc(survivors & ((1u << lane) - 1));
+    const int bin = static_cast<int>(priority >> (32 + kPriorityBinShift));
+    if (bin < threshold) continue;
+    const int place = num_above[bin] + atomicAdd(&counters.num_placed[bin], 1);
     buffers.survivor_priorities[place] = priority;
-    buffers.survivor_points[place] = i;
+    buffers.survivors[place] = {i, num_above[bin], end_of(bin), 0};
   }
 }
 

@@ -23,6 +23,11 @@ void* operator new(std::size_t size) {
   return p;
 }
 
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  bytes_taken += size;
+  return std::malloc(size);
+}
+
 void* operator new(std::size_t size, std::align_val_t alignment) {
   bytes_taken += size;
   const std::size_t unit = static_cast<std::size_t>(alignment);
@@ -32,6 +37,7 @@ void* operator new(std::size_t size, std::align_val_t alignment) {
 }
 
 void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, const std::nothrow_t&) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }

@@ -27,6 +27,8 @@ class PlaceScout {
 
  private:
   void MarkConnected(const Atlas& atlas, KeyframeHandle keyframe);
+  void Mark(KeyframeHandle handle);
+  void MarkNeighbours(const Atlas& atlas, KeyframeHandle handle);
   bool CopyCandidates(const Atlas& atlas, PlaceTask* task);
   bool ReportFailure(const Atlas& atlas, PlaceTask* task);
   int Copy(const Atlas& atlas, std::size_t retrieved_idx, PlaceTask* task);
@@ -39,6 +41,9 @@ class PlaceScout {
   std::vector<int> candidate_of_;           // of what was retrieved: position in the task, -1: not copied
   std::vector<std::uint8_t> is_connected_;  // by keyframe slot
   std::vector<KeyframeHandle> connected_;
+  std::vector<KeyframeHandle> met_;
+  std::vector<int> num_shared_;           // by keyframe slot; zero between two uses
+  std::vector<std::uint8_t> is_settled_;  // by point slot: all its observers are connected
   std::vector<Covisible> covisible_;
 };
 

@@ -47,6 +47,8 @@ class ScriptedVisionDevice final : public VisionDevice {
 
   // The script. A frame that is not in it has no features. More features than plan.max_features: the strongest stay.
   void SetFrame(std::uint32_t frame_index, std::vector<ScriptedFeature> features);
+  // The frames of another one, in place of all before.
+  void CopyScript(const ScriptedVisionDevice& other) { script_ = other.script_; }
   // The call_idx-th call of the operation (from 0, all lanes together) gives `code` at the point named; it does
   // nothing.
   void AddFailure(Operation operation, std::uint64_t call_idx, FailurePoint point, StatusCode code);

@@ -88,6 +88,8 @@ class Engine {
   std::uint64_t max_proposals() const { return link_.proposals.capacity(); }
   // Proposals that found the ring full. Exact when both threads have stopped.
   std::uint64_t num_proposals_refused() const { return link_.proposals.num_dropped(); }
+  // Frames for which the device had no feature set left. Any thread.
+  std::uint64_t num_feature_sets_refused() const { return tracker_.num_sets_refused(); }
   SpscRing<MapEvent>& map_events() { return mapper_.events(); }
   SpscRing<LatePose>& late_poses() { return mapper_.late_poses(); }
   // The pose of a frame in the map that it belongs to now. False when it was never tracked or its map was dropped.

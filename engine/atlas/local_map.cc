@@ -58,7 +58,7 @@ void LocalMapBuilder::Build(const Atlas& atlas, KeyframeHandle centre, LocalMap*
     }
   }
 
-  AddPoints(atlas, out);
+  bool has_all = AddPoints(atlas, out);
   const double depth = (out->keyframes[0].cam_from_map * out->keyframes[0].centroid).norm();
   const Eigen::Vector3d position = out->keyframes[0].cam_from_map.InverseTranslation();
   const Eigen::Vector3d axis = out->keyframes[0].cam_from_map.rotation.conjugate() * Eigen::Vector3d::UnitZ();
@@ -69,16 +69,18 @@ void LocalMapBuilder::Build(const Atlas& atlas, KeyframeHandle centre, LocalMap*
     if ((pose.rotation.conjugate() * Eigen::Vector3d::UnitZ()).dot(axis) < kNearViewCos) continue;
     AddKeyframe(atlas, handle, out);
   }
-  if (out->keyframes.size() > before) AddPoints(atlas, out);
+  if (out->keyframes.size() > before) has_all = AddPoints(atlas, out);
+  if (!has_all) ++num_cut_;
 
   std::sort(out->points.begin(), out->points.begin() + out->num_points,
             [](const LocalPoint& a, const LocalPoint& b) { return a.handle.index < b.handle.index; });
   for (const LocalKeyframe& keyframe : out->keyframes) has_keyframe_[keyframe.handle.index] = 0;
 }
 
-// Collects the points of all keyframes in the window anew, nearest keyframes first.
-void LocalMapBuilder::AddPoints(const Atlas& atlas, LocalMap* out) {
+// Collects the points of all keyframes in the window anew, nearest keyframes first. False when some found no room.
+bool LocalMapBuilder::AddPoints(const Atlas& atlas, LocalMap* out) {
   out->num_points = 0;
+  bool has_all = true;
   for (std::size_t k = 0; k < out->keyframes.size(); ++k) {
     LocalKeyframe& entry = out->keyframes[k];
     const Keyframe& keyframe = atlas.keyframe(entry.handle);
@@ -90,7 +92,10 @@ void LocalMapBuilder::AddPoints(const Atlas& atlas, LocalMap* out) {
       std::int32_t& slot = point_slots_[handle.index];
       const MapPoint& point = atlas.point(handle);
       if (slot < 0) {
-        if (out->num_points == static_cast<int>(out->points.size())) continue;
+        if (out->num_points == static_cast<int>(out->points.size())) {
+          has_all = false;
+          continue;
+        }
         slot = out->num_points++;
         out->points[slot] = {handle, point.position, point.normal, point.scale_times_distance, point.descriptor, 0};
       }
@@ -107,6 +112,7 @@ void LocalMapBuilder::AddPoints(const Atlas& atlas, LocalMap* out) {
     if (std::popcount(mask) < kEstablishedViews) continue;
     for (; mask != 0; mask &= mask - 1) ++out->keyframes[std::countr_zero(mask)].num_established;
   }
+  return has_all;
 }
 
 }  // namespace haustra

@@ -78,7 +78,8 @@ struct LocalMap {
 };
 
 // Fills `out` with the window around `centre`: its covisible keyframes, theirs, then keyframes that stand near and look
-// the same way; at most kMaxLocalKeyframes, and points of the nearest keyframes first until `out->points` is full.
+// the same way; at most kMaxLocalKeyframes, and points of the nearest keyframes first until `out->points` is full: the
+// others are left out, and the snapshot is counted.
 class LocalMapBuilder {
  public:
   explicit LocalMapBuilder(int max_keyframes, int max_map_points);
@@ -86,14 +87,18 @@ class LocalMapBuilder {
   // Sets keyframes and points of `out`; the other fields are the caller's.
   void Build(const Atlas& atlas, KeyframeHandle centre, LocalMap* out);
 
+  // Snapshots that lack points of their window.
+  std::uint64_t num_cut() const { return num_cut_; }
+
  private:
   void AddKeyframe(const Atlas& atlas, KeyframeHandle handle, LocalMap* out);
-  void AddPoints(const Atlas& atlas, LocalMap* out);
+  bool AddPoints(const Atlas& atlas, LocalMap* out);
 
   std::vector<std::uint8_t> has_keyframe_;  // by keyframe slot
   std::vector<std::int32_t> point_slots_;   // by point slot: position in out->points, -1
   std::vector<Covisible> covisible_;
   std::vector<Covisible> second_ring_;
+  std::uint64_t num_cut_ = 0;
 };
 
 }  // namespace haustra

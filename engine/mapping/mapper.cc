@@ -660,6 +660,7 @@ void Mapper::Publish(std::uint64_t founding_proposal, std::uint64_t refused_prop
   if (active_ && newest_) {
     snapshot.map_id = atlas_.map(active_).id;
     builder_.Build(atlas_, newest_, &snapshot);
+    counters_.num_snapshots_cut = builder_.num_cut();
   } else {
     snapshot.map_id = kNoId;
     snapshot.keyframes.Clear();

@@ -47,6 +47,7 @@ struct MapperCounters {
   std::uint64_t num_points_created = 0;
   std::uint64_t num_points_culled = 0;
   std::uint64_t num_points_fused = 0;
+  std::uint64_t num_snapshots_cut = 0;  // that had no room for all points of their window
   std::uint64_t num_foundings_refused = 0;
   std::uint64_t num_placeless = 0;              // frames without a pose whose place was looked for
   std::uint64_t num_places_skipped = 0;         // keyframes whose place was not looked for: the recogniser was busy

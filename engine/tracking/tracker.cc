@@ -178,7 +178,10 @@ bool Tracker::Extract(const Frame& frame) {
   current_.timestamp = frame.timestamp;
   current_is_proposed_ = false;
   const Result<FeatureSetHandle> set = device_.CreateFeatureSet();
-  if (!set.ok()) return false;
+  if (!set.ok()) {
+    if (set.code() == StatusCode::kCapacityExceeded) num_sets_refused_.fetch_add(1, std::memory_order_relaxed);
+    return false;
+  }
   current_.features.set = *set;
   current_.features.is_reduced = has_fewer;
   ExtractRequest request;

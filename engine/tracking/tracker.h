@@ -5,8 +5,10 @@
 //   lost:     the same brute force against the last window, a request to find the frame in any map (the mapper
 //             answers with a snapshot of that place), and the initialisation of a new map, all on every frame
 // A frame with a deadline walks down the ladder of engine/scheduler before it misses it; what the device has not
-// answered by then is left for the next frame to collect, and the pose is the prediction. thread-bound(tracking);
-// rt-safe after construction: no allocation, no lock, no wait but for the vision device.
+// answered by then is left for the next frame to collect, and the pose is the prediction. Full: without a feature set
+// the frame is answered as a damaged one and counted; a proposal that finds the ring full is given up and counted: at
+// most two wait at a time (a keyframe or a frame without a place, and a new map).
+// thread-bound(tracking); rt-safe after construction: no allocation, no lock, no wait but for the vision device.
 #pragma once
 
 #include <array>
@@ -73,6 +75,8 @@ class Tracker {
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp);
 
   TrackingState state() const { return state_; }
+  // Frames for which the device had no feature set left. Any thread.
+  std::uint64_t num_sets_refused() const { return num_sets_refused_.load(std::memory_order_relaxed); }
 
  private:
   // A feature of the current frame and the snapshot point that it shows.
@@ -139,6 +143,7 @@ class Tracker {
   AbsolutePoseRansac absolute_pose_;
   Rng rng_;
 
+  std::atomic<std::uint64_t> num_sets_refused_{0};
   TrackingState state_ = TrackingState::kInitialising;
   bool had_map_ = false;  // a map was tracked before: relocalisation has something to look for
   MapId map_id_ = kNoId;

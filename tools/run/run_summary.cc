@@ -46,6 +46,7 @@ std::vector<PoolFigures> PoolsOf(Engine& engine) {
     return PoolFigures{name, p.capacity(), p.size(), p.high_water(), refused};
   };
   const auto capacity = atlas.capacity();
+  const int num_sets = Engine::PlanFor(engine.config(), engine.camera().calibration()).max_feature_sets;
   return {
       pool("keyframes", atlas.keyframes(), mapper.num_keyframes_refused),
       pool("map_points", atlas.points(), atlas.points().num_refused()),
@@ -56,6 +57,7 @@ std::vector<PoolFigures> PoolsOf(Engine& engine) {
       {"proposals", engine.max_proposals(), 0, 0, engine.num_proposals_refused()},
       {"map_events", engine.map_events().capacity(), 0, 0, engine.map_events().num_dropped()},
       {"late_poses", engine.late_poses().capacity(), 0, 0, engine.late_poses().num_dropped()},
+      {"feature_sets", static_cast<std::uint64_t>(num_sets), 0, 0, engine.num_feature_sets_refused()},
   };
 }
 
@@ -213,6 +215,7 @@ std::string ToJson(const RunSummary& s) {
                      {"points_culled", m.num_points_culled},
                      {"points_fused", m.num_points_fused},
                      {"foundings_refused", m.num_foundings_refused},
+                     {"snapshots_cut", m.num_snapshots_cut},
                      {"places_skipped", m.num_places_skipped},
                      {"place_points_left_out", m.num_place_points_left_out},
                      {"merges_outdated", m.num_merges_outdated},

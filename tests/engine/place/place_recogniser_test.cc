@@ -56,6 +56,24 @@ TEST_F(PlaceRecogniserTest, KeyframesThatAreConnectedAlreadyAreNoNews) {
   EXPECT_TRUE(task_.report.tried.empty());
 }
 
+TEST_F(PlaceRecogniserTest, PointsOfTheWiderGroupWithoutRoomAreLeftOutAndCounted) {
+  colon_.AddWall(0.0, 7.0, 2500);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const KeyframeHandle keyframe = colon_.frames()[6].keyframe;
+  GroupExcerpt::Capacity capacity = GroupExcerpt::ForCandidate(colon_.config());
+  GroupExcerpt whole(capacity, std::pmr::get_default_resource());
+  ExcerptCopier copier(colon_.config());
+  copier.CopyCandidate(atlas_, keyframe, keyframe, &whole);
+  EXPECT_EQ(copier.num_points_left_out(), 0u);
+  ASSERT_GT(whole.points.size(), whole.num_searched + 2);
+  capacity.points = static_cast<int>(whole.num_searched) + 2;
+  GroupExcerpt tight(capacity, std::pmr::get_default_resource());
+  copier.CopyCandidate(atlas_, keyframe, keyframe, &tight);
+  EXPECT_EQ(tight.num_searched, whole.num_searched);
+  EXPECT_EQ(tight.points.size(), whole.num_searched + 2);
+  EXPECT_GE(copier.num_points_left_out(), whole.points.size() - tight.points.size());
+}
+
 TEST_F(PlaceRecogniserTest, NewWallIsNotRecognised) {
   colon_.AddWall(0.0, 24.0, 8000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});

@@ -229,6 +229,71 @@ TEST(TinyPools, FullRingsLoseTheNewestAndCountIt) {
   EXPECT_EQ(first.kind, MapEventKind::kMapCreated);
 }
 
+TEST(TinyPools, LatePosesThatNobodyReadsAreLostAndCounted) {
+  EngineConfig config = test::SmallEngineConfig();
+  config.memory.max_late_poses = 1;
+  ScriptedColon colon(TimePoint{}, config);
+  FivePlaces(&colon);
+  const auto engine = colon.MakeEngine();
+  for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+    (void)engine->Track(*frame, kNoDeadline);
+    while (engine->BackgroundStep()) continue;
+  }
+  EXPECT_EQ(engine->late_poses().size(), 1u);
+  EXPECT_GT(engine->late_poses().num_dropped(), 0u);
+}
+
+// Answers of a tracker whose mapper stands still while the scope comes to a new place.
+std::vector<FrameResult> TrackWithABusyMapper(ScriptedColon& colon, Engine& engine) {
+  colon.Move(0.0, 2.0, 60);
+  colon.Occlude(5);
+  colon.Move(10.0, 13.0, 90);
+  std::vector<FrameResult> results;
+  for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+    results.push_back(engine.Track(*frame, kNoDeadline));
+    if (frame->index >= 40 && frame->index < 110) continue;
+    while (engine.BackgroundStep()) continue;
+  }
+  EXPECT_EQ(CheckInvariants(engine.atlas()).ToString(), "ok");
+  return results;
+}
+
+TEST(TinyPools, SmallestRingHoldsWhatTrackingProposesWhileTheMapperIsBusy) {
+  EngineConfig config = test::SmallEngineConfig();
+  config.memory.max_proposals = 2;
+  ScriptedColon colon(TimePoint{}, config);
+  const auto engine = colon.MakeEngine();
+  const std::vector<FrameResult> results = TrackWithABusyMapper(colon, *engine);
+  EXPECT_EQ(engine->num_proposals_refused(), 0u);
+  EXPECT_EQ(results[39].state, TrackingState::kTracking);
+  EXPECT_EQ(results.back().state, TrackingState::kTracking);
+  EXPECT_NE(results.back().map_id, results[39].map_id);
+}
+
+// Less than a configuration may ask for: the request for a lost frame's place takes the room of a new map.
+TEST(TinyPools, ProposalsThatFindTheRingFullAreCountedAndLeaveNothingBehind) {
+  EngineConfig config = test::SmallEngineConfig();
+  config.memory.max_proposals = 1;
+  ScriptedColon colon(TimePoint{}, config);
+  const auto engine = colon.MakeEngine();
+  (void)TrackWithABusyMapper(colon, *engine);
+  EXPECT_GT(engine->num_proposals_refused(), 0u);
+  const int in_use = colon.device().plan().max_feature_sets - colon.device().num_free_feature_sets();
+  EXPECT_LE(in_use, static_cast<int>(engine->atlas().keyframes().size()) + 50);
+}
+
+TEST(TinyPools, SnapshotWithoutRoomLeavesOutWhatIsFarAndIsCounted) {
+  EngineConfig config = test::SmallEngineConfig();
+  const Outcome plenty = RunIn(config, OneLongWay);
+  EXPECT_EQ(plenty.engine->mapper_counters().num_snapshots_cut, 0u);
+  config.memory.max_local_points = 600;
+  const Outcome tight = RunIn(config, OneLongWay);
+  ExpectSound(tight);
+  EXPECT_GT(tight.engine->mapper_counters().num_snapshots_cut, 0u);
+  EXPECT_GE(tight.NumLocalised(), plenty.NumLocalised() - 5);
+  EXPECT_LT(tight.RmsError(), plenty.RmsError() + 0.1);
+}
+
 TEST(TinyPools, WithoutAFeatureSetAFrameIsLostAndTheNextIsNot) {
   ScriptedColon colon;
   colon.Move(0.0, 2.0, 60);
@@ -248,6 +313,7 @@ TEST(TinyPools, WithoutAFeatureSetAFrameIsLostAndTheNextIsNot) {
   }
   EXPECT_EQ(results[39].state, TrackingState::kTracking);
   EXPECT_EQ(results[40].reason, TrackingReason::kDamagedFrame);
+  EXPECT_EQ(engine->num_feature_sets_refused(), 1u);
   EXPECT_EQ(results[42].state, TrackingState::kTracking);
 }
 

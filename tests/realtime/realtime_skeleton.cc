@@ -24,6 +24,7 @@
 namespace haustra {
 namespace {
 
+constexpr int kMostLateShown = 200;
 constexpr int kNumViews = 150;  // there and back again, for ever
 
 EngineConfig SkeletonConfig() {
@@ -82,6 +83,12 @@ class Counter final : public SessionObserver {
     start.Add(outcome.begin - outcome.due);
     tracking.Add(outcome.tracking);
     num_late += outcome.is_late;
+    if (outcome.is_late && num_late <= kMostLateShown) {
+      std::printf("  late: frame %u, %s, %s, wake-up %.3f, tracking %.3f, latency %.3f ms, forced switches %u\n",
+                  outcome.result.frame_index, ToString(outcome.result.state).data(),
+                  ToString(outcome.result.rung).data(), ToMilliseconds(outcome.begin - outcome.due),
+                  ToMilliseconds(outcome.tracking), ToMilliseconds(outcome.latency), outcome.use.involuntary_switches);
+    }
     num_tracking += outcome.result.state == TrackingState::kTracking;
     num_predicted += outcome.result.rung == Rung::kPredicted;
     num_reduced += outcome.result.rung != Rung::kFull;

@@ -186,6 +186,21 @@ Status CameraModel::FindLimits() {
   return Status::Ok();
 }
 
+ProjectionConstants CameraModel::projection_constants() const {
+  ProjectionConstants constants;
+  constants.kind = calibration_.kind;
+  std::copy(calibration_.coefficients.begin(), calibration_.coefficients.end(), constants.coefficients);
+  for (int i = 0; i < 4; ++i) constants.pixel_from_distorted[i] = pixel_from_distorted_(i / 2, i % 2);
+  constants.cx = calibration_.cx;
+  constants.cy = calibration_.cy;
+  constants.max_half_angle_rad = max_half_angle_rad_;
+  constants.max_tangent = max_tangent_;
+  constants.inverse_table = inverse_table_.data();
+  constants.table_intervals_per_unit = table_intervals_per_unit_;
+  constants.num_table_intervals = kTableIntervals;
+  return constants;
+}
+
 double CameraModel::TableGuess(double argument) const {
   const double position = std::max(0.0, argument * table_intervals_per_unit_);
   const int i = std::min(static_cast<int>(position), kTableIntervals - 1);

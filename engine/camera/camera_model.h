@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <array>
 
+#include "engine/camera/projection_constants.h"
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
 
@@ -44,6 +45,8 @@ class CameraModel {
     return pixel.x() >= margin_px && pixel.y() >= margin_px && pixel.x() <= width_px() - 1 - margin_px &&
            pixel.y() <= height_px() - 1 - margin_px;
   }
+  // For the projection of several points at once (lane_projection.h). Points into this model.
+  ProjectionConstants projection_constants() const;
 
  private:
   static constexpr int kTableIntervals = 256;

@@ -44,6 +44,7 @@ OPERATING_SYSTEM = {
 THIRD_PARTY_HEADERS = {
     "hal": [],
     "engine": ["Eigen/"],
+    "engine/geometry": ["Eigen/", "immintrin.h"],  # of the compiler: lanes.h
     "engine/io": ["Eigen/", "zlib.h"],
     "engine/optim": ["Eigen/", "ceres/"],
 }

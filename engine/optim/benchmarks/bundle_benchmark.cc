@@ -32,10 +32,15 @@ void RunWindow(benchmark::State& state, Adjuster adjust) {
   state.counters["outliers"] = summary.num_outliers;
 }
 
+Result<BundleSummary> AdjustPortable(const CameraModel& camera, const BundleOptions& options, BundleProblem* problem) {
+  return SchurBundleAdjuster(optim::BundleKernelsFor(optim::BundleLevel::kPortable)).Adjust(camera, options, problem);
+}
+
 // Poses, points, fixed poses: the window of the issue; the same with a ring of fixed keyframes; two views.
 #define HAUSTRA_WINDOWS Args({20, 4000, 2})->Args({28, 4000, 16})->Args({2, 300, 1})->Unit(benchmark::kMillisecond)
 BENCHMARK_CAPTURE(RunWindow, ceres, &AdjustBundle)->HAUSTRA_WINDOWS;
 BENCHMARK_CAPTURE(RunWindow, schur, &AdjustBundleSchur)->HAUSTRA_WINDOWS;
+BENCHMARK_CAPTURE(RunWindow, schur_portable, &AdjustPortable)->HAUSTRA_WINDOWS;
 
 }  // namespace
 }  // namespace haustra

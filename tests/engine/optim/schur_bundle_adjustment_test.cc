@@ -97,6 +97,19 @@ TEST(SchurBundleAdjuster, MemoryOfEarlierCallsDoesNotShow) {
   }
 }
 
+TEST(SchurBundleAdjuster, InstructionSetsDifferByRoundingOnly) {
+  const SyntheticBundle bundle = MakeSyntheticBundle({.num_poses = 9, .num_points = 301, .outlier_share = 0.05});
+  SchurBundleAdjuster portable(optim::BundleKernelsFor(optim::BundleLevel::kPortable));
+  BundleProblem expected = bundle.start;
+  const BundleSummary reference = portable.Adjust(bundle.camera, BundleOptions(), &expected).value();
+  BundleProblem problem = bundle.start;
+  const BundleSummary best = AdjustBundleSchur(bundle.camera, BundleOptions(), &problem).value();
+  EXPECT_EQ(best.iterations, reference.iterations);
+  EXPECT_EQ(best.num_outliers, reference.num_outliers);
+  EXPECT_NEAR(best.final_cost, reference.final_cost, 1e-9 * reference.final_cost);
+  EXPECT_LT(MaxCentreDifference(problem, expected), 1e-9);
+}
+
 TEST(SchurBundleAdjuster, OrderOfObservationsOfDifferentPointsDoesNotMatter) {
   // The mapper may hand them over by keyframe or by point.
   const SyntheticBundle bundle = MakeSyntheticBundle({.num_poses = 6, .num_points = 150, .mean_track_length = 4.0});

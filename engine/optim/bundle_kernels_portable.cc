@@ -1,0 +1,8 @@
+#include "engine/optim/bundle_kernels_impl.h"
+#include "engine/optim/bundle_kernels_levels.h"
+
+namespace haustra::optim {
+
+const BundleKernels kPortableBundleKernels = kKernels;
+
+}  // namespace haustra::optim

@@ -18,7 +18,10 @@ namespace haustra {
 // Keeps its memory between calls: about 190 bytes an observation, 150 a point and 288 a pair of free poses; it grows to
 // the largest problem seen. thread-bound(its owner); not for the tracking thread.
 // Deterministic to the bit for the same input on one machine when nothing cancels: one thread, sums in the order of the
-// points.
+// points, one instruction set.
+// Cost: 20 ms for 20 poses, 4000 points, 24000 observations and 10 iterations on one x86-64 core at 2.6 GHz with AVX2,
+// 35 ms without (Ceres: 190 ms; engine/optim/benchmarks). Half of it goes into the elimination of the points, of that
+// half into the products of pairs of views; a quarter into projections and Jacobians.
 class SchurBundleAdjuster {
  public:
   // The instruction set is this machine's best, unless a test wants to see another.
@@ -68,9 +71,9 @@ class SchurBundleAdjuster {
   std::vector<std::int32_t> free_poses_;    // pose index of each free pose
   State state_;
   State candidate_;
-  std::vector<double> chi2_;  // of each observation, at the last state that Cost or Linearise saw
-  std::vector<double> linearised_;
-  std::vector<double> y_;                           // W L^-T of each observation of a free pose, 6x3
+  std::vector<double> chi2_;                        // of each observation, at the last state that Cost or Linearise saw
+  std::vector<double> linearised_;                  // LinearisedObservations of one stretch
+  std::vector<double> y_;                           // W L^-T of each observation of a free pose, as ReducedSystem
   std::vector<optim::EliminatedPoint> eliminated_;  // of each point
   std::vector<double> blocks_;     // lower block triangle of the reduced system, 6x6 column-major blocks by rows
   std::vector<double> pose_sums_;  // as ReducedSystem

@@ -6,8 +6,10 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
+#include <cmath>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "engine/camera/camera_model.h"

@@ -11,9 +11,10 @@
 namespace haustra {
 
 enum class MemoryPlace : std::uint8_t {
-  kHostArena,  // in the one host arena
-  kHost,       // other host memory, fixed or bounded as the line says
-  kDevice,     // of an accelerator
+  kHostArena,   // in the one host arena
+  kHostPinned,  // in the one block that host and accelerator share
+  kHost,        // other host memory, fixed or bounded as the line says
+  kDevice,      // in the one block of an accelerator
 };
 
 struct MemoryLine {
@@ -37,7 +38,9 @@ struct MemoryPlan {
     for (const MemoryLine& line : lines) sum += line.place == place ? line.bytes : 0;
     return sum;
   }
-  std::uint64_t host_bytes() const { return bytes(MemoryPlace::kHostArena) + bytes(MemoryPlace::kHost); }
+  std::uint64_t host_bytes() const {
+    return bytes(MemoryPlace::kHostArena) + bytes(MemoryPlace::kHostPinned) + bytes(MemoryPlace::kHost);
+  }
   std::uint64_t device_bytes() const { return bytes(MemoryPlace::kDevice); }
 };
 

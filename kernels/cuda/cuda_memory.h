@@ -4,67 +4,52 @@
 #include <cuda_runtime_api.h>
 
 #include <cstddef>
-#include <type_traits>
-#include <utility>
+#include <cstring>
 
 #include "hal/core/status.h"
 #include "kernels/cuda/cuda_status.h"
 
 namespace haustra::kernels::cuda {
 
-template <typename T>
-class DeviceBuffer {
-  static_assert(std::is_trivially_copyable_v<T>);
-
+class DeviceBlock {
  public:
-  DeviceBuffer() = default;
-  ~DeviceBuffer() { (void)cudaFree(data_); }
-  DeviceBuffer(DeviceBuffer&& other) noexcept { *this = std::move(other); }
-  DeviceBuffer& operator=(DeviceBuffer&& other) noexcept {
-    std::swap(data_, other.data_);
-    return *this;
-  }
+  DeviceBlock() = default;
+  ~DeviceBlock() { (void)cudaFree(data_); }
+  DeviceBlock(const DeviceBlock&) = delete;
+  DeviceBlock& operator=(const DeviceBlock&) = delete;
 
-  // Zeroed. Once.
-  Status Allocate(std::size_t size) {
-    const std::size_t num_bytes = (size > 0 ? size : 1) * sizeof(T);
+  // Zeroed. Once. kCapacityExceeded: not enough memory.
+  Status Allocate(std::size_t num_bytes) {
     HAUSTRA_TRY(ToStatus(cudaMalloc(reinterpret_cast<void**>(&data_), num_bytes), "device memory"));
     return ToStatus(cudaMemset(data_, 0, num_bytes), "clearing device memory");
   }
-  T* data() const { return data_; }
+  std::byte* data() const { return data_; }
 
  private:
-  T* data_ = nullptr;
+  std::byte* data_ = nullptr;
 };
 
-template <typename T>
-class PinnedBuffer {
-  static_assert(std::is_trivially_copyable_v<T>);
-
+class PinnedBlock {
  public:
-  PinnedBuffer() = default;
-  ~PinnedBuffer() { (void)cudaFreeHost(data_); }
-  PinnedBuffer(PinnedBuffer&& other) noexcept { *this = std::move(other); }
-  PinnedBuffer& operator=(PinnedBuffer&& other) noexcept {
-    std::swap(data_, other.data_);
-    std::swap(device_data_, other.device_data_);
-    return *this;
-  }
+  PinnedBlock() = default;
+  ~PinnedBlock() { (void)cudaFreeHost(data_); }
+  PinnedBlock(const PinnedBlock&) = delete;
+  PinnedBlock& operator=(const PinnedBlock&) = delete;
 
-  // Uninitialised. Once.
-  Status Allocate(std::size_t size) {
-    const std::size_t num_bytes = (size > 0 ? size : 1) * sizeof(T);
+  // Zeroed. Once. kCapacityExceeded: not enough memory.
+  Status Allocate(std::size_t num_bytes) {
     HAUSTRA_TRY(ToStatus(
         cudaHostAlloc(reinterpret_cast<void**>(&data_), num_bytes, cudaHostAllocMapped | cudaHostAllocPortable),
         "pinned memory"));
+    std::memset(data_, 0, num_bytes);
     return ToStatus(cudaHostGetDevicePointer(reinterpret_cast<void**>(&device_data_), data_, 0), "mapped memory");
   }
-  T* data() const { return data_; }
-  T* device_data() const { return device_data_; }  // the same memory as the device sees it
+  std::byte* data() const { return data_; }
+  std::byte* device_data() const { return device_data_; }  // the same memory as the device sees it
 
  private:
-  T* data_ = nullptr;
-  T* device_data_ = nullptr;
+  std::byte* data_ = nullptr;
+  std::byte* device_data_ = nullptr;
 };
 
 }  // namespace haustra::kernels::cuda

@@ -15,6 +15,7 @@
 #include "kernels/common/match_acceptance.h"
 #include "kernels/common/request_checks.h"
 #include "kernels/cuda/cuda_memory.h"
+#include "kernels/cuda/device_memory.h"
 #include "kernels/cuda/extractor.h"
 #include "kernels/cuda/match_kernels.h"
 
@@ -112,25 +113,12 @@ struct LaneState {
   std::vector<std::int32_t> owners;  // query that holds each feature, for guided matching
   MatchWork match_work;
   MatchLimits match_limits;
-
-  DeviceBuffer<TopTwo> partial;
-  DeviceBuffer<TopTwo> merged;
-  DeviceBuffer<std::int32_t> match_counters;
-  DeviceBuffer<unsigned long long> train_best;
-  DeviceBuffer<float> gates;
-  PinnedBuffer<std::uint8_t> input;
-  DeviceBuffer<std::uint8_t> device_input;
-  PinnedBuffer<TopTwo> results;
-  PinnedBuffer<DoneWord> words;
 };
 
 class Device final : public CudaVisionDevice, private FeatureCounts {
  public:
   Device(const VisionPlan& plan, const CudaDeviceOptions& device_options)
-      : plan_(plan),
-        max_list_(std::max(plan.max_features, plan.max_match_list)),
-        device_options_(device_options),
-        slots_(plan.max_feature_sets) {}
+      : plan_(plan), max_list_(MaxList(plan)), device_options_(device_options), slots_(plan.max_feature_sets) {}
 
   ~Device() override {
     if (utility_stream_ != nullptr) (void)cudaStreamDestroy(utility_stream_);
@@ -151,24 +139,24 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(ToStatus(cudaGetDeviceProperties(&properties, device_options_.device), "properties of the device"));
     name_ = "cuda-sm" + std::to_string(properties.major) + std::to_string(properties.minor);
     HAUSTRA_TRY(ToStatus(PrepareBruteForce(device_options_.dot_product, &match_limits_), "matcher"));
+    match_limits_.max_blocks = std::min(match_limits_.max_blocks, kMaxMatchBlocks);
 
     const std::size_t num_rows = static_cast<std::size_t>(plan_.max_feature_sets) * plan_.max_features;
     if (num_rows > 0x7fffffffu) {
       return CapacityExceeded(std::to_string(plan_.max_feature_sets) + " feature sets of " +
                               std::to_string(plan_.max_features) + " features: more than 2^31");
     }
-    HAUSTRA_TRY(descriptors_.Allocate(num_rows * kDescriptorBytes));
-    HAUSTRA_TRY(keypoints_.Allocate(num_rows));
-    HAUSTRA_TRY(inverse_norms_.Allocate(num_rows));
-    sets_ = {keypoints_.data(), descriptors_.data(), inverse_norms_.data(), plan_.max_features};
+    DeviceMemory memory;
+    HAUSTRA_TRY(TakeMemory(options, &memory));
+    sets_ = memory.sets;
 
     int lowest_priority = 0;
     int highest_priority = 0;
     HAUSTRA_TRY(ToStatus(cudaDeviceGetStreamPriorityRange(&lowest_priority, &highest_priority), "stream priorities"));
     // Lower numbers go first. Where there are enough, the branches of an extraction go before its main line.
     const int step = lowest_priority - highest_priority >= 3 ? 1 : 0;
-    HAUSTRA_TRY(ConstructLane(StateOf(Lane::kTracking), options, highest_priority + step, highest_priority));
-    HAUSTRA_TRY(ConstructLane(StateOf(Lane::kBackground), options, lowest_priority, lowest_priority - step));
+    HAUSTRA_TRY(ConstructLane(Lane::kTracking, options, memory, highest_priority + step, highest_priority));
+    HAUSTRA_TRY(ConstructLane(Lane::kBackground, options, memory, lowest_priority, lowest_priority - step));
     StateOf(Lane::kTracking).match_limits = match_limits_;
     StateOf(Lane::kBackground).match_limits = InBackground(match_limits_, device_options_.dot_product);
     HAUSTRA_TRY(
@@ -310,7 +298,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(Select());
     const std::lock_guard lock(utility_mutex_);
     const std::uint8_t* from =
-        descriptors_.data() + static_cast<std::size_t>(handle.index) * plan_.max_features * kDescriptorBytes;
+        sets_.descriptors + static_cast<std::size_t>(handle.index) * plan_.max_features * kDescriptorBytes;
     HAUSTRA_TRY(Lose(ToStatus(cudaMemcpyAsync(out.data(), from, num_bytes, cudaMemcpyDeviceToHost, utility_stream_),
                               "reading descriptors")));
     return Lose(ToStatus(cudaStreamSynchronize(utility_stream_), "reading descriptors"));
@@ -395,45 +383,55 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
  private:
   std::int32_t NumFeatures(FeatureSetHandle set) const override { return slots_.NumFeatures(set); }
 
-  Status ConstructLane(LaneState& lane, const ExtractOptions& options, int priority, int branch_priority) {
-    HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(&lane.stream, cudaStreamNonBlocking, priority), "stream"));
-    HAUSTRA_ASSIGN(lane.extractor, Extractor::Create(plan_, options, sets_, lane.stream, branch_priority));
-    const std::size_t max_list = max_list_;
-    lane.match_work.max_partial = MaxPartialResults(max_list_, match_limits_.max_blocks);
-    HAUSTRA_TRY(lane.partial.Allocate(lane.match_work.max_partial));
-    HAUSTRA_TRY(lane.merged.Allocate(AlignUp(max_list, 128)));
-    HAUSTRA_TRY(lane.match_counters.Allocate(NumMatchCounters(max_list_)));
-    HAUSTRA_TRY(lane.train_best.Allocate(max_list));
-    HAUSTRA_TRY(lane.gates.Allocate(2 * kGateValues * max_list));
-    lane.match_work.partial = lane.partial.data();
-    lane.match_work.merged = lane.merged.data();
-    lane.match_work.counters = lane.match_counters.data();
-    lane.match_work.train_best = lane.train_best.data();
-    lane.match_work.query_gates = {lane.gates.data(), max_list_};
-    lane.match_work.train_gates = {lane.gates.data() + kGateValues * max_list, max_list_};
+  // Both blocks, dealt out to the last byte of the plan.
+  Status TakeMemory(const ExtractOptions& options, DeviceMemory* memory) {
+    HAUSTRA_ASSIGN(const MemoryPlan plan, PlanCudaVisionDevice(plan_, options));
+    const std::size_t num_device_bytes = plan.bytes(MemoryPlace::kDevice);
+    const std::size_t num_pinned_bytes = plan.bytes(MemoryPlace::kHostPinned);
+    if (const Status status = device_block_.Allocate(num_device_bytes); !status.ok()) {
+      // What is free says which line is too much. On its own it refuses nothing: it counts what a system could reclaim.
+      std::size_t num_free_bytes = 0;
+      std::size_t num_bytes = 0;
+      if (status.code() == StatusCode::kCapacityExceeded &&
+          cudaMemGetInfo(&num_free_bytes, &num_bytes) == cudaSuccess) {
+        const double free_mb = static_cast<double>(num_free_bytes) / 1e6;
+        HAUSTRA_TRY(CheckFits(plan, {0.0, free_mb, "", "this device's free memory"}));
+      }
+      return status;
+    }
+    HAUSTRA_TRY(pinned_block_.Allocate(num_pinned_bytes));
+    MemoryDealers dealers = {{device_block_.data(), num_device_bytes},
+                             {pinned_block_.data(), num_pinned_bytes},
+                             {pinned_block_.device_data(), num_pinned_bytes}};
+    *memory = DealDeviceMemory(plan_, options, &dealers);
+    const std::size_t num_device_used = dealers.device.used_bytes();
+    const std::size_t num_pinned_used = dealers.pinned.used_bytes();
+    if (num_device_used == num_device_bytes && num_pinned_used == num_pinned_bytes) return Status::Ok();
+    return Internal("memory of the CUDA device: " + std::to_string(num_device_used) + " bytes and " +
+                    std::to_string(num_pinned_used) + " pinned ones are used, planned were " +
+                    std::to_string(num_device_bytes) + " and " + std::to_string(num_pinned_bytes));
+  }
 
-    const std::size_t max_features = plan_.max_features;
-    const std::size_t brute_force_bytes =
-        2 * (AlignUp(4 * max_list, 16) + AlignUp(12 * max_features, 16) + AlignUp(4 * max_features, 16));
-    const std::size_t guided_bytes = AlignUp(sizeof(GuidedRow) * plan_.max_match_list, 16) + AlignUp(max_features, 16);
-    const std::size_t num_bytes = AlignUp(std::max(brute_force_bytes, guided_bytes), 256);
-    HAUSTRA_TRY(lane.input.Allocate(kQueueLength * num_bytes));
-    HAUSTRA_TRY(lane.device_input.Allocate(kQueueLength * num_bytes));
-    HAUSTRA_TRY(lane.results.Allocate(kQueueLength * max_list));
-    HAUSTRA_TRY(lane.words.Allocate(kQueueLength));
+  Status ConstructLane(Lane which, const ExtractOptions& options, const DeviceMemory& memory, int priority,
+                       int branch_priority) {
+    LaneState& lane = StateOf(which);
+    const ExtractMemory& extraction = memory.extraction[static_cast<int>(which)];
+    const MatchMemory& matching = memory.matching[static_cast<int>(which)];
+    HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(&lane.stream, cudaStreamNonBlocking, priority), "stream"));
+    HAUSTRA_ASSIGN(lane.extractor, Extractor::Create(plan_, options, extraction, sets_, lane.stream, branch_priority));
+    lane.match_work = matching.work;
     for (int i = 0; i < kQueueLength; ++i) {
       Work& work = lane.queue[i];
-      work.input = lane.input.data() + i * num_bytes;
-      work.device_input = lane.device_input.data() + i * num_bytes;
-      work.results = lane.results.data() + i * max_list;
-      work.device_results = lane.results.device_data() + i * max_list;
-      work.own_word = lane.words.data() + i;
-      work.device_word = lane.words.device_data() + i;
-      *work.own_word = {};
+      work.input = matching.input + i * matching.input_bytes;
+      work.device_input = matching.device_input + i * matching.input_bytes;
+      work.results = matching.results.host + static_cast<std::size_t>(i) * max_list_;
+      work.device_results = matching.results.device + static_cast<std::size_t>(i) * max_list_;
+      work.own_word = matching.words.host + i;
+      work.device_word = matching.words.device + i;
       HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&work.done, cudaEventDisableTiming), "event"));
     }
     HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&lane.extraction.done, cudaEventDisableTiming), "event"));
-    lane.owners.resize(max_features);
+    lane.owners.resize(plan_.max_features);
     return Status::Ok();
   }
 
@@ -663,10 +661,10 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (keypoints.empty()) return Status::Ok();
     const std::lock_guard lock(utility_mutex_);
     const std::size_t first_row = static_cast<std::size_t>(set_index) * plan_.max_features;
-    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(keypoints_.data() + first_row, keypoints.data(), keypoints.size_bytes(),
+    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(sets_.keypoints + first_row, keypoints.data(), keypoints.size_bytes(),
                                          cudaMemcpyHostToDevice, utility_stream_),
                          "writing keypoints"));
-    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(descriptors_.data() + first_row * kDescriptorBytes, descriptors.data(),
+    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(sets_.descriptors + first_row * kDescriptorBytes, descriptors.data(),
                                          descriptors.size_bytes(), cudaMemcpyHostToDevice, utility_stream_),
                          "writing descriptors"));
     HAUSTRA_TRY(ToStatus(LaunchInverseNorms(sets_, static_cast<std::int32_t>(first_row),
@@ -684,9 +682,8 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   int mask_height_ = 0;
   MatchLimits match_limits_;  // of the device
   std::atomic<bool> is_lost_{false};
-  DeviceBuffer<std::uint8_t> descriptors_;
-  DeviceBuffer<Keypoint> keypoints_;
-  DeviceBuffer<float> inverse_norms_;
+  DeviceBlock device_block_;  // all memory on the device, and all that it shares with the host
+  PinnedBlock pinned_block_;
   SetBuffers sets_;
   LaneState lanes_[kNumLanes];
   std::mutex utility_mutex_;  // guards utility_stream_

@@ -2,9 +2,10 @@
 // matches to the bit for the same descriptors. Keypoints and descriptors of an image agree with the CPU device's up to
 // rounding (kernels/README.md has the figures), and repeat to the bit from run to run.
 //
-// All memory is taken at construction. Work of the tracking lane runs at the highest priority that the GPU has, that of
-// the background lane at the lowest. Each lane holds kQueueLength requests of matching; to queue more waits for the
-// oldest. One extraction a lane: to queue another, or to match after it, waits for it.
+// All memory is taken at construction: one block on the device, one pinned on the host. Work of the tracking lane runs
+// at the highest priority that the GPU has, that of the background lane at the lowest. Each lane holds kQueueLength
+// requests of matching; to queue more waits for the oldest. One extraction a lane: to queue another, or to match after
+// it, waits for it.
 //
 // Any CUDA error but lack of memory at construction makes the device useless for good: every call answers kUnavailable
 // from then on, and the caller goes on with another device.
@@ -12,6 +13,7 @@
 
 #include <memory>
 
+#include "hal/core/memory_plan.h"
 #include "hal/core/status.h"
 #include "hal/vision_device.h"
 #include "kernels/cuda/device_limits.h"
@@ -41,6 +43,10 @@ class CudaVisionDevice : public VisionDevice {
                                  double* median_us, double* p99_us) = 0;
   virtual Status MeasureLimits(kernels::cuda::DeviceLimits* limits) = 0;
 };
+
+// What the device will take; needs no GPU. The driver's own memory (context, code) is not in it. kInvalidArgument: plan
+// or options out of range.
+Result<MemoryPlan> PlanCudaVisionDevice(const VisionPlan& plan, const ExtractOptions& options);
 
 // kUnavailable: no CUDA device, or no driver. kInvalidArgument: plan or options out of range. kCapacityExceeded: not
 // enough memory.

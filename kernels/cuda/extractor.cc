@@ -5,6 +5,7 @@
 #include <cstring>
 #include <vector>
 
+#include "kernels/cuda/cuda_status.h"
 #include "kernels/cuda/extract_kernels.h"
 #include "kernels/cuda/scale_space_layout.h"
 
@@ -22,16 +23,22 @@ constexpr float kSharesPerHalving = 2.0f;
 }  // namespace
 
 Result<std::unique_ptr<Extractor>> Extractor::Create(const VisionPlan& plan, const ExtractOptions& options,
-                                                     const SetBuffers& sets, cudaStream_t stream, int branch_priority) {
-  std::unique_ptr<Extractor> extractor(new Extractor(options, sets, stream));
-  HAUSTRA_TRY(extractor->Allocate(plan, branch_priority));
+                                                     const ExtractMemory& memory, const SetBuffers& sets,
+                                                     cudaStream_t stream, int branch_priority) {
+  std::unique_ptr<Extractor> extractor(new Extractor(options, memory, sets, stream));
+  HAUSTRA_TRY(extractor->Prepare(branch_priority));
   HAUSTRA_TRY(extractor->SetSource(plan.max_width_px, plan.max_height_px, PixelFormat::kGrey8,
                                    AlignUp(plan.max_width_px, kPixelsPerLoad)));
   return extractor;
 }
 
-Extractor::Extractor(const ExtractOptions& options, const SetBuffers& sets, cudaStream_t stream)
-    : sets_(sets), stream_(stream) {
+Extractor::Extractor(const ExtractOptions& options, const ExtractMemory& memory, const SetBuffers& sets,
+                     cudaStream_t stream)
+    : memory_(memory),
+      buffers_(memory.buffers),
+      sets_(sets),
+      output_{memory.keypoints.device, memory.num_features.device, memory.done.device},
+      stream_(stream) {
   settings_.contrast_threshold =
       options.contrast_threshold > 0.0f ? options.contrast_threshold : kDefaultContrastThreshold;
   settings_.edge_threshold = options.edge_threshold;
@@ -56,7 +63,7 @@ Extractor::~Extractor() {
   }
 }
 
-Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
+Status Extractor::Prepare(int branch_priority) {
   bool can_launch_early = false;
   HAUSTRA_TRY(ToStatus(CanLaunchEarly(&can_launch_early), "attributes of a kernel"));
   settings_.can_launch_early = can_launch_early ? 1 : 0;
@@ -72,69 +79,10 @@ Status Extractor::Allocate(const VisionPlan& plan, int branch_priority) {
     HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "event"));
   }
   HAUSTRA_TRY(ToStatus(cudaEventCreateWithFlags(&is_level_zero_made_, cudaEventDisableTiming), "event"));
-  const ScaleSpaceLayout largest = MakeLayout(plan.max_width_px, plan.max_height_px);
-  const LayoutSizes sizes = SizesOf(largest);
-  const std::size_t num_pixels = static_cast<std::size_t>(largest.grey_pitch) * plan.max_height_px;
-  HAUSTRA_TRY(params_.Allocate(1));
-  HAUSTRA_TRY(picture_.Allocate(3 * num_pixels));
-  HAUSTRA_TRY(keypoints_.Allocate(settings_.num_features));
-  HAUSTRA_TRY(num_features_.Allocate(1));
-  *num_features_.data() = 0;
-  HAUSTRA_TRY(done_.Allocate(1));
-  *done_.data() = {};
-  HAUSTRA_TRY(device_params_.Allocate(1));
-  HAUSTRA_TRY(counters_.Allocate(sizeof(FrameCounters) / sizeof(std::int32_t) + largest.num_cells));
-  HAUSTRA_TRY(grey_.Allocate(num_pixels));
-  HAUSTRA_TRY(static_mask_.Allocate(num_pixels));
-  HAUSTRA_TRY(line_ends_.Allocate(2 * (static_cast<std::size_t>(plan.max_width_px) + plan.max_height_px)));
-  HAUSTRA_TRY(mask_bits_.Allocate(sizes.mask_words));
-  HAUSTRA_TRY(dilated_bits_.Allocate(sizes.mask_words + largest.masks[0].num_words));
-  HAUSTRA_TRY(band_weights_.Allocate(kNumBandSources));
-  HAUSTRA_TRY(planes_.Allocate(sizes.plane_values));
-  HAUSTRA_TRY(extrema_.Allocate(sizes.max_extrema));
-  HAUSTRA_TRY(points_.Allocate(sizes.max_extrema));
-  HAUSTRA_TRY(keys_.Allocate(sizes.max_extrema));
-  HAUSTRA_TRY(priorities_.Allocate(sizes.max_extrema));
-  HAUSTRA_TRY(cell_points_.Allocate(static_cast<std::size_t>(largest.num_cells) * kMaxPointsPerCell));
-  HAUSTRA_TRY(survivor_priorities_.Allocate(sizes.max_extrema));
-  HAUSTRA_TRY(survivors_.Allocate(sizes.max_extrema));
-  const std::size_t num_ranks = AlignUp(settings_.num_features, kRanksPerChunk);
-  HAUSTRA_TRY(selected_.Allocate(num_ranks));
-  HAUSTRA_TRY(angle_counts_.Allocate(num_ranks));
-  HAUSTRA_TRY(places_.Allocate(num_ranks));
-  HAUSTRA_TRY(further_.Allocate((kMaxOrientations - 1) * num_ranks));
-
-  buffers_.host_params = params_.device_data();
-  buffers_.params = device_params_.data();
-  buffers_.counters = reinterpret_cast<FrameCounters*>(counters_.data());
-  buffers_.cell_counts = counters_.data() + sizeof(FrameCounters) / sizeof(std::int32_t);
-  buffers_.grey = grey_.data();
-  buffers_.row_first = line_ends_.data();
-  buffers_.row_last = buffers_.row_first + plan.max_height_px;
-  buffers_.column_first = buffers_.row_last + plan.max_height_px;
-  buffers_.column_last = buffers_.column_first + plan.max_width_px;
-  buffers_.static_mask = static_mask_.data();
-  buffers_.mask_bits = mask_bits_.data();
-  buffers_.dilated_bits = dilated_bits_.data();
-  buffers_.band_weights = band_weights_.data();
-  buffers_.planes = planes_.data();
-  buffers_.extrema = extrema_.data();
-  buffers_.points = points_.data();
-  buffers_.keys = keys_.data();
-  buffers_.priorities = priorities_.data();
-  buffers_.cell_points = cell_points_.data();
-  buffers_.selected = selected_.data();
-  buffers_.survivor_priorities = survivor_priorities_.data();
-  buffers_.survivors = survivors_.data();
-  buffers_.angle_counts = angle_counts_.data();
-  buffers_.places = places_.data();
-  buffers_.further = further_.data();
-  output_ = {keypoints_.device_data(), num_features_.device_data(), done_.device_data()};
-
   std::vector<BandWeights> weights;
   for (int i = 0; i < kNumBandSources; ++i) weights.push_back(MakeBandWeights(static_cast<BandSource>(i)));
   HAUSTRA_TRY(ToStatus(
-      cudaMemcpy(band_weights_.data(), weights.data(), weights.size() * sizeof(BandWeights), cudaMemcpyHostToDevice),
+      cudaMemcpy(memory_.band_weights, weights.data(), weights.size() * sizeof(BandWeights), cudaMemcpyHostToDevice),
       "weights of the blur"));
   return ToStatus(PrepareOctaves(), "kernels of the octaves");
 }
@@ -238,7 +186,7 @@ Status Extractor::Capture() {
   if (graph_ != nullptr) (void)cudaGraphExecDestroy(graph_);
   graph_ = nullptr;
   HAUSTRA_TRY(ToStatus(cudaStreamBeginCapture(stream_, cudaStreamCaptureModeThreadLocal), "capture of the graph"));
-  frame_ = picture_.device_data();
+  frame_ = memory_.picture.device;
   const cudaError_t launched = LaunchAll();
   cudaGraph_t graph = nullptr;
   const cudaError_t ended = cudaStreamEndCapture(stream_, &graph);
@@ -257,7 +205,7 @@ Status Extractor::SetStaticMask(const ImageView& mask) {
   settings_.has_static_mask = mask.is_empty() ? 0 : 1;
   if (!mask.is_empty()) {
     const ScaleSpaceLayout layout = MakeLayout(mask.width, mask.height);
-    HAUSTRA_TRY(ToStatus(cudaMemcpy2DAsync(static_mask_.data(), layout.grey_pitch, mask.data, mask.pitch_bytes,
+    HAUSTRA_TRY(ToStatus(cudaMemcpy2DAsync(buffers_.static_mask, layout.grey_pitch, mask.data, mask.pitch_bytes,
                                            mask.width, mask.height, cudaMemcpyHostToDevice, stream_),
                          "static mask"));
     HAUSTRA_TRY(ToStatus(cudaStreamSynchronize(stream_), "static mask"));
@@ -280,13 +228,13 @@ const std::uint8_t* Extractor::Place(const ImageView& image, std::int64_t* pitch
   }
   *pitch_bytes = pitch;
   if (image.pitch_bytes == pitch) {
-    std::memcpy(picture_.data(), image.data, static_cast<std::size_t>(pitch) * (image.height - 1) + row_bytes);
+    std::memcpy(memory_.picture.host, image.data, static_cast<std::size_t>(pitch) * (image.height - 1) + row_bytes);
   } else {
     for (int y = 0; y < image.height; ++y) {
-      std::memcpy(picture_.data() + static_cast<std::size_t>(y) * pitch, image.row(y), row_bytes);
+      std::memcpy(memory_.picture.host + static_cast<std::size_t>(y) * pitch, image.row(y), row_bytes);
     }
   }
-  return picture_.device_data();
+  return memory_.picture.device;
 }
 
 Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int max_features) {
@@ -296,7 +244,7 @@ Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int m
   const int num_wanted = max_features > 0 ? std::min(max_features, settings_.num_features) : settings_.num_features;
   const float points_per_halving =
       kSharesPerHalving * static_cast<float>(num_wanted) / static_cast<float>(layout_.num_cells);
-  *params_.data() = {set_index, num_wanted, 1.0f / points_per_halving, ++number_};
+  *memory_.params.host = {set_index, num_wanted, 1.0f / points_per_halving, ++number_};
   if (frame != frame_) {
     for (const cudaGraphNode_t node : ingest_nodes_) {
       HAUSTRA_TRY(ToStatus(SetFrameOfIngest(graph_, node, frame), "source of the frame"));

@@ -1,4 +1,4 @@
-// SIFT extraction on the device: all memory, and one CUDA graph that holds the steps of a frame from the picture in
+// SIFT extraction on the device: one CUDA graph that holds the steps of a frame from the picture in
 // host memory to keypoints in host memory, descriptors on the device.
 //
 // Results repeat to the bit: nothing depends on the order in which blocks run.
@@ -11,7 +11,7 @@
 #include <span>
 
 #include "hal/vision_device.h"
-#include "kernels/cuda/cuda_memory.h"
+#include "kernels/cuda/device_memory.h"
 #include "kernels/cuda/extract_buffers.h"
 
 namespace haustra::kernels::cuda {
@@ -20,10 +20,11 @@ namespace haustra::kernels::cuda {
 // differ from the last one's: the graph is captured again then.
 class Extractor {
  public:
-  // `stream` and the sets' memory must outlive the extractor. branch_priority: of the branches of small kernels beside
-  // the fine octaves, which would else wait until those leave them room.
+  // `memory` is zero; it, the sets and `stream` must outlive the extractor. branch_priority: of the branches of small
+  // kernels beside the fine octaves, which would else wait until those leave them room.
   static Result<std::unique_ptr<Extractor>> Create(const VisionPlan& plan, const ExtractOptions& options,
-                                                   const SetBuffers& sets, cudaStream_t stream, int branch_priority);
+                                                   const ExtractMemory& memory, const SetBuffers& sets,
+                                                   cudaStream_t stream, int branch_priority);
   ~Extractor();
   Extractor(const Extractor&) = delete;
   Extractor& operator=(const Extractor&) = delete;
@@ -37,11 +38,11 @@ class Extractor {
   Status Enqueue(const ImageView& image, std::uint32_t set_index, int max_features);
 
   // What tells of the end of the last frame that was queued; the host's view of the word.
-  const DoneWord* done_word() const { return done_.data(); }
+  const DoneWord* done_word() const { return memory_.done.host; }
   std::uint32_t number() const { return number_; }
   // Valid when the work is done.
-  std::int32_t num_features() const { return *num_features_.data(); }
-  const Keypoint* keypoints() const { return keypoints_.data(); }
+  std::int32_t num_features() const { return *memory_.num_features.host; }
+  const Keypoint* keypoints() const { return memory_.keypoints.host; }
 
   // Time of each step, for measurements: runs the steps of the last size one by one, `repeats` times each, and returns
   // the median in microseconds of each. The last frame's data are used.
@@ -53,8 +54,8 @@ class Extractor {
   Status MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out);
 
  private:
-  Extractor(const ExtractOptions& options, const SetBuffers& sets, cudaStream_t stream);
-  Status Allocate(const VisionPlan& plan, int branch_priority);
+  Extractor(const ExtractOptions& options, const ExtractMemory& memory, const SetBuffers& sets, cudaStream_t stream);
+  Status Prepare(int branch_priority);
   Status SetSource(int width_px, int height_px, PixelFormat format, std::int64_t pitch_bytes);
   Status Capture();
   cudaError_t LaunchAll();
@@ -79,7 +80,10 @@ class Extractor {
   };
 
   ExtractSettings settings_;
+  ExtractMemory memory_;
+  ExtractBuffers buffers_;
   SetBuffers sets_;
+  FrameOutput output_;
   cudaStream_t stream_;
   Branch branches_[kNumBranches];
   cudaEvent_t ingested_[kNumBands] = {};
@@ -90,34 +94,6 @@ class Extractor {
   const std::uint8_t* frame_ = nullptr;  // where the graph reads the picture, as the device sees it
   std::uint32_t number_ = 0;
   ScaleSpaceLayout layout_;
-  ExtractBuffers buffers_;
-  FrameOutput output_;
-
-  PinnedBuffer<FrameParams> params_;
-  PinnedBuffer<std::uint8_t> picture_;
-  PinnedBuffer<Keypoint> keypoints_;
-  PinnedBuffer<std::int32_t> num_features_;
-  PinnedBuffer<DoneWord> done_;
-  DeviceBuffer<FrameParams> device_params_;
-  DeviceBuffer<std::int32_t> counters_;
-  DeviceBuffer<std::uint8_t> grey_;
-  DeviceBuffer<std::uint8_t> static_mask_;
-  DeviceBuffer<std::int32_t> line_ends_;
-  DeviceBuffer<std::uint32_t> mask_bits_;
-  DeviceBuffer<std::uint32_t> dilated_bits_;
-  DeviceBuffer<BandWeights> band_weights_;
-  DeviceBuffer<std::uint16_t> planes_;
-  DeviceBuffer<uint2> extrema_;
-  DeviceBuffer<ScaleSpacePoint> points_;
-  DeviceBuffer<PointKey> keys_;
-  DeviceBuffer<std::uint64_t> priorities_;
-  DeviceBuffer<CellPoint> cell_points_;
-  DeviceBuffer<std::uint64_t> survivor_priorities_;
-  DeviceBuffer<Survivor> survivors_;
-  DeviceBuffer<SelectedPoint> selected_;
-  DeviceBuffer<std::uint8_t> angle_counts_;
-  DeviceBuffer<std::uint64_t> places_;
-  DeviceBuffer<std::uint32_t> further_;
 };
 
 }  // namespace haustra::kernels::cuda

@@ -164,11 +164,12 @@ class VisionBench {
   }
 
   Status BenchPinnedExtraction() {
-    kernels::cuda::PinnedBuffer<std::uint8_t> pixels;
+    kernels::cuda::PinnedBlock block;
     const std::size_t pitch = image_.pitch_bytes();
-    HAUSTRA_TRY(pixels.Allocate(pitch * image_.height()));
-    for (int y = 0; y < image_.height(); ++y) std::memcpy(pixels.data() + pitch * y, image_.row(y), image_.width());
-    const ImageView view = {pixels.data(), image_.width(), image_.height(), image_.pitch_bytes(), PixelFormat::kGrey8};
+    HAUSTRA_TRY(block.Allocate(pitch * image_.height()));
+    auto* const pixels = reinterpret_cast<std::uint8_t*>(block.data());
+    for (int y = 0; y < image_.height(); ++y) std::memcpy(pixels + pitch * y, image_.row(y), image_.width());
+    const ImageView view = {pixels, image_.width(), image_.height(), image_.pitch_bytes(), PixelFormat::kGrey8};
     HAUSTRA_ASSIGN(const Timing pinned, Measure(options_.repeats, [&] { return ExtractOnce(view, Lane::kTracking); }));
     PrintTiming("extraction, picture in pinned host memory", pinned);
     const ExtractionWork work = CountExtraction(image_.width(), image_.height(), count_);

@@ -10,6 +10,7 @@ namespace {
 const char* PlaceName(MemoryPlace place) {
   switch (place) {
     case MemoryPlace::kHostArena: return "host arena";
+    case MemoryPlace::kHostPinned: return "host pinned";
     case MemoryPlace::kHost: return "host";
     case MemoryPlace::kDevice: return "device";
   }
@@ -29,14 +30,15 @@ std::string PlanText(const std::string& heading, const MemoryPlan& plan) {
                   Megabytes(bytes), sized_by.empty() ? "" : "   ", sized_by.c_str());
     text += line;
   };
-  for (const MemoryPlace place : {MemoryPlace::kHostArena, MemoryPlace::kHost, MemoryPlace::kDevice}) {
+  for (const MemoryPlace place :
+       {MemoryPlace::kHostArena, MemoryPlace::kHostPinned, MemoryPlace::kHost, MemoryPlace::kDevice}) {
     for (const MemoryLine& entry : plan.lines) {
       if (entry.place != place) continue;
       add(PlaceName(place), entry.pool, std::to_string(entry.count), entry.bytes, entry.sized_by);
     }
   }
   add("host arena", "total", "", plan.bytes(MemoryPlace::kHostArena), "");
-  add("host", "total, arena included", "", plan.host_bytes(), "");
+  add("host", "total, all kinds", "", plan.host_bytes(), "");
   add("device", "total", "", plan.device_bytes(), "");
   return text;
 }
@@ -52,6 +54,7 @@ std::string PlanJson(const MemoryPlan& plan) {
                              {"sized_by", line.sized_by}});
   }
   json["host_arena_bytes"] = plan.bytes(MemoryPlace::kHostArena);
+  json["host_pinned_bytes"] = plan.bytes(MemoryPlace::kHostPinned);
   json["host_bytes"] = plan.host_bytes();
   json["device_bytes"] = plan.device_bytes();
   return json.dump(2) + "\n";

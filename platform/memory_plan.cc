@@ -8,16 +8,12 @@
 
 #include "engine/engine.h"
 #include "kernels/cpu/cpu_vision_device.h"
+#ifdef HAUSTRA_HAVE_CUDA
+#include "kernels/cuda/cuda_vision_device.h"
+#endif
+#include "platform/session/session.h"
 
 namespace haustra {
-namespace {
-
-// Frames on their way from capture to tracking (platform/session/realtime_session.cc), in colour.
-constexpr std::uint64_t kFramesInFlight = 3;
-constexpr std::uint64_t kBytesPerPixelInFlight = 3;
-
-}  // namespace
-
 Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibration& calibration, std::string_view device,
                               int num_threads) {
   MemoryPlan plan = Engine::PlanMemory(config);
@@ -27,19 +23,16 @@ Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibratio
         num_threads > 0 ? num_threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
     plan.Append(PlanCpuVisionDevice(vision, Engine::ExtractOptionsFor(config), threads));
   } else if (device == "cuda") {
-    // The sets alone; see PlanMemory about the rest.
-    const auto num_sets = static_cast<std::uint64_t>(vision.max_feature_sets);
-    plan.Add(MemoryPlace::kDevice, "feature sets (cuda)", num_sets,
-             num_sets * static_cast<std::uint64_t>(vision.max_features) *
-                 (kDescriptorBytes + sizeof(Keypoint) + sizeof(float)),
-             "memory.max_keyframes x features.max");
+#ifdef HAUSTRA_HAVE_CUDA
+    HAUSTRA_ASSIGN(const MemoryPlan cuda, PlanCudaVisionDevice(vision, Engine::ExtractOptionsFor(config)));
+    plan.Append(cuda);
+#else
+    return Unavailable("vision device 'cuda': this build has no CUDA support; use 'cpu'");
+#endif
   } else {
     return InvalidArgument("vision device '" + std::string(device) + "': unknown; use 'cpu' or 'cuda'");
   }
-  plan.Add(MemoryPlace::kHost, "frames in flight", kFramesInFlight,
-           kFramesInFlight * kBytesPerPixelInFlight * static_cast<std::uint64_t>(calibration.width_px) *
-               static_cast<std::uint64_t>(calibration.height_px),
-           "image size; real-time mode");
+  plan.Append(PlanRealTimeSession(calibration));
   return plan;
 }
 

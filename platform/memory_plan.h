@@ -1,4 +1,4 @@
-// The whole memory plan of a run: engine, vision device, frames in flight. Made from the configuration alone; nothing
+// The whole memory plan of a run: engine, vision device, session. Made from the configuration alone; nothing
 // is taken.
 #pragma once
 
@@ -11,9 +11,9 @@
 
 namespace haustra {
 
-// `device` as in CreateVisionDevice; of "cuda" the feature sets alone, which are most of it: the workspaces of
-// extraction and matching on the GPU and their pinned memory are not in the plan yet. num_threads: of the CPU device,
-// 0 means one for each core.
+// `device` as in CreateVisionDevice, and planned without one: "cuda" needs a build with CUDA (else kUnavailable), no
+// GPU. num_threads: of the CPU device, 0 means one for each core. Not in the plan: what libraries take of their own
+// accord (CUDA driver, image readers), the lists of results that `run` keeps until it writes them, stacks and code.
 Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibration& calibration, std::string_view device,
                               int num_threads);
 

@@ -7,6 +7,7 @@
 #include "platform/atlas_file.h"
 #include "platform/daemon/log.h"
 #include "platform/file_sink.h"
+#include "platform/memory_plan.h"
 #include "platform/publish/published_records.h"
 #include "platform/vocabulary_loader.h"
 
@@ -27,6 +28,11 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   const CameraCalibration& calibration = procedure->source_->calibration();
   const ImageView mask = procedure->source_->static_mask();
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
+  HAUSTRA_ASSIGN(MemoryPlan plan, PlanMemory(config.engine, calibration, config.vision.device, config.vision.threads));
+  plan.Add(MemoryPlace::kHost, "published snapshot", 1,
+           sizeof(haustra_snapshot) + config.engine.memory.max_map_points * sizeof(haustra_point),
+           "memory.max_map_points");
+  HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostBytes()));
   HAUSTRA_ASSIGN(procedure->device_,
                  CreateVisionDevice(config.vision.device, config.engine, calibration, config.vision.threads));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));

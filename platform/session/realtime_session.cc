@@ -31,10 +31,20 @@ struct FrameSlot {
   bool is_last = false;        // no frame: the source is over
 };
 
+std::size_t FrameBytes(const CameraCalibration& camera) {
+  constexpr std::size_t kBytesPerPixel = 3;
+  return kBytesPerPixel * static_cast<std::size_t>(camera.width_px) * static_cast<std::size_t>(camera.height_px);
+}
+
 struct DamageNote {
   std::uint32_t frame_index = 0;
   std::string message;
 };
+
+// What the observer has not read yet; it looks every 10 ms. Full: figures are lost (SpscRing), and damage waits.
+constexpr std::size_t kMaxOutcomes = 4096;
+constexpr std::size_t kMaxMappingTimes = 4096;
+constexpr std::size_t kMaxDamageNotes = 256;
 
 // State shared by the threads of one session.
 class RealTimeSession {
@@ -50,10 +60,10 @@ class RealTimeSession {
         heartbeat_(options.heartbeat),
         hooks_(options.hooks),
         frames_(EmptySlot(source.calibration())),
-        outcomes_(4096),
-        mapping_times_(4096),
-        merging_times_(4096),
-        damage_(256) {}
+        outcomes_(kMaxOutcomes),
+        mapping_times_(kMaxMappingTimes),
+        merging_times_(kMaxMappingTimes),
+        damage_(kMaxDamageNotes) {}
 
   // `threads` is made when all the memory of session and engine has been taken.
   Result<SessionSummary> Run(RealTimeThreads& threads, SessionObserver& observer, const std::atomic<bool>& stop) {
@@ -109,7 +119,7 @@ class RealTimeSession {
 
   static FrameSlot EmptySlot(const CameraCalibration& camera) {
     FrameSlot slot;
-    slot.pixels.resize(static_cast<std::size_t>(camera.width_px) * camera.height_px * 3);
+    slot.pixels.resize(FrameBytes(camera));
     return slot;
   }
 
@@ -290,6 +300,7 @@ class RealTimeSession {
       missing.is_dropped = !missing.is_damaged;
       observer.OnFrame(missing);
     }
+    std::erase_if(damaged_, [this](std::uint32_t index) { return index < next_index_; });
   }
 
   void Report(SessionObserver& observer) {
@@ -343,6 +354,19 @@ class RealTimeSession {
 };
 
 }  // namespace
+
+MemoryPlan PlanRealTimeSession(const CameraCalibration& calibration) {
+  using Frames = LatestMailbox<FrameSlot>;
+  const std::size_t rings = SpscRing<FrameOutcome>::BytesFor(kMaxOutcomes) +
+                            2 * SpscRing<MappingTimes>::BytesFor(kMaxMappingTimes) +
+                            SpscRing<DamageNote>::BytesFor(kMaxDamageNotes);
+  MemoryPlan plan;
+  plan.Add(MemoryPlace::kHost, "frames in flight", Frames::kNumSlots,
+           Frames::BytesFor() + Frames::kNumSlots * FrameBytes(calibration), "image size; real-time mode");
+  plan.Add(MemoryPlace::kHost, "rings of the session", kMaxOutcomes + 2 * kMaxMappingTimes + kMaxDamageNotes, rings,
+           "real-time mode");
+  return plan;
+}
 
 Result<SessionSummary> RunRealTime(FrameSource& source, Engine& engine, const Clock& clock,
                                    const RealTimeOptions& options, SessionObserver& observer,

@@ -7,7 +7,9 @@
 #include <string>
 
 #include "engine/engine.h"
+#include "hal/camera_calibration.h"
 #include "hal/clock.h"
+#include "hal/core/memory_plan.h"
 #include "hal/frame_source.h"
 #include "hal/realtime_config.h"
 #include "platform/realtime/heartbeat.h"
@@ -95,6 +97,10 @@ struct RealTimeOptions {
   // Null: this machine.
   ThreadSystem* system = nullptr;
 };
+
+// What a real-time session takes of the heap before its first frame: three frames of the camera's size in colour,
+// between capture and tracking, and rings of what the threads tell the observer. The sequential one takes nothing.
+MemoryPlan PlanRealTimeSession(const CameraCalibration& calibration);
 
 // Frames become due at their time stamps divided by `rate`, each is dropped when a newer one is due before tracking
 // comes to it. Capture, tracking, mapping and merging run on threads of their own, the observer on the calling one. A

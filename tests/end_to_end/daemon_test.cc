@@ -326,6 +326,9 @@ TEST_F(Daemon, EveryReasonNotToStartHasItsExitCode) {
   WriteBytes(folder_ + "/printed.yaml", printed.out);
   EXPECT_EQ(run({"--config", folder_ + "/printed.yaml", "--check-config"}).exit_code, 0);
   EXPECT_EQ(run(Arguments({"--set", "files.state_folder=/nonexistent"})).exit_code, 74);
+  const CommandResult too_large = run(Arguments({"--set", "memory.max_map_points=9000000"}));
+  EXPECT_EQ(too_large.exit_code, 78);
+  EXPECT_NE(too_large.err.find("sized by memory.max_map_points"), std::string::npos) << too_large.err;
   EXPECT_FALSE(service_.HasSaid("READY=1"));
 
   ASSERT_NO_FATAL_FAILURE(StartReady());

@@ -17,8 +17,9 @@ using testing::HasSubstr;
 TEST(FixedMemory, PlanListsEveryPoolAndItsSumIsTheTotal) {
   const CommandResult text = Haustra({"plan", "--sequence", SequenceFolder("standard"), "--threads", "2"});
   ASSERT_EQ(text.exit_code, kExitOk) << text.ToString();
-  for (const char* word : {"profile medium, images 360x270", "keyframes", "map points", "snapshots", "proposals",
-                           "feature sets (cpu)", "memory.max_map_points", "total"}) {
+  for (const char* word :
+       {"profile medium, images 360x270", "keyframes", "map points", "snapshots", "proposals", "feature sets (cpu)",
+        "frames in flight", "rings of the session", "memory.max_map_points", "total"}) {
     EXPECT_THAT(text.out, HasSubstr(word));
   }
   const CommandResult json = Haustra({"plan", "--sequence", SequenceFolder("standard"), "--threads", "2", "--json"});

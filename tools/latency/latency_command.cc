@@ -18,6 +18,7 @@
 #include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/file_sink.h"
+#include "platform/memory_plan.h"
 #include "platform/session/session.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/command/configuration_options.h"
@@ -162,6 +163,9 @@ int Measure(LatencyArguments arguments) {
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
   if (!camera.ok()) return FailLatency(camera.status());
+  const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
+  if (!plan.ok()) return FailLatency(plan.status());
+  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailLatency(status);
   const Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
   if (!device.ok()) return FailLatency(device.status());

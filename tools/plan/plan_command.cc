@@ -62,7 +62,8 @@ int Plan(const PlanArguments& arguments) {
     std::fputs(PlanText(heading, *plan).c_str(), stdout);
   }
   if (arguments.device == "cuda") {
-    std::fprintf(stderr, "haustra plan: note: workspaces of the GPU's extraction and matching are not in the plan\n");
+    std::fprintf(stderr,
+                 "haustra plan: note: what the CUDA driver takes for itself, some hundred MB, is not in the plan\n");
   }
   // After the table: what does not fit is to be seen in it.
   if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailPlan(status);

@@ -4,16 +4,20 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <string>
 #include <vector>
 
 #include "engine/engine.h"
 #include "hal/fakes/scripted_vision_device.h"
 #include "kernels/cpu/cpu_vision_device.h"
+#include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/config/memory_profiles.h"
+#include "platform/session/session.h"
 #include "tests/geometry/synthetic.h"
 #include "tests/platform/fixed_memory/heap_bytes.h"
+#include "tests/tools/run/recording_observer.h"
 #include "tests/tools/run/scripted_colon.h"
 
 namespace haustra {
@@ -88,7 +92,23 @@ TEST(MemoryPlanOfTheCpuDevice, IsWhatConstructionTakes) {
   }
 }
 
-TEST(MemoryPlan, CoversEngineDeviceAndFramesInFlight) {
+TEST(MemoryPlanOfTheSession, IsWhatARealTimeSessionTakes) {
+  test::ScriptedColon colon;
+  colon.Occlude(3);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  test::RecordingObserver observer;
+  const SystemClock clock;
+  const std::atomic<bool> stopped{true};
+  const std::size_t before = BytesTaken();
+  ASSERT_TRUE(RunRealTime(colon.source(), *engine, clock, 1.0, observer, stopped).ok());
+  const auto taken = static_cast<double>(BytesTaken() - before);
+  // Beside them there are the threads with what they ask the system, and the mailbox's prototype of a frame.
+  const double frame = 3.0 * colon.source().calibration().width_px * colon.source().calibration().height_px;
+  EXPECT_NEAR(taken, static_cast<double>(PlanRealTimeSession(colon.source().calibration()).host_bytes()) + frame,
+              65'536.0);
+}
+
+TEST(MemoryPlan, CoversEngineDeviceAndSession) {
   const EngineConfig config;
   const CameraCalibration camera = test::ColonCalibration();
   const Result<MemoryPlan> plan = PlanMemory(config, camera, "cpu", 2);
@@ -96,12 +116,27 @@ TEST(MemoryPlan, CoversEngineDeviceAndFramesInFlight) {
   const std::uint64_t engine = Engine::PlanMemory(config).host_bytes();
   const std::uint64_t device =
       PlanCpuVisionDevice(Engine::PlanFor(config, camera), Engine::ExtractOptionsFor(config), 2).host_bytes();
-  EXPECT_EQ(plan->host_bytes(), engine + device + 9ull * camera.width_px * camera.height_px);
-  const Result<MemoryPlan> on_gpu = PlanMemory(config, camera, "cuda", 2);
-  ASSERT_TRUE(on_gpu.ok());
-  EXPECT_EQ(on_gpu->device_bytes(), 1612ull * 2000 * (128 + 24 + 4));
-  EXPECT_LT(on_gpu->host_bytes(), plan->host_bytes());
+  EXPECT_EQ(plan->host_bytes(), engine + device + PlanRealTimeSession(camera).host_bytes());
+  EXPECT_EQ(plan->device_bytes(), 0u);
   EXPECT_FALSE(PlanMemory(config, camera, "abacus", 2).ok());
+}
+
+TEST(MemoryPlan, OfCudaNeedsNoGpuAndNamesWhatTheDeviceLacks) {
+  EngineConfig config;
+  const Result<MemoryPlan> plan = PlanMemory(config, test::ColonCalibration(), "cuda", 2);
+  if (plan.code() == StatusCode::kUnavailable) GTEST_SKIP() << plan.status().message();
+  ASSERT_TRUE(plan.ok());
+  EXPECT_GT(plan->device_bytes(), 1612ull * 2000 * (128 + 24 + 4));
+  EXPECT_GT(plan->bytes(MemoryPlace::kHostPinned), 0u);
+  EXPECT_TRUE(CheckMemory(*plan, config, 0).ok());
+  config.memory.max_keyframes = 4000;
+  const Result<MemoryPlan> more = PlanMemory(config, test::ColonCalibration(), "cuda", 2);
+  ASSERT_TRUE(more.ok());
+  config.memory.max_host_mb = 0.0;
+  const Status status = CheckMemory(*more, config, 0);
+  EXPECT_EQ(status.code(), StatusCode::kCapacityExceeded);
+  EXPECT_THAT(status.message(), HasSubstr("device memory: 'feature sets (cuda)'"));
+  EXPECT_THAT(status.message(), HasSubstr("memory.max_device_mb allows 1000.0 MB"));
 }
 
 TEST(MemoryPlan, EveryProfileFitsItsOwnLimitAtTheSizeOfAnEndoscope) {
@@ -111,10 +146,13 @@ TEST(MemoryPlan, EveryProfileFitsItsOwnLimitAtTheSizeOfAnEndoscope) {
   for (const std::string& profile : MemoryProfileNames()) {
     const auto config = LoadEngineConfig("", {"memory.profile=" + profile});
     ASSERT_TRUE(config.ok()) << config.status().ToString();
-    const Result<MemoryPlan> plan = PlanMemory(config->config(), camera, "cpu", 4);
-    ASSERT_TRUE(plan.ok());
-    const Status status = CheckMemory(*plan, config->config(), 0);
-    EXPECT_TRUE(status.ok()) << profile << ": " << status.ToString();
+    for (const char* device : {"cpu", "cuda"}) {
+      const Result<MemoryPlan> plan = PlanMemory(config->config(), camera, device, 4);
+      if (plan.code() == StatusCode::kUnavailable) continue;
+      ASSERT_TRUE(plan.ok());
+      const Status status = CheckMemory(*plan, config->config(), 0);
+      EXPECT_TRUE(status.ok()) << profile << ": " << status.ToString();
+    }
   }
 }
 

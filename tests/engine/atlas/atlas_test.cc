@@ -69,6 +69,37 @@ TEST_F(AtlasTest, PointWithOneObservationLeftIsRemoved) {
   EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
 }
 
+TEST_F(AtlasTest, FullListOfObservationsRefusesFurtherOnesAndCountsThem) {
+  Atlas atlas({kMaxObservations + 2, 10, 1, 100, kFeatures});
+  const MapHandle map = atlas.CreateMap();
+  FrameFeatures features(kFeatures);
+  features.num = kFeatures;
+  std::vector<KeyframeHandle> keyframes;
+  for (std::uint32_t i = 0; i < kMaxObservations + 2; ++i) {
+    features.set = {i, 7};
+    keyframes.push_back(atlas.AddKeyframe(map, i, TimePoint{}, SE3{}, features));
+  }
+  const MapPointHandle point = atlas.AddPoint(map, {0, 0, 5}, 0);
+  for (int i = 0; i < kMaxObservations; ++i) EXPECT_TRUE(atlas.AddObservation(point, keyframes[i], 3)) << i;
+  EXPECT_EQ(atlas.num_refused_observations(), 0u);
+  EXPECT_FALSE(atlas.AddObservation(point, keyframes[kMaxObservations], 3));
+  EXPECT_EQ(atlas.num_refused_observations(), 1u);
+  // The keyframe knows nothing of it, and its feature is free for another point.
+  EXPECT_FALSE(atlas.keyframe(keyframes[kMaxObservations]).points[3].is_valid());
+  // Points that are fused share the list: the other's observations beyond it are refused, too.
+  const MapPointHandle other = atlas.AddPoint(map, {0, 0, 5}, 0);
+  EXPECT_TRUE(atlas.AddObservation(other, keyframes[kMaxObservations], 3));
+  EXPECT_TRUE(atlas.AddObservation(other, keyframes[kMaxObservations + 1], 3));
+  atlas.FusePoints(other, point);
+  EXPECT_EQ(atlas.num_refused_observations(), 3u);
+  EXPECT_EQ(atlas.point(point).observations.size(), static_cast<std::size_t>(kMaxObservations));
+  EXPECT_EQ(CheckInvariants(atlas).ToString(), "ok");
+  // One that goes makes room.
+  EXPECT_TRUE(atlas.RemoveObservation(point, keyframes[0]));
+  EXPECT_TRUE(atlas.AddObservation(point, keyframes[kMaxObservations], 3));
+  EXPECT_EQ(CheckInvariants(atlas).ToString(), "ok");
+}
+
 TEST_F(AtlasTest, FusedPointHasTheObservationsOfBoth) {
   const KeyframeHandle a = Add(map_);
   const KeyframeHandle b = Add(map_);

@@ -41,9 +41,7 @@ struct DamageNote {
   std::string message;
 };
 
-// What the observer has not read yet; it looks every 10 ms. Full: figures are lost (SpscRing), and damage waits.
-constexpr std::size_t kMaxOutcomes = 4096;
-constexpr std::size_t kMaxMappingTimes = 4096;
+// What the observer has not read yet; a full ring makes the reader of the source wait.
 constexpr std::size_t kMaxDamageNotes = 256;
 
 // State shared by the threads of one session.
@@ -60,9 +58,9 @@ class RealTimeSession {
         heartbeat_(options.heartbeat),
         hooks_(options.hooks),
         frames_(EmptySlot(source.calibration())),
-        outcomes_(kMaxOutcomes),
-        mapping_times_(kMaxMappingTimes),
-        merging_times_(kMaxMappingTimes),
+        outcomes_(options.max_unread),
+        mapping_times_(options.max_unread),
+        merging_times_(options.max_unread),
         damage_(kMaxDamageNotes) {}
 
   // `threads` is made when all the memory of session and engine has been taken.
@@ -106,6 +104,9 @@ class RealTimeSession {
     SessionSummary summary;
     summary.wall_time = clock_.Now() - start;
     summary.video_time = video_time_;
+    summary.max_unread = outcomes_.capacity();
+    summary.num_frames_unread = outcomes_.num_dropped();
+    summary.num_times_unread = mapping_times_.num_dropped() + merging_times_.num_dropped();
     return summary;
   }
 
@@ -357,14 +358,14 @@ class RealTimeSession {
 
 MemoryPlan PlanRealTimeSession(const CameraCalibration& calibration) {
   using Frames = LatestMailbox<FrameSlot>;
-  const std::size_t rings = SpscRing<FrameOutcome>::BytesFor(kMaxOutcomes) +
-                            2 * SpscRing<MappingTimes>::BytesFor(kMaxMappingTimes) +
+  const std::size_t max_unread = RealTimeOptions{}.max_unread;
+  const std::size_t rings = SpscRing<FrameOutcome>::BytesFor(max_unread) +
+                            2 * SpscRing<MappingTimes>::BytesFor(max_unread) +
                             SpscRing<DamageNote>::BytesFor(kMaxDamageNotes);
   MemoryPlan plan;
   plan.Add(MemoryPlace::kHost, "frames in flight", Frames::kNumSlots,
            Frames::BytesFor() + Frames::kNumSlots * FrameBytes(calibration), "image size; real-time mode");
-  plan.Add(MemoryPlace::kHost, "rings of the session", kMaxOutcomes + 2 * kMaxMappingTimes + kMaxDamageNotes, rings,
-           "real-time mode");
+  plan.Add(MemoryPlace::kHost, "rings of the session", 3 * max_unread + kMaxDamageNotes, rings, "real-time mode");
   return plan;
 }
 

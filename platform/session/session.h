@@ -81,6 +81,10 @@ class SessionHooks {
 struct SessionSummary {
   Duration wall_time{0};
   Duration video_time{0};  // from the first to the last frame, one period added
+  // Real time: what the observer was too slow to read (RealTimeOptions::max_unread, 0: no ring).
+  std::uint64_t max_unread = 0;
+  std::uint64_t num_frames_unread = 0;  // reported as dropped
+  std::uint64_t num_times_unread = 0;   // MappingTimes
 };
 
 // Every frame, tracking, mapping and merging in turn on the calling thread; repeats to the bit. Stops early, with Ok,
@@ -94,12 +98,15 @@ struct RealTimeOptions {
   // Beats on the tracking thread while the session runs; may be null. Outlives the session.
   Heartbeat* heartbeat = nullptr;
   SessionHooks* hooks = nullptr;  // may be null; outlives the session
+  // Frames, steps of mapping and steps of merging that wait for the observer, of each; further ones are lost, counted.
+  std::size_t max_unread = 4096;
   // Null: this machine.
   ThreadSystem* system = nullptr;
 };
 
 // What a real-time session takes of the heap before its first frame: three frames of the camera's size in colour,
 // between capture and tracking, and rings of what the threads tell the observer. The sequential one takes nothing.
+// max_unread as it is by default.
 MemoryPlan PlanRealTimeSession(const CameraCalibration& calibration);
 
 // Frames become due at their time stamps divided by `rate`, each is dropped when a newer one is due before tracking

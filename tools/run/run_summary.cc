@@ -39,7 +39,7 @@ double MsPerKeyframe(Duration total, const MapperCounters& counters) {
   return counters.num_keyframes == 0 ? 0.0 : ToMilliseconds(total) / static_cast<double>(counters.num_keyframes);
 }
 
-std::vector<PoolFigures> PoolsOf(Engine& engine) {
+std::vector<PoolFigures> PoolsOf(Engine& engine, const SessionSummary& session) {
   const Atlas& atlas = engine.atlas();
   const MapperCounters& mapper = engine.mapper_counters();
   const auto pool = [](const char* name, const auto& p, std::uint64_t refused) {
@@ -47,7 +47,7 @@ std::vector<PoolFigures> PoolsOf(Engine& engine) {
   };
   const auto capacity = atlas.capacity();
   const int num_sets = Engine::PlanFor(engine.config(), engine.camera().calibration()).max_feature_sets;
-  return {
+  std::vector<PoolFigures> pools = {
       pool("keyframes", atlas.keyframes(), mapper.num_keyframes_refused),
       pool("map_points", atlas.points(), atlas.points().num_refused()),
       pool("maps", atlas.maps(), mapper.num_maps_refused),
@@ -59,6 +59,11 @@ std::vector<PoolFigures> PoolsOf(Engine& engine) {
       {"late_poses", engine.late_poses().capacity(), 0, 0, engine.late_poses().num_dropped()},
       {"feature_sets", static_cast<std::uint64_t>(num_sets), 0, 0, engine.num_feature_sets_refused()},
   };
+  if (session.max_unread > 0) {
+    pools.push_back({"frames_unread", session.max_unread, 0, 0, session.num_frames_unread});
+    pools.push_back({"times_unread", session.max_unread, 0, 0, session.num_times_unread});
+  }
+  return pools;
 }
 
 TrackingThreadFigures ThreadFiguresOf(const RunRecord& record) {
@@ -149,7 +154,7 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
                       latency.empty() ? 0.0 : latency.back()};
   summary.peak_rss_mb = PeakRssMb();
   summary.plan_host_mb = static_cast<double>(Engine::PlanMemory(engine.config()).host_bytes()) / 1e6;
-  summary.pools = PoolsOf(engine);
+  summary.pools = PoolsOf(engine, session);
   summary.evictions = engine.evictions();
   summary.tracking_thread = ThreadFiguresOf(record);
   summary.is_heap_watched = record.heap_watch() != nullptr;

@@ -109,6 +109,38 @@ TEST(RealTimeSession, SlowTrackingGetsTheNewestFrameAndTheOthersCountAsDropped) 
   }
 }
 
+TEST(RealTimeSession, FramesThatASlowObserverLeavesUnreadAreCountedAndReportedAsDropped) {
+  ScriptedColon colon;
+  colon.Occlude(20);
+  Lockstep lockstep(colon);
+  std::binary_semaphore source_is_over{0};
+  HookedSource source(lockstep.source, [&](int call) {
+    if (call == 20) source_is_over.release();
+  });
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
+  RecordingObserver observer;
+  observer.on_frame = [&](const FrameOutcome& outcome) {
+    if (outcome.result.frame_index == 0) source_is_over.acquire();
+  };
+  const SystemClock clock;
+  RealTimeOptions options;
+  options.rate = kFast;
+  options.rt.enabled = false;
+  options.max_unread = 4;
+  const auto session = RunRealTime(source, *engine, clock, options, observer, test::kNeverStop);
+  ASSERT_TRUE(session.ok()) << session.status().ToString();
+  EXPECT_EQ(session->max_unread, 4u);
+  // Frames 1 to 18 were answered while the first one was looked at.
+  EXPECT_GE(session->num_frames_unread, 14u);
+  ASSERT_EQ(observer.frames.size(), 20u);
+  std::uint64_t num_dropped = 0;
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    EXPECT_EQ(observer.frames[i].result.frame_index, i);
+    num_dropped += observer.frames[i].is_dropped;
+  }
+  EXPECT_EQ(num_dropped, session->num_frames_unread);
+}
+
 TEST(RealTimeSession, DamagedFramesAreReportedInTheMiddleAndAtBothEnds) {
   ScriptedColon colon;
   colon.Damage("zero");

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "tests/end_to_end/command.h"
 #include "tests/end_to_end/result_files.h"
@@ -101,10 +102,35 @@ TEST(FixedMemory, ShortSoakPassesAndOneWithoutSamplesDoesNot) {
   // Back and forth: more than the sequence has.
   EXPECT_GT(num_frames, 280);
   EXPECT_GT(std::stod(samples.back()["rss_mb"]), 10.0);
+  EXPECT_EQ(samples.back()["procedure"], "0");
   const CommandResult nothing =
       Haustra({"soak", SequenceFolder("standard"), "--minutes", "0.02", "--mode", "sequential"});
   EXPECT_EQ(nothing.exit_code, 1) << nothing.ToString();
   EXPECT_THAT(nothing.out, HasSubstr("FAILED: 0 samples after the warm-up"));
+}
+
+TEST(FixedMemory, SoakBeginsAndEndsProcedures) {
+  const std::string csv = ScratchFolder() + "/soak.csv";
+  const CommandResult passed = Haustra({"soak", SequenceFolder("standard"), "--minutes", "0.15", "--procedure", "0.05",
+                                        "--interval", "0.2", "--warm-up", "1", "--mode", "sequential",
+                                        "--max-growth-mb", "200", "--max-latency-ratio", "100", "--csv", csv});
+  EXPECT_EQ(passed.exit_code, kExitOk) << passed.ToString();
+  EXPECT_THAT(passed.out, HasSubstr("in 3 procedures"));
+  CsvRows samples = ReadCsv(csv);
+  ASSERT_GT(samples.size(), 30u);
+  // Sequential: the same frames in an empty engine give the same pools.
+  std::vector<std::vector<std::string>> pools(3);
+  for (auto& sample : samples) {
+    pools.at(std::stoi(sample["procedure"]))
+        .push_back(sample["keyframes"] + " " + sample["map_points"] + " " + sample["free_feature_sets"]);
+  }
+  EXPECT_EQ(pools[0], pools[1]);
+  EXPECT_EQ(pools[0], pools[2]);
+}
+
+TEST(FixedMemory, SoakAsksForASequenceOrToRenderOne) {
+  EXPECT_EQ(Haustra({"soak"}).exit_code, kExitUsage);
+  EXPECT_EQ(Haustra({"soak", SequenceFolder("standard"), "--rendered"}).exit_code, kExitUsage);
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 #include "tools/latency/latency_command.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -23,6 +21,7 @@
 #include "platform/vocabulary_loader.h"
 #include "tools/command/configuration_options.h"
 #include "tools/command/stop_signal.h"
+#include "tools/command/temporary_folder.h"
 #include "tools/exit_codes.h"
 #include "tools/latency/board_state.h"
 #include "tools/latency/latency_page.h"
@@ -63,31 +62,12 @@ int FailLatency(const Status& status, int exit_code) {
 }
 int FailLatency(const Status& status) { return FailLatency(status, ExitCodeFor(status.code())); }
 
-// A folder of our own that goes when it is no longer needed.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string pattern = (fs::temp_directory_path() / "haustra-latency-XXXXXX").string();
-    if (mkdtemp(pattern.data()) != nullptr) path_ = pattern;
-  }
-  ~TemporaryFolder() {
-    std::error_code error;
-    if (!path_.empty()) fs::remove_all(path_, error);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
 // The frames to play: of the sequence, or rendered for the purpose.
 Result<std::unique_ptr<LoopedSource>> LoadFrames(const LatencyArguments& arguments) {
   SequenceOptions options;
   options.halve = arguments.halve;
   std::string sequence = arguments.sequence;
-  const TemporaryFolder folder;
+  const TemporaryFolder folder("latency");
   if (arguments.rendered) {
     if (folder.path().empty()) return Unavailable("no temporary folder can be made to render into");
     HAUSTRA_ASSIGN(const render::Preset preset, render::FindPreset("standard"));

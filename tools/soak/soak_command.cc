@@ -1,23 +1,29 @@
 #include "tools/soak/soak_command.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "capture/open_sequence.h"
 #include "platform/assemble.h"
 #include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
+#include "platform/daemon/wipe_memory.h"
 #include "platform/memory_plan.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/command/configuration_options.h"
 #include "tools/command/stop_signal.h"
+#include "tools/command/temporary_folder.h"
 #include "tools/exit_codes.h"
+#include "tools/render/render_sequence.h"
 #include "tools/soak/looping_source.h"
 #include "tools/soak/soak_monitor.h"
 
@@ -26,7 +32,9 @@ namespace {
 
 struct SoakArguments : ConfigurationOptions {
   std::string sequence;
+  bool rendered = false;
   double minutes = 60.0;
+  double procedure_minutes = 22.0;
   double interval_s = 10.0;
   double warm_up_s = 120.0;
   std::string csv;
@@ -35,6 +43,7 @@ struct SoakArguments : ConfigurationOptions {
   std::string loop = "back-and-forth";
   double max_growth_mb = SoakOptions{}.max_growth_mb;
   double max_latency_ratio = SoakOptions{}.max_latency_ratio;
+  double max_pool_ratio = SoakOptions{}.max_pool_ratio;
   std::optional<std::uint64_t> seed;
 };
 
@@ -48,11 +57,66 @@ int FailSoak(const Status& status) {
 
 Duration Seconds(double seconds) { return Duration(static_cast<std::int64_t>(seconds * 1e9)); }
 
+// What is mapped has losses and merges in it. Into `folder`; the answer is the sequence.
+Result<std::string> RenderInto(const TemporaryFolder& folder) {
+  if (folder.path().empty()) return Unavailable("no temporary folder can be made to render into");
+  HAUSTRA_ASSIGN(const render::Preset preset, render::FindPreset("losses"));
+  render::RenderOptions options = render::RenderOptions::FromPreset(preset);
+  options.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  std::fprintf(stderr, "haustra soak: rendering %d frames\n", options.num_frames());
+  std::string sequence = folder.path() + "/sequence";
+  HAUSTRA_TRY(render::RenderSequence(sequence, options, {}));
+  return sequence;
+}
+
 struct FileCloser {
   void operator()(std::FILE* file) const { std::fclose(file); }
 };
 
+// Of all procedures.
+struct SoakTotals {
+  Duration video_time{0};
+  int loops = 0;
+  EvictionCounters evicted;
+  std::uint64_t keyframes_refused = 0;
+};
+
+// One procedure with a device and an engine of its own, as the service does it: made empty, thrown away at the end.
+// What was freed goes back to the system then.
+Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, const LoopingSource::Opener& open,
+                    Duration video_time, const Vocabulary* vocabulary, SoakMonitor* monitor, SoakTotals* totals,
+                    const std::atomic<bool>& stop) {
+  HAUSTRA_ASSIGN(const std::unique_ptr<LoopingSource> source,
+                 LoopingSource::Create(open, arguments.loop == "back-and-forth", video_time));
+  const CameraCalibration& calibration = source->calibration();
+  HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
+  HAUSTRA_ASSIGN(const MemoryPlan plan, PlanMemory(config, calibration, arguments.device, arguments.threads));
+  HAUSTRA_TRY(CheckMemory(plan, config, AvailableHostBytes()));
+  HAUSTRA_ASSIGN(const std::unique_ptr<VisionDevice> device,
+                 CreateVisionDevice(arguments.device, config, calibration, arguments.threads));
+  HAUSTRA_TRY(device->SetStaticMask(source->static_mask()));
+  const bool is_realtime = arguments.mode == "realtime";
+  const SystemClock clock;
+  Engine engine(config, camera, *device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
+                SceneShare(source->static_mask()), vocabulary);
+  monitor->Begin(engine);
+  HAUSTRA_ASSIGN(const SessionSummary session, is_realtime
+                                                   ? RunRealTime(*source, engine, clock, arguments.rate, *monitor, stop)
+                                                   : RunSequential(*source, engine, clock, *monitor, stop));
+  totals->video_time += session.video_time;
+  totals->loops += source->num_loops();
+  totals->evicted.num_keyframes += engine.evictions().num_keyframes;
+  totals->evicted.num_maps += engine.evictions().num_maps;
+  totals->evicted.num_points += engine.evictions().num_points;
+  totals->keyframes_refused += engine.mapper_counters().num_keyframes_refused;
+  return Status::Ok();
+}
+
 int Soak(const SoakArguments& arguments) {
+  if (arguments.rendered == !arguments.sequence.empty()) {
+    std::fprintf(stderr, "haustra soak: name a sequence, or ask for --rendered\n");
+    return kExitUsage;
+  }
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
   if (!loaded.ok()) {
     std::fprintf(stderr, "haustra soak: %s\n", loaded.status().message().c_str());
@@ -60,24 +124,6 @@ int Soak(const SoakArguments& arguments) {
   }
   EngineConfig config = loaded->config();
   if (arguments.seed) config.seed = *arguments.seed;
-  const auto open = [&](bool reversed) {
-    SequenceOptions options;
-    options.reversed = reversed;
-    return OpenSequence(arguments.sequence, options);
-  };
-  Result<std::unique_ptr<LoopingSource>> source =
-      LoopingSource::Create(open, arguments.loop == "back-and-forth", Seconds(60.0 * arguments.minutes));
-  if (!source.ok()) return FailSoak(source.status());
-  const CameraCalibration& calibration = (*source)->calibration();
-  const Result<CameraModel> camera = CameraModel::Create(calibration);
-  if (!camera.ok()) return FailSoak(camera.status());
-  const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
-  if (!plan.ok()) return FailSoak(plan.status());
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailSoak(status);
-  Result<std::unique_ptr<VisionDevice>> device =
-      CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
-  if (!device.ok()) return FailSoak(device.status());
-  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return FailSoak(status);
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
   if (!vocabulary.ok()) return FailSoak(vocabulary.status());
   std::unique_ptr<std::FILE, FileCloser> csv;
@@ -86,16 +132,25 @@ int Soak(const SoakArguments& arguments) {
     if (csv == nullptr) return FailSoak(Unavailable(arguments.csv + ": cannot be written"));
     std::fputs(SoakCsvHeader().c_str(), csv.get());
   }
+  std::string sequence = arguments.sequence;
+  const TemporaryFolder folder("soak");
+  if (arguments.rendered) {
+    Result<std::string> rendered = RenderInto(folder);
+    if (!rendered.ok()) return FailSoak(rendered.status());
+    sequence = std::move(rendered).value();
+  }
+  const auto open = [&](bool reversed) {
+    SequenceOptions options;
+    options.reversed = reversed;
+    return OpenSequence(sequence, options);
+  };
 
-  const bool is_realtime = arguments.mode == "realtime";
-  const SystemClock clock;
-  Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
-                SceneShare((*source)->static_mask()), vocabulary->get());
   SoakOptions options;
   options.interval = Seconds(arguments.interval_s);
   options.warm_up = Seconds(arguments.warm_up_s);
   options.max_growth_mb = arguments.max_growth_mb;
   options.max_latency_ratio = arguments.max_latency_ratio;
+  options.max_pool_ratio = arguments.max_pool_ratio;
   bool is_written = true;
   const auto write = [&](const SoakSample& sample) {
     std::fprintf(stderr, "\r%8.0f s  %7.1f MB resident  %5u keyframes %6u points  p50 %.1f ms  max %.1f ms ",
@@ -104,26 +159,39 @@ int Soak(const SoakArguments& arguments) {
     if (csv == nullptr) return;
     is_written = std::fputs(SoakCsvLine(sample).c_str(), csv.get()) >= 0 && std::fflush(csv.get()) == 0 && is_written;
   };
-  SoakMonitor monitor(engine, options, write, AllocationTrap::IsAvailable() ? &CountingHeapWatch() : nullptr);
+  SoakMonitor monitor(options, write, AllocationTrap::IsAvailable() ? &CountingHeapWatch() : nullptr);
   const std::atomic<bool>& stop_requested = CatchStopSignals();
-  const Result<SessionSummary> session =
-      is_realtime ? RunRealTime(**source, engine, clock, arguments.rate, monitor, stop_requested)
-                  : RunSequential(**source, engine, clock, monitor, stop_requested);
+  // All equally long, so that they can be compared.
+  const int num_procedures =
+      arguments.procedure_minutes > 0.0
+          ? std::max(1, static_cast<int>(std::lround(arguments.minutes / arguments.procedure_minutes)))
+          : 1;
+  const Duration video_time = Seconds(60.0 * arguments.minutes / num_procedures);
+  SoakTotals totals;
+  for (int i = 0; i < num_procedures && !stop_requested.load(); ++i) {
+    const Status status =
+        RunProcedure(arguments, config, open, video_time, vocabulary->get(), &monitor, &totals, stop_requested);
+    ReturnFreeMemory();
+    if (!status.ok()) {
+      std::fprintf(stderr, "\n");
+      return FailSoak(status);
+    }
+  }
   std::fprintf(stderr, "\n");
-  if (!session.ok()) return FailSoak(session.status());
   if (!is_written) return FailSoak(Unavailable(arguments.csv + ": could not be written"));
 
-  const EvictionCounters& evicted = engine.evictions();
   std::printf(
-      "%s, %.1f min of video in %d loops: %llu frames, %llu losses, %llu merges and loops, %llu damaged\n"
-      "evicted %llu keyframes, %llu maps, %llu points; refused %llu keyframes; engine's plan %.0f MB\n",
-      arguments.sequence.c_str(), ToSeconds(session->video_time) / 60.0, (*source)->num_loops(),
-      static_cast<unsigned long long>(monitor.num_frames()), static_cast<unsigned long long>(monitor.num_losses()),
-      static_cast<unsigned long long>(monitor.num_merges()), static_cast<unsigned long long>(monitor.num_damaged()),
-      static_cast<unsigned long long>(evicted.num_keyframes), static_cast<unsigned long long>(evicted.num_maps),
-      static_cast<unsigned long long>(evicted.num_points),
-      static_cast<unsigned long long>(engine.mapper_counters().num_keyframes_refused),
-      static_cast<double>(plan->host_bytes()) / 1e6);
+      "%s, %.1f min of video in %d procedures and %d loops: %llu frames, %llu losses, %llu merges and loops, %llu "
+      "damaged\n"
+      "evicted %llu keyframes, %llu maps, %llu points; refused %llu keyframes\n",
+      arguments.rendered ? "(rendered)" : arguments.sequence.c_str(), ToSeconds(totals.video_time) / 60.0,
+      monitor.num_procedures(), totals.loops, static_cast<unsigned long long>(monitor.num_frames()),
+      static_cast<unsigned long long>(monitor.num_losses()), static_cast<unsigned long long>(monitor.num_merges()),
+      static_cast<unsigned long long>(monitor.num_damaged()),
+      static_cast<unsigned long long>(totals.evicted.num_keyframes),
+      static_cast<unsigned long long>(totals.evicted.num_maps),
+      static_cast<unsigned long long>(totals.evicted.num_points),
+      static_cast<unsigned long long>(totals.keyframes_refused));
   const SoakVerdict verdict = monitor.Judge();
   std::fputs(verdict.text.c_str(), stdout);
   if (stop_requested.load()) {
@@ -138,16 +206,23 @@ int Soak(const SoakArguments& arguments) {
 void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
   const auto arguments = std::make_shared<SoakArguments>();
   CLI::App* command = app.add_subcommand(
-      "soak", "Run a sequence over and over for hours of video; fails when memory grows or latency drifts");
-  command->add_option("sequence", arguments->sequence, "As for run; image files can be played back and forth")
-      ->required();
+      "soak", "Run procedures over and over for hours of video; fails when memory or pools grow or latency drifts");
+  command->add_option("sequence", arguments->sequence, "As for run; image files can be played back and forth");
+  command->add_flag("--rendered", arguments->rendered, "Play a colon rendered for the purpose instead");
   command->add_option("--minutes", arguments->minutes, "Time of video")
       ->check(CLI::Range(0.01, 100000.0))
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--procedure", arguments->procedure_minutes,
+          "Minutes of video, about, after which the procedure ends and another begins with an empty engine; 0: "
+          "one procedure")
+      ->check(CLI::Range(0.0, 100000.0))
       ->capture_default_str();
   command->add_option("--interval", arguments->interval_s, "Seconds of video between two samples")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
-  command->add_option("--warm-up", arguments->warm_up_s, "Seconds of video before anything is judged")
+  command->add_option("--warm-up", arguments->warm_up_s, "Seconds of each procedure before anything is judged")
       ->check(CLI::Range(0.0, 100000.0))
       ->capture_default_str();
   command->add_option("--csv", arguments->csv, "File for the samples: memory, pools, latency, faults");
@@ -166,6 +241,11 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(0.0, 100000.0))
       ->capture_default_str();
   command->add_option("--max-latency-ratio", arguments->max_latency_ratio, "Allowed drift of the median latency")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str();
+  command
+      ->add_option("--max-pool-ratio", arguments->max_pool_ratio,
+                   "Allowed growth of what procedures use of a pool, from the first ones to the last ones")
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")

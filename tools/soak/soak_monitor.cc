@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <numeric>
 #include <span>
 
@@ -49,6 +50,79 @@ double SlopePerHour(std::span<const SoakSample> samples) {
   return below > 0.0 ? 3600.0 * above / below : 0.0;
 }
 
+struct JudgedPool {
+  const char* name;
+  std::uint32_t PoolUse::*use;
+};
+constexpr JudgedPool kJudgedPools[] = {{"keyframes", &PoolUse::keyframes},
+                                       {"map points", &PoolUse::map_points},
+                                       {"maps", &PoolUse::maps},
+                                       {"keyframe ids", &PoolUse::keyframe_ids}};
+
+// Of each procedure in turn: the largest use of the pool.
+std::vector<double> Peaks(std::span<const SoakSample> samples, std::uint32_t PoolUse::*use) {
+  std::vector<double> peaks;
+  for (const SoakSample& sample : samples) {
+    if (peaks.size() <= static_cast<std::size_t>(sample.procedure)) peaks.resize(sample.procedure + 1, 0.0);
+    peaks[sample.procedure] = std::max(peaks[sample.procedure], static_cast<double>(sample.pools.*use));
+  }
+  return peaks;
+}
+
+double Mean(std::span<const double> values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+int FewestLooseSets(std::span<const SoakSample> samples) {
+  return std::min_element(samples.begin(), samples.end(),
+                          [](const SoakSample& a, const SoakSample& b) { return a.loose_sets < b.loose_sets; })
+      ->loose_sets;
+}
+
+template <typename... Args>
+void Fail(SoakVerdict* verdict, const char* format, Args... args) {
+  char text[256];
+  std::snprintf(text, sizeof(text), format, args...);
+  verdict->is_passed = false;
+  verdict->text += std::string("FAILED: ") + text + "\n";
+}
+
+void JudgePools(std::span<const SoakSample> samples, const SoakOptions& options, SoakVerdict* verdict) {
+  for (const JudgedPool& pool : kJudgedPools) {
+    const std::vector<double> peaks = Peaks(samples, pool.use);
+    const std::span<const double> all(peaks);
+    if (all.size() < 2) continue;
+    const std::size_t quarter = std::max<std::size_t>(all.size() / 4, 1);
+    const double first = Mean(all.first(quarter));
+    const double last = Mean(all.last(quarter));
+    if (last <= first + options.min_pool_drift || last <= options.max_pool_ratio * first) continue;
+    Fail(verdict, "%s in use grew from %.0f to %.0f at most over %zu procedures, allowed: %.2f times", pool.name, first,
+         last, all.size(), options.max_pool_ratio);
+  }
+}
+
+// The worst of the procedures that are long enough to tell.
+void JudgeLooseSets(std::span<const SoakSample> judged, const SoakOptions& options, SoakVerdict* verdict) {
+  int worst = 0, worst_first = 0, worst_procedure = 0;
+  for (auto begin = judged.begin(); begin != judged.end();) {
+    const auto end =
+        std::find_if(begin, judged.end(), [&](const SoakSample& s) { return s.procedure != begin->procedure; });
+    const std::span<const SoakSample> procedure(begin, end);
+    begin = end;
+    if (procedure.size() < kMinJudgedSamples) continue;
+    const std::size_t quarter = procedure.size() / 4;
+    const int first = FewestLooseSets(procedure.first(quarter));
+    const int growth = FewestLooseSets(procedure.last(quarter)) - first;
+    if (growth <= worst) continue;
+    worst = growth;
+    worst_first = first;
+    worst_procedure = procedure.front().procedure;
+  }
+  if (worst <= options.max_lost_sets) return;
+  Fail(verdict, "feature sets that belong to no keyframe grew from %d to %d in procedure %d, allowed: %d more",
+       worst_first, worst_first + worst, worst_procedure + 1, options.max_lost_sets);
+}
+
 }  // namespace
 
 double ResidentMb() {
@@ -60,9 +134,9 @@ double ResidentMb() {
   return num_read == 2 ? static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6 : 0.0;
 }
 
-SoakMonitor::SoakMonitor(const Engine& engine, const SoakOptions& options,
-                         std::function<void(const SoakSample&)> on_sample, const HeapWatch* heap_watch)
-    : engine_(engine), options_(options), on_sample_(std::move(on_sample)), heap_watch_(heap_watch) {
+SoakMonitor::SoakMonitor(const SoakOptions& options, std::function<void(const SoakSample&)> on_sample,
+                         const HeapWatch* heap_watch)
+    : options_(options), on_sample_(std::move(on_sample)), heap_watch_(heap_watch) {
   // Written to, so that the monitor's own memory does not look like growth.
   samples_.resize(kReservedSamples);
   samples_.clear();
@@ -70,8 +144,18 @@ SoakMonitor::SoakMonitor(const Engine& engine, const SoakOptions& options,
   latency_ms_.clear();
 }
 
+void SoakMonitor::Begin(const Engine& engine) {
+  engine_ = &engine;
+  num_sets_ = Engine::PlanFor(engine.config(), engine.camera().calibration()).max_feature_sets;
+  if (has_first_) earlier_s_ += ToSeconds(newest_ - first_);
+  has_first_ = was_tracking_ = false;
+  current_ = {};
+  latency_ms_.clear();
+  ++num_procedures_;
+}
+
 void SoakMonitor::OnFrame(const FrameOutcome& outcome) {
-  const TimePoint now = outcome.result.timestamp;
+  const TimePoint now = newest_ = outcome.result.timestamp;
   if (!has_first_) {
     has_first_ = true;
     first_ = now;
@@ -100,10 +184,14 @@ void SoakMonitor::OnMapEvent(const MapEvent& event) {
   num_merges_ += event.kind == MapEventKind::kMerged || event.kind == MapEventKind::kLoopClosed;
 }
 
-void SoakMonitor::TakeSample(double video_s) {
-  current_.video_s = video_s;
+void SoakMonitor::TakeSample(double procedure_s) {
+  current_.procedure = num_procedures_ - 1;
+  current_.procedure_s = procedure_s;
+  current_.video_s = earlier_s_ + procedure_s;
   current_.rss_mb = ResidentMb();
-  current_.pools = engine_.pool_use();
+  current_.pools = engine_->pool_use();
+  current_.loose_sets =
+      num_sets_ - static_cast<int>(current_.pools.free_feature_sets) - static_cast<int>(current_.pools.keyframes);
   current_.p50_ms = Percentile(&latency_ms_, 0.5);
   current_.p99_ms = Percentile(&latency_ms_, 0.99);
   current_.max_ms = latency_ms_.empty() ? 0.0 : *std::max_element(latency_ms_.begin(), latency_ms_.end());
@@ -115,15 +203,15 @@ void SoakMonitor::TakeSample(double video_s) {
 
 SoakVerdict SoakMonitor::Judge() const {
   SoakVerdict verdict;
-  const auto warm = std::find_if(samples_.begin(), samples_.end(), [&](const SoakSample& sample) {
-    return sample.video_s >= ToSeconds(options_.warm_up);
+  const int first_judged = num_procedures_ > 1 ? 1 : 0;
+  std::vector<SoakSample> warm;
+  std::copy_if(samples_.begin(), samples_.end(), std::back_inserter(warm), [&](const SoakSample& sample) {
+    return sample.procedure >= first_judged && sample.procedure_s >= ToSeconds(options_.warm_up);
   });
-  const std::span<const SoakSample> judged(warm, samples_.end());
-  char text[256];
+  const std::span<const SoakSample> judged(warm);
   if (judged.size() < kMinJudgedSamples) {
-    std::snprintf(text, sizeof(text), "FAILED: %zu samples after the warm-up of %.0f s, at least %zu are needed\n",
-                  judged.size(), ToSeconds(options_.warm_up), kMinJudgedSamples);
-    verdict.text = text;
+    Fail(&verdict, "%zu samples after the warm-up of %.0f s, at least %zu are needed", judged.size(),
+         ToSeconds(options_.warm_up), kMinJudgedSamples);
     return verdict;
   }
   const std::size_t quarter = judged.size() / 4;
@@ -133,43 +221,42 @@ SoakVerdict SoakMonitor::Judge() const {
   verdict.last_p50_ms = MedianLatency(judged.last(quarter));
   verdict.is_passed = true;
   if (verdict.growth_mb > options_.max_growth_mb) {
-    verdict.is_passed = false;
-    std::snprintf(text, sizeof(text),
-                  "FAILED: resident memory grew by %.1f MB after the warm-up (%.1f MB an hour), allowed: %.1f MB\n",
-                  verdict.growth_mb, verdict.growth_mb_per_hour, options_.max_growth_mb);
-    verdict.text += text;
+    Fail(&verdict, "resident memory grew by %.1f MB after the warm-up (%.1f MB an hour), allowed: %.1f MB",
+         verdict.growth_mb, verdict.growth_mb_per_hour, options_.max_growth_mb);
   }
   const double drift_ms = verdict.last_p50_ms - verdict.first_p50_ms;
   if (drift_ms > options_.min_latency_drift_ms &&
       verdict.last_p50_ms > options_.max_latency_ratio * verdict.first_p50_ms) {
-    verdict.is_passed = false;
-    std::snprintf(text, sizeof(text),
-                  "FAILED: median latency drifted from %.1f ms to %.1f ms after the warm-up, allowed: %.2f times\n",
-                  verdict.first_p50_ms, verdict.last_p50_ms, options_.max_latency_ratio);
-    verdict.text += text;
+    Fail(&verdict, "median latency drifted from %.1f ms to %.1f ms after the warm-up, allowed: %.2f times",
+         verdict.first_p50_ms, verdict.last_p50_ms, options_.max_latency_ratio);
   }
+  JudgePools(samples_, options_, &verdict);
+  JudgeLooseSets(judged, options_, &verdict);
   if (verdict.is_passed) {
+    char text[256];
     std::snprintf(text, sizeof(text),
                   "passed: resident memory %+.1f MB after the warm-up (%+.1f MB an hour), median latency %.1f ms, then "
-                  "%.1f ms\n",
-                  verdict.growth_mb, verdict.growth_mb_per_hour, verdict.first_p50_ms, verdict.last_p50_ms);
+                  "%.1f ms, pools of %d procedures steady\n",
+                  verdict.growth_mb, verdict.growth_mb_per_hour, verdict.first_p50_ms, verdict.last_p50_ms,
+                  num_procedures_);
     verdict.text = text;
   }
   return verdict;
 }
 
 std::string SoakCsvHeader() {
-  return "video_s,rss_mb,keyframes,map_points,maps,keyframe_ids,free_feature_sets,frames,dropped,tracked,p50_ms,p99_ms,"
-         "max_ms,minor_faults,major_faults,voluntary_switches,involuntary_switches,heap_calls\n";
+  return "video_s,procedure,procedure_s,rss_mb,keyframes,map_points,maps,keyframe_ids,free_feature_sets,loose_sets,"
+         "frames,dropped,tracked,p50_ms,p99_ms,max_ms,minor_faults,major_faults,voluntary_switches,"
+         "involuntary_switches,heap_calls\n";
 }
 
 std::string SoakCsvLine(const SoakSample& s) {
   char line[320];
-  std::snprintf(line, sizeof(line), "%.2f,%.3f,%u,%u,%u,%u,%u,%u,%u,%u,%.3f,%.3f,%.3f,%u,%u,%u,%u,%u\n", s.video_s,
-                s.rss_mb, s.pools.keyframes, s.pools.map_points, s.pools.maps, s.pools.keyframe_ids,
-                s.pools.free_feature_sets, s.frames, s.dropped, s.tracked, s.p50_ms, s.p99_ms, s.max_ms,
-                s.use.minor_faults, s.use.major_faults, s.use.voluntary_switches, s.use.involuntary_switches,
-                s.use.heap_calls);
+  std::snprintf(line, sizeof(line), "%.2f,%d,%.2f,%.3f,%u,%u,%u,%u,%u,%d,%u,%u,%u,%.3f,%.3f,%.3f,%u,%u,%u,%u,%u\n",
+                s.video_s, s.procedure, s.procedure_s, s.rss_mb, s.pools.keyframes, s.pools.map_points, s.pools.maps,
+                s.pools.keyframe_ids, s.pools.free_feature_sets, s.loose_sets, s.frames, s.dropped, s.tracked, s.p50_ms,
+                s.p99_ms, s.max_ms, s.use.minor_faults, s.use.major_faults, s.use.voluntary_switches,
+                s.use.involuntary_switches, s.use.heap_calls);
   return line;
 }
 

@@ -19,7 +19,7 @@ namespace {
 
 using testing::HasSubstr;
 
-// Hands everything on, and may keep memory for every frame.
+// Hands everything on, and may keep memory for every frame, or a feature set for every tenth one.
 class LeakingObserver final : public SessionObserver {
  public:
   LeakingObserver(SoakMonitor* monitor, std::size_t bytes_a_frame) : monitor_(monitor), bytes_(bytes_a_frame) {}
@@ -27,6 +27,9 @@ class LeakingObserver final : public SessionObserver {
     if (bytes_ > 0) {
       leaked_.push_back(std::make_unique<char[]>(bytes_));
       std::memset(leaked_.back().get(), 1, bytes_);
+    }
+    if (sets_of_ != nullptr && outcome.result.frame_index % 10 == 0) {
+      EXPECT_TRUE(sets_of_->CreateFeatureSet().ok());
     }
     FrameOutcome slowed = outcome;
     slowed.latency = std::chrono::milliseconds(10) + drift_ * static_cast<int>(outcome.result.frame_index);
@@ -36,11 +39,13 @@ class LeakingObserver final : public SessionObserver {
   void OnLatePose(const LatePose&) override {}
   void OnDamagedFrame(std::uint32_t, const std::string&) override {}
   void Drift(Duration a_frame) { drift_ = a_frame; }
+  void LoseSetsOf(VisionDevice* device) { sets_of_ = device; }
 
  private:
   SoakMonitor* monitor_;
   std::size_t bytes_;
   Duration drift_{0};
+  VisionDevice* sets_of_ = nullptr;
   std::vector<std::unique_ptr<char[]>> leaked_;
 };
 
@@ -48,6 +53,7 @@ SoakOptions Quick() {
   SoakOptions options;
   options.interval = std::chrono::milliseconds(400);
   options.warm_up = std::chrono::seconds(4);
+  options.max_pool_ratio = 1.25;  // sequential procedures repeat
   return options;
 }
 
@@ -56,27 +62,38 @@ struct SoakOutcome {
   std::vector<SoakSample> samples;
 };
 
-SoakOutcome Soak(std::size_t bytes_a_frame, Duration drift) {
-  test::ScriptedColon colon;
-  colon.Move(0.0, 1.2, 40);
-  colon.Occlude(5);
-  colon.Move(1.1, 0.1, 40);
-  // What is judged shows nothing, and so is quick: the leak is the observer's.
-  colon.Occlude(215);
-  const auto engine = colon.MakeEngine();
+struct Faults {
+  std::size_t bytes_a_frame = 0;
+  Duration drift{0};
+  bool loses_sets = false;
+};
+
+// Procedures as far into the colon as `depths` says.
+SoakOutcome Soak(const Faults& faults, const std::vector<double>& depths = {1.2}) {
   SoakOutcome outcome;
   SoakMonitor monitor(
-      *engine, Quick(), [&](const SoakSample& sample) { outcome.samples.push_back(sample); }, nullptr);
-  LeakingObserver observer(&monitor, bytes_a_frame);
-  observer.Drift(drift);
-  const std::atomic<bool> never{false};
-  EXPECT_TRUE(RunSequential(colon.source(), *engine, ManualClock(), observer, never).ok());
+      Quick(), [&](const SoakSample& sample) { outcome.samples.push_back(sample); }, nullptr);
+  for (const double depth : depths) {
+    test::ScriptedColon colon;
+    colon.Move(0.0, depth, 40);
+    colon.Occlude(5);
+    colon.Move(depth - 0.1, 0.1, 40);
+    // What is judged shows nothing, and so is quick: the leak is the observer's.
+    colon.Occlude(215);
+    const auto engine = colon.MakeEngine();
+    LeakingObserver observer(&monitor, faults.bytes_a_frame);
+    observer.Drift(faults.drift);
+    if (faults.loses_sets) observer.LoseSetsOf(&colon.device());
+    const std::atomic<bool> never{false};
+    monitor.Begin(*engine);
+    EXPECT_TRUE(RunSequential(colon.source(), *engine, ManualClock(), observer, never).ok());
+  }
   outcome.verdict = monitor.Judge();
   return outcome;
 }
 
 TEST(Soak, SteadySessionPasses) {
-  const SoakOutcome outcome = Soak(0, Duration{0});
+  const SoakOutcome outcome = Soak({});
   EXPECT_TRUE(outcome.verdict.is_passed) << outcome.verdict.text;
   EXPECT_THAT(outcome.verdict.text, HasSubstr("passed"));
   ASSERT_GT(outcome.samples.size(), 20u);
@@ -93,23 +110,57 @@ TEST(Soak, SteadySessionPasses) {
 
 TEST(Soak, LeakFails) {
   // 200 kB a frame for 200 frames after the warm-up: 30 MB between the middles of the first and the last quarter.
-  const SoakOutcome outcome = Soak(200'000, Duration{0});
+  const SoakOutcome outcome = Soak({.bytes_a_frame = 200'000});
   EXPECT_FALSE(outcome.verdict.is_passed);
   EXPECT_THAT(outcome.verdict.text, HasSubstr("resident memory grew by"));
   EXPECT_NEAR(outcome.verdict.growth_mb, 30.0, 5.0);
 }
 
 TEST(Soak, LatencyDriftFails) {
-  const SoakOutcome outcome = Soak(0, std::chrono::microseconds(100));
+  const SoakOutcome outcome = Soak({.drift = std::chrono::microseconds(100)});
   EXPECT_FALSE(outcome.verdict.is_passed);
   EXPECT_THAT(outcome.verdict.text, HasSubstr("median latency drifted"));
+}
+
+TEST(Soak, FeatureSetsThatNobodyReleasesFail) {
+  const SoakOutcome outcome = Soak({.loses_sets = true});
+  EXPECT_FALSE(outcome.verdict.is_passed);
+  EXPECT_THAT(outcome.verdict.text, HasSubstr("feature sets that belong to no keyframe grew from"));
+  EXPECT_THAT(outcome.verdict.text, HasSubstr("in procedure 1"));
+}
+
+TEST(Soak, ProceduresThatAreAlikePass) {
+  const SoakOutcome outcome = Soak({}, {1.2, 1.2, 1.2, 1.2});
+  EXPECT_TRUE(outcome.verdict.is_passed) << outcome.verdict.text;
+  EXPECT_THAT(outcome.verdict.text, HasSubstr("pools of 4 procedures steady"));
+  // Time runs on, and each begins with empty pools.
+  for (std::size_t i = 1; i < outcome.samples.size(); ++i) {
+    const SoakSample& before = outcome.samples[i - 1];
+    const SoakSample& sample = outcome.samples[i];
+    EXPECT_GT(sample.video_s, before.video_s);
+    EXPECT_GE(sample.loose_sets, 0);
+    if (sample.procedure == before.procedure) continue;
+    EXPECT_EQ(sample.procedure, before.procedure + 1);
+    EXPECT_LT(sample.procedure_s, 1.0);
+    EXPECT_LT(sample.pools.keyframes, before.pools.keyframes);
+  }
+  EXPECT_EQ(outcome.samples.back().procedure, 3);
+}
+
+TEST(Soak, ProceduresThatUseMoreAndMoreOfAPoolFail) {
+  const SoakOutcome outcome = Soak({}, {1.2, 1.2, 2.0, 2.4});
+  EXPECT_FALSE(outcome.verdict.is_passed);
+  EXPECT_THAT(outcome.verdict.text, HasSubstr("map points in use grew from"));
+  EXPECT_THAT(outcome.verdict.text, HasSubstr("over 4 procedures"));
+  EXPECT_TRUE(Soak({}, {2.4, 2.0, 1.2, 1.2}).verdict.is_passed);
 }
 
 TEST(Soak, TooShortARunProvesNothing) {
   test::ScriptedColon colon;
   colon.Occlude(120);
   const auto engine = colon.MakeEngine();
-  SoakMonitor monitor(*engine, Quick(), nullptr, nullptr);
+  SoakMonitor monitor(Quick(), nullptr, nullptr);
+  monitor.Begin(*engine);
   const std::atomic<bool> never{false};
   EXPECT_TRUE(RunSequential(colon.source(), *engine, ManualClock(), monitor, never).ok());
   EXPECT_FALSE(monitor.Judge().is_passed);

@@ -1,16 +1,17 @@
 // Brute-force matching: blocks of 128 queries against tiles of 128 train descriptors, products by integer tensor cores
 // or dp4a, best and second best kept in registers. A second dimension of the grid shares out the tiles; the last block
-// of each query tile joins the results, the last of all judges them.
+// of each query tile joins and judges the results. Whose best is whose is looked up by a second kernel.
 #include <algorithm>
 #include <cstdint>
 
+#include "kernels/cuda/kernel_launch.cuh"
 #include "kernels/cuda/match_common.cuh"
 #include "kernels/cuda/match_kernels.h"
 
 namespace haustra::kernels::cuda {
 namespace {
 
-constexpr int kQueryTile = 128;
+constexpr int kQueryTile = kMatchTile;
 constexpr int kTrainTile = 128;
 constexpr int kThreads = 256;
 constexpr int kStages = 3;
@@ -94,6 +95,39 @@ __device__ __forceinline__ unsigned long long ColumnKey(float similarity, int qu
                                  (0xffffffffu - static_cast<std::uint32_t>(query));
 }
 
+// The results of a tile to the host, a query to a thread; threads beyond have a rejected one. By all threads of a
+// block. Fewer bytes take less time, most of all to read on the host.
+__device__ void WriteResults(const MatchJob& job, std::int32_t* counter, int tile, int num_tiles, TopTwo top) {
+  constexpr int kWarps = kMatchTile / 32;
+  __shared__ int counts[kWarps];
+  const int thread = threadIdx.x;
+  const int warp = thread / 32;
+  const bool is_kept = top.state != kRejected;
+  const std::uint32_t kept = __ballot_sync(0xffffffffu, is_kept);
+  if (thread < kMatchTile && thread % 32 == 0) counts[warp] = __popc(kept);
+  __syncthreads();
+  int place = __popc(kept & ((1u << thread % 32) - 1));
+  int num_kept = 0;
+#pragma unroll
+  for (int w = 0; w < kWarps; ++w) {
+    if (w < warp) place += counts[w];
+    num_kept += counts[w];
+  }
+  const int first_query = tile * kMatchTile;
+  if (is_kept) {
+    top.state |= (first_query + thread) << kQueryShift;
+    job.results[first_query + place] = top;
+  }
+  if (thread == 0 && num_kept < min(kMatchTile, job.query.size - first_query)) {
+    job.results[first_query + num_kept].state = kRejected;
+  }
+  if (num_tiles <= DoneWord::kMaxParts) {
+    CompletePart(job.done, tile);
+  } else {
+    Complete(job.done, counter, num_tiles);
+  }
+}
+
 // What one launch does: some of the query tiles, each against the tiles of the train list, those shared out in splits.
 struct MatchSlice {
   int first_query_tile;
@@ -112,6 +146,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   float* query_gates = reinterpret_cast<float*>(shared + SharedLayout::kQueryGates);
   TopTwo* join = reinterpret_cast<TopTwo*>(shared + SharedLayout::kJoin);
 
+  LetKernelAfterBegin();
   const int thread = threadIdx.x;
   const int lane = thread % 32;
   const int warp_row = thread / 32 / 2;     // 32 queries
@@ -395,9 +430,9 @@ __global__ void __launch_bounds__(kThreads, 2)
   }
 
   if (!IsLastPart(&work.counters[1 + query_tile], gridDim.y)) return;
+  TopTwo top;
   if (thread < kQueryTile) {
     const int query = first_query + thread;
-    TopTwo top;
     if (query < job.query.size && query_norms[thread] >= 0.0f) {
       constexpr int kAtOnce = 16;  // loads under way together
       const int4* partial = reinterpret_cast<const int4*>(work.partial) + blockIdx.x * kQueryTile + thread;
@@ -417,29 +452,26 @@ __global__ void __launch_bounds__(kThreads, 2)
       }
     }
     top.state = Judge(top, job.options);
-    if (is_mutual) {
-      work.merged[query] = top;
-    } else {
-      if (query < job.query.size) job.results[query] = top;
-    }
+    if (is_mutual) work.merged[query] = top;
   }
-  if (!is_mutual) {
-    Complete(job.done, &work.counters[0], slice.num_query_tiles);
-  } else {
-    // Whose best is whose is known when all blocks of all slices are done.
-    if (!IsLastPart(&work.counters[0], slice.num_query_tiles)) return;
-#pragma unroll 4
-    for (int query = thread; query < job.query.size; query += kThreads) {
-      const int4 raw = __ldcg(reinterpret_cast<const int4*>(work.merged) + query);
-      TopTwo top{__int_as_float(raw.x), __int_as_float(raw.y), raw.z, raw.w};
-      const std::uint32_t chosen =
-          0xffffffffu - static_cast<std::uint32_t>(__ldcg(&work.train_best[max(top.best_idx, 0)]));
-      if (chosen != static_cast<std::uint32_t>(query)) top.state = kRejected;
-      job.results[query] = top;
-    }
-    Complete(job.done, nullptr, 1);
-    for (int train = thread; train < job.train.size; train += kThreads) work.train_best[train] = 0;
+  if (!is_mutual) WriteResults(job, &work.counters[0], query_tile, slice.num_query_tiles, top);
+}
+
+// Leaves the matches that are mutual, when all slices are done. A block to a tile of queries.
+__global__ void __launch_bounds__(kMatchTile)
+    MutualKernel(const __grid_constant__ MatchJob job, const __grid_constant__ MatchWork work) {
+  WaitForKernelBefore();
+  const int query = blockIdx.x * kMatchTile + threadIdx.x;
+  TopTwo top;
+  if (query < job.query.size) {
+    const int4 raw = __ldcg(reinterpret_cast<const int4*>(work.merged) + query);
+    top = {__int_as_float(raw.x), __int_as_float(raw.y), raw.z, raw.w};
+    const std::uint32_t chosen = 0xffffffffu - static_cast<std::uint32_t>(__ldcg(&work.train_best[max(raw.z, 0)]));
+    if (chosen != static_cast<std::uint32_t>(query)) top.state = kRejected;
   }
+  WriteResults(job, &work.counters[0], blockIdx.x, gridDim.x, top);
+  if (!IsLastPart(&work.counters[1], gridDim.x)) return;
+  for (int train = threadIdx.x; train < job.train.size; train += kMatchTile) work.train_best[train] = 0;
 }
 
 // A thread to an entry of either list; the train list comes second.
@@ -515,6 +547,9 @@ cudaError_t PrepareBruteForce(DotProduct dot_product, MatchLimits* limits) {
   }
   limits->max_blocks = num_processors * (per_processor > 0 ? per_processor : 1);
   limits->max_pairs = kNoPairLimit;
+  cudaFuncAttributes attributes{};
+  if (error == cudaSuccess) error = cudaFuncGetAttributes(&attributes, MutualKernel);
+  limits->can_launch_early = attributes.ptxVersion >= 90;
   return error;
 }
 
@@ -523,7 +558,8 @@ MatchLimits InBackground(const MatchLimits& limits, DotProduct dot_product) {
   // Orin's, by its rate of integer products, four times fewer.
   constexpr std::int64_t kPairsPerBlock = 1'200'000;
   const int max_blocks = limits.max_blocks > 1 ? limits.max_blocks / 2 : 1;
-  return {max_blocks, max_blocks * kPairsPerBlock / (dot_product == DotProduct::kDp4a ? 2 : 1)};
+  return {max_blocks, max_blocks * kPairsPerBlock / (dot_product == DotProduct::kDp4a ? 2 : 1),
+          limits.can_launch_early};
 }
 
 std::size_t MaxPartialResults(int max_list, int max_blocks) {
@@ -554,7 +590,8 @@ cudaError_t LaunchBruteForce(const MatchJob& job, const SetBuffers& sets, const 
     kernel<<<grid, kThreads, SharedLayout::kSize, stream>>>(job, sets, work, {first, query_tiles, tiles_per_split});
     if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
   }
-  return cudaSuccess;
+  if (!job.options.mutual) return cudaSuccess;
+  return LaunchAfter(limits.can_launch_early, MutualKernel, query_tiles, kMatchTile, 0, stream, job, work);
 }
 
 }  // namespace haustra::kernels::cuda

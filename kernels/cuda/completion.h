@@ -6,9 +6,11 @@
 
 namespace haustra::kernels::cuda {
 
-// A cache line of its own: the host looks at it without pause.
+// A cache line of its own: the host looks at it without pause. Work that ends in a few parts has a word for each, so
+// that none waits for the others.
 struct alignas(64) DoneWord {
-  std::uint32_t number = 0;
+  static constexpr int kMaxParts = 16;
+  std::uint32_t numbers[kMaxParts] = {};
 };
 
 struct Completion {
@@ -39,17 +41,25 @@ __device__ __forceinline__ bool IsLastPart(std::int32_t* counter, int num_parts)
   return is_last;
 }
 
-// The same for the last step of a request, whose results are in host memory: the last part tells the host. Only its
-// write of the word is ordered for the host; by then it has seen the results of all others. A counter is nullptr where
-// there is one part only.
-__device__ __forceinline__ void Complete(const Completion& completion, std::int32_t* counter, int num_parts) {
+// By one thread, when all results of the part are in host memory.
+__device__ __forceinline__ void TellHost(const Completion& completion, int part) {
+  asm volatile("st.release.sys.u32 [%0], %1;" ::"l"(&completion.word->numbers[part]), "r"(completion.number)
+               : "memory");
+}
+
+// By all threads of a block that has written its part of the results.
+__device__ __forceinline__ void CompletePart(const Completion& completion, int part) {
   __syncthreads();
-  if (threadIdx.x != 0) return;
-  if (counter != nullptr) {
-    if (CountPart(counter) != num_parts - 1) return;
-    *counter = 0;
-  }
-  asm volatile("st.release.sys.u32 [%0], %1;" ::"l"(&completion.word->number), "r"(completion.number) : "memory");
+  if (threadIdx.x == 0) TellHost(completion, part);
+}
+
+// The same for many blocks: the last one tells the host, as part 0. Only its write of the word is ordered for the host;
+// by then it has seen the results of all others.
+__device__ __forceinline__ void Complete(const Completion& completion, std::int32_t* counter, int num_blocks) {
+  __syncthreads();
+  if (threadIdx.x != 0 || CountPart(counter) != num_blocks - 1) return;
+  *counter = 0;
+  TellHost(completion, 0);
 }
 #endif
 

@@ -36,7 +36,8 @@ std::size_t AlignUp(std::size_t size, std::size_t alignment) { return (size + al
 
 // The answer of the device to one query, judged for good.
 bool IsMatch(const TopTwo& top, const MatchOptions& options) {
-  return top.state == kAccepted || (top.state == kBorderline && IsAccepted(top.best, top.second, options));
+  const std::int32_t state = top.state & kStateMask;
+  return state == kAccepted || (state == kBorderline && IsAccepted(top.best, top.second, options));
 }
 
 Match ToMatch(std::int32_t query, const TopTwo& top) {
@@ -52,8 +53,10 @@ struct Work {
   // A Wait gave up on it: unless another one comes first, its results are dropped.
   bool is_overdue = false;
   std::uint64_t dropped_number = 0;  // of the last one that was
-  // When it is done the word has the number; the event comes later, and tells of errors. No word: nothing was launched.
+  // When it is done, so many parts of the word have the number; the event comes later, and tells of errors. No word:
+  // nothing was launched.
   const DoneWord* done_word = nullptr;
+  int num_parts = 1;
   std::uint32_t done_number = 0;
   cudaEvent_t done = nullptr;
   // What the caller wants where.
@@ -467,9 +470,11 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   static bool HasWord(const Work& work) {
     if (work.done_word == nullptr) return true;
     // What the device wrote before the word is there, too.
-    const bool is_there = *static_cast<const volatile std::uint32_t*>(&work.done_word->number) == work.done_number;
+    const volatile std::uint32_t* numbers = work.done_word->numbers;
+    int part = 0;
+    while (part < work.num_parts && numbers[part] == work.done_number) ++part;
     std::atomic_thread_fence(std::memory_order_acquire);
-    return is_there;
+    return part == work.num_parts;
   }
 
   Status WaitFor(Work& work, TimePoint deadline) {
@@ -541,8 +546,12 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   static void DeliverMatches(const Work& work) {
     std::int32_t num_matches = 0;
     if (work.num_train > 0) {
-      for (std::int32_t i = 0; i < work.num_queries; ++i) {
-        if (IsMatch(work.results[i], work.options)) work.matches[num_matches++] = ToMatch(i, work.results[i]);
+      for (std::int32_t first = 0; first < work.num_queries; first += kMatchTile) {
+        const std::int32_t end = std::min(first + kMatchTile, work.num_queries);
+        for (std::int32_t i = first; i < end && (work.results[i].state & kStateMask) != kRejected; ++i) {
+          const TopTwo& top = work.results[i];
+          if (IsMatch(top, work.options)) work.matches[num_matches++] = ToMatch(top.state >> kQueryShift, top);
+        }
       }
     }
     *work.count = num_matches;
@@ -628,6 +637,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
         LaunchBruteForce(job, sets_, lane.match_work, device_options_.dot_product, lane.match_limits, lane.stream),
         "launch of matching"));
     work.done_word = work.own_word;
+    work.num_parts = NumMatchWords(work.num_queries);
     return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
   }
 
@@ -653,6 +663,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(ToStatus(input.Upload(lane.stream), "input of guided matching"));
     HAUSTRA_TRY(ToStatus(LaunchGuided(job, sets_, lane.match_work, lane.stream), "launch of guided matching"));
     work.done_word = work.own_word;
+    work.num_parts = 1;
     return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
   }
 

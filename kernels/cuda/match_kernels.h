@@ -25,13 +25,26 @@ enum class DotProduct { kTensorCores, kDp4a };
 // decides.
 enum MatchState : std::int32_t { kRejected = 0, kAccepted = 1, kBorderline = 2 };
 
-// Best and second best of a query; -1: none.
+// Best and second best of a query; -1: none. In the results of brute force, state has the query, too:
+// query << kQueryShift | MatchState.
 struct alignas(16) TopTwo {
   float best = -1.0f;
   float second = -1.0f;
   std::int32_t best_idx = -1;
   std::int32_t state = kRejected;
 };
+inline constexpr int kQueryShift = 2;
+inline constexpr std::int32_t kStateMask = (1 << kQueryShift) - 1;
+
+// Queries are matched so many at a time. The results of each such tile stand from its first query's place on: without
+// the rejected ones, in order, and where there are fewer than queries, one that is rejected behind them.
+inline constexpr int kMatchTile = 128;
+inline int NumMatchTiles(int num_queries) { return (num_queries + kMatchTile - 1) / kMatchTile; }
+// Words of the host that tell of the end of a request: one a tile, where there are as many.
+inline int NumMatchWords(int num_queries) {
+  const int num_tiles = NumMatchTiles(num_queries);
+  return num_tiles <= DoneWord::kMaxParts ? num_tiles : 1;
+}
 
 // Keypoints of a list for the gates, each value in an array of its own with `capacity` entries: x, y, bearing (3),
 // normal of the epipolar plane in the other image (3), tolerance.
@@ -65,7 +78,7 @@ struct MatchWork {
   GateArrays train_gates;
 };
 
-// A request as the kernels see it. results: mapped host memory, one a query; there, before `done` says so.
+// A request as the kernels see it. results: mapped host memory, room for one a query; there, before `done` says so.
 struct MatchJob {
   RowList query;
   RowList train;
@@ -80,6 +93,7 @@ struct MatchJob {
 struct MatchLimits {
   int max_blocks = 1;  // at the same time
   std::int64_t max_pairs = 0;
+  bool can_launch_early = false;  // kernel_launch.cuh
 };
 inline constexpr std::int64_t kNoPairLimit = std::int64_t{1} << 62;
 

@@ -146,7 +146,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   float* query_gates = reinterpret_cast<float*>(shared + SharedLayout::kQueryGates);
   TopTwo* join = reinterpret_cast<TopTwo*>(shared + SharedLayout::kJoin);
 
-  LetKernelAfterBegin();
+  WaitForKernelBefore();
   const int thread = threadIdx.x;
   const int lane = thread % 32;
   const int warp_row = thread / 32 / 2;     // 32 queries
@@ -587,8 +587,9 @@ cudaError_t LaunchBruteForce(const MatchJob& job, const SetBuffers& sets, const 
     const int splits = std::clamp(limits.max_blocks / num_tiles, 1, train_tiles);
     const int tiles_per_split = NumTiles(train_tiles, splits);
     const dim3 grid(num_tiles, NumTiles(train_tiles, tiles_per_split));
-    kernel<<<grid, kThreads, SharedLayout::kSize, stream>>>(job, sets, work, {first, query_tiles, tiles_per_split});
-    if (const cudaError_t error = cudaGetLastError(); error != cudaSuccess) return error;
+    const cudaError_t error = LaunchAfter(limits.can_launch_early, kernel, grid, kThreads, SharedLayout::kSize, stream,
+                                          job, sets, work, MatchSlice{first, query_tiles, tiles_per_split});
+    if (error != cudaSuccess) return error;
   }
   if (!job.options.mutual) return cudaSuccess;
   return LaunchAfter(limits.can_launch_early, MutualKernel, query_tiles, kMatchTile, 0, stream, job, work);

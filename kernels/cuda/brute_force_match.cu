@@ -88,11 +88,10 @@ __device__ bool IsAdmissible(const float* query, const GateArrays& train, int tr
   return fabsf(to_plane_of_query) <= t(8) && fabsf(to_plane_of_train) <= q(8);
 }
 
-// Best query of a train descriptor as one number: similarity first, then the lower query.
+// Best query of a train descriptor as one number: similarity, at least 0, first, then the lower query.
 __device__ __forceinline__ unsigned long long ColumnKey(float similarity, int query) {
-  return similarity < 0.0f ? 0ull
-                           : static_cast<unsigned long long>(__float_as_uint(similarity)) << 32 |
-                                 (0xffffffffu - static_cast<std::uint32_t>(query));
+  return static_cast<unsigned long long>(__float_as_uint(similarity)) << 32 |
+         (0xffffffffu - static_cast<std::uint32_t>(query));
 }
 
 // The results of a tile to the host, a query to a thread; threads beyond have a rejected one. By all threads of a
@@ -366,16 +365,30 @@ __global__ void __launch_bounds__(kThreads, 2)
       if (is_mutual) {
 #pragma unroll
         for (int c = 0; c < 8; ++c) {
-          unsigned long long key = 0;
+          // The highest similarity first, then the first query that has it: half of the work of keys of 64 bits.
+          float values[4];
+          float highest = -1.0f;
 #pragma unroll
           for (int r = 0; r < 4; ++r) {
             // Invalid queries have a norm below 0.
-            const float value = norms_of_rows[r] >= 0.0f ? similarity[r][c] : -1.0f;
-            key = max(key, ColumnKey(value, first_query + warp_row * 32 + 8 * r + lane / 4));
+            values[r] = norms_of_rows[r] >= 0.0f ? similarity[r][c] : -1.0f;
+            highest = fmaxf(highest, values[r]);
           }
 #pragma unroll
-          for (int step = 4; step < 32; step *= 2) key = max(key, __shfl_xor_sync(0xffffffffu, key, step));
-          if (lane < 4 && key != 0) atomicMax(&column_best[first_column + 8 * (c / 2) + lane % 4 * 2 + c % 2], key);
+          for (int step = 4; step < 32; step *= 2) {
+            highest = fmaxf(highest, __shfl_xor_sync(0xffffffffu, highest, step));
+          }
+          int row = 32;
+#pragma unroll
+          for (int r = 3; r >= 0; --r) {
+            if (values[r] == highest) row = 8 * r + lane / 4;
+          }
+#pragma unroll
+          for (int step = 4; step < 32; step *= 2) row = min(row, __shfl_xor_sync(0xffffffffu, row, step));
+          if (lane < 4 && highest >= 0.0f) {
+            atomicMax(&column_best[first_column + 8 * (c / 2) + lane % 4 * 2 + c % 2],
+                      ColumnKey(highest, first_query + warp_row * 32 + row));
+          }
         }
       }
     }

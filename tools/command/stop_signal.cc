@@ -1,7 +1,8 @@
 #include "tools/command/stop_signal.h"
 
+#include <signal.h>
+
 #include <atomic>
-#include <csignal>
 
 namespace haustra {
 namespace {
@@ -11,9 +12,12 @@ std::atomic<bool> is_stop_requested{false};
 }  // namespace
 
 const std::atomic<bool>& CatchStopSignals() {
-  const auto request = [](int) { is_stop_requested.store(true); };
-  std::signal(SIGINT, request);
-  std::signal(SIGTERM, request);
+  struct sigaction request {};
+  request.sa_handler = [](int) { is_stop_requested.store(true); };
+  request.sa_flags = SA_RESTART;  // a frame that is being read is read to its end
+  sigemptyset(&request.sa_mask);
+  sigaction(SIGINT, &request, nullptr);
+  sigaction(SIGTERM, &request, nullptr);
   return is_stop_requested;
 }
 

@@ -84,6 +84,7 @@ constexpr int kColumnGroups = 8;
 constexpr int kRowGroups = 32;
 constexpr int kLineThreads = kColumnGroups * kRowGroups;
 constexpr int kRowsPerBlock = kLineThreads / 32;
+constexpr int kFinestMaskThreads = 256;
 
 // Dark ends of the columns: four columns to a thread, the rows shared out among kRowGroups threads.
 __device__ void FindColumnEnds(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, int border_threshold,
@@ -169,27 +170,56 @@ __global__ void __launch_bounds__(kLineThreads)
   }
 }
 
-// A thread to a pixel, a warp to a word.
-__global__ void __launch_bounds__(256)
+// The lowest `count` bits; count at most 32, or below 0 for none.
+__device__ __forceinline__ std::uint32_t LowBits(int count) {
+  return count >= 32 ? 0xffffffffu : (1u << max(count, 0)) - 1;
+}
+
+// A bit for each of 32 pixels of a row: whether it is at least `threshold`, in [0, 256]. Of pixels that are not there,
+// anything.
+__device__ __forceinline__ std::uint32_t AtLeast(const std::uint8_t* row, int x, int width, int threshold) {
+  const std::uint32_t to_carry = static_cast<std::uint32_t>(256 - threshold) * 0x10001u;
+  std::uint32_t bits = 0;
+#pragma unroll
+  for (int piece = 0; piece < 2; ++piece) {
+    // Rows are written in pieces of 16 pixels.
+    if (x + 16 * piece >= width) continue;
+    const uint4 pixels = *reinterpret_cast<const uint4*>(row + x + 16 * piece);
+    const std::uint32_t words[4] = {pixels.x, pixels.y, pixels.z, pixels.w};
+#pragma unroll
+    for (int w = 0; w < 4; ++w) {
+      // Sums of 16 bits carry into bit 8: pixels 0 and 2, then 1 and 3.
+      const std::uint32_t even = (words[w] & 0x00ff00ffu) + to_carry;
+      const std::uint32_t odd = (words[w] >> 8 & 0x00ff00ffu) + to_carry;
+      const std::uint32_t two = (even >> 8 & 0x00010001u) | (odd >> 7 & 0x00020002u);
+      bits |= ((two | two >> 14) & 15u) << (16 * piece + 4 * w);
+    }
+  }
+  return bits;
+}
+
+// A warp to a word of 32 rows, a lane to each: what it needs of the columns is the same for all lanes.
+__global__ void __launch_bounds__(kFinestMaskThreads)
     FinestMaskKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractSettings settings,
                      const __grid_constant__ ExtractBuffers buffers) {
   WaitForKernelBefore();
-  const int word_index = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
+  const int warp = (blockIdx.x * kFinestMaskThreads + threadIdx.x) / 32;
   const int words = layout.masks[0].words;
-  const int y = word_index / words;
+  const int y = warp / words * 32 + threadIdx.x % 32;
   if (y >= layout.height) return;
-  const int x = word_index % words * 32 + threadIdx.x % 32;
-  bool is_excluded = false;
-  if (x < layout.width) {
-    const std::size_t at = static_cast<std::size_t>(y) * layout.grey_pitch + x;
-    is_excluded = buffers.grey[at] >= settings.reflection_threshold;
-    // All pixels between it and one of the four edges are dark.
-    is_excluded |= x < buffers.row_first[y] || x > buffers.row_last[y] || y < buffers.column_first[x] ||
-                   y > buffers.column_last[x];
-    if (settings.has_static_mask) is_excluded |= buffers.static_mask[at] == 0;
+  const int x = warp % words * 32;
+  // All pixels between an excluded one and one of the four edges are dark.
+  std::uint32_t excluded = LowBits(buffers.row_first[y] - x) | ~LowBits(buffers.row_last[y] + 1 - x);
+#pragma unroll
+  for (int k = 0; k < 32; ++k) {
+    const int column = min(x + k, layout.width - 1);
+    const bool is_dark = y < buffers.column_first[column] || y > buffers.column_last[column];
+    excluded |= is_dark ? 1u << k : 0u;
   }
-  const std::uint32_t bits = __ballot_sync(0xffffffffu, is_excluded);
-  if (threadIdx.x % 32 == 0) buffers.mask_bits[word_index] = bits;
+  const std::size_t row = static_cast<std::size_t>(y) * layout.grey_pitch;
+  excluded |= AtLeast(buffers.grey + row, x, layout.width, settings.reflection_threshold);
+  if (settings.has_static_mask) excluded |= ~AtLeast(buffers.static_mask + row, x, layout.width, 1);
+  buffers.mask_bits[y * words + x / 32] = excluded & LowBits(layout.width - x);
 }
 
 // A warp to a word of the masks of octaves 1 and up: lane i makes pixel i from its square of the finest mask.
@@ -297,8 +327,9 @@ cudaError_t LaunchMasks(const ScaleSpaceLayout& layout, const ExtractSettings& s
   const bool early = settings.can_launch_early != 0;
   const int num_finest_words = layout.masks[0].num_words;
   if (error == cudaSuccess) {
-    error =
-        LaunchAfter(early, FinestMaskKernel, Blocks(num_finest_words, 8), 256, 0, stream, layout, settings, buffers);
+    const int num_warps = layout.masks[0].words * Blocks(layout.height, 32);
+    error = LaunchAfter(early, FinestMaskKernel, Blocks(32 * num_warps, kFinestMaskThreads), kFinestMaskThreads, 0,
+                        stream, layout, settings, buffers);
   }
   // Masks for the octaves that there are.
   const int num_octaves = layout.num_octaves + kFirstOctave;

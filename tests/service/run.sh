@@ -19,6 +19,7 @@ root_of_tree=$(cd "$here/../.." && pwd)
 for program in "$build/platform/daemon/haustrad" "$build/tools/haustra"; do
   [ -x "$program" ] || { echo "$program: not built"; exit 66; }
 done
+[ -d "$sequence/frames" ] || { echo "$sequence: not a folder with frames/"; exit 66; }
 [ "$(id -u)" -eq 0 ] || skip "needs root"
 command -v systemd-nspawn > /dev/null || skip "systemd-nspawn is not installed (package systemd-container)"
 [ -x /usr/lib/systemd/systemd ] || skip "systemd is not installed"

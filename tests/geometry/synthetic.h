@@ -7,17 +7,12 @@
 #include "engine/camera/camera_model.h"
 #include "engine/geometry/rng.h"
 #include "engine/geometry/se3.h"
+#include "tests/sanitized.h"
 
 namespace haustra::test {
 
 // Trials of a statistical test: a fifth under a sanitizer, which looks for other faults and is thirty times slower.
-constexpr int Trials(int count) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  return count / 5;
-#else
-  return count;
-#endif
-}
+constexpr int Trials(int count) { return kIsSanitized ? count / 5 : count; }
 
 inline double Gaussian(Rng& rng) {
   // Box and Muller; 1 - Uniform() is never zero.

@@ -12,14 +12,10 @@
 #include <thread>
 #include <vector>
 
+#include "tests/sanitized.h"
+
 namespace haustra {
 namespace {
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kHasOwnAllocator = true;
-#else
-constexpr bool kHasOwnAllocator = false;
-#endif
 
 constexpr std::size_t kBytes = 512;
 constexpr std::uint8_t kSecret = 0xc3;
@@ -44,7 +40,7 @@ int CountSecret(std::uintptr_t address) {
 }
 
 TEST(WipeMemory, SmallBlocksThatTheThreadKeepsAreOverwritten) {
-  if (kHasOwnAllocator) GTEST_SKIP() << "the sanitizer's heap is not the one that is meant";
+  if (test::kIsSanitized) GTEST_SKIP() << "the sanitizer's heap is not the one that is meant";
   OverwriteFreedMemory();
   // So many that none of this size is left that was freed before; then seven, which the thread keeps.
   std::vector<void*> blocks(1000);
@@ -66,7 +62,7 @@ TEST(WipeMemory, SmallBlocksThatTheThreadKeepsAreOverwritten) {
 }
 
 TEST(WipeMemory, TheStackBelowIsOverwritten) {
-  if (kHasOwnAllocator) GTEST_SKIP() << "the sanitizer's stack is not the one that is meant";
+  if (test::kIsSanitized) GTEST_SKIP() << "the sanitizer's stack is not the one that is meant";
   const std::uintptr_t address = LeaveOnTheStack();
   EXPECT_EQ(CountSecret(address), static_cast<int>(kBytes));
   WipeThisThread();
@@ -74,7 +70,7 @@ TEST(WipeMemory, TheStackBelowIsOverwritten) {
 }
 
 TEST(WipeMemory, StacksOfThreadsThatHaveEndedAreUnmapped) {
-  if (kHasOwnAllocator) GTEST_SKIP() << "the sanitizer's stack is not the one that is meant";
+  if (test::kIsSanitized) GTEST_SKIP() << "the sanitizer's stack is not the one that is meant";
   std::uintptr_t address = 0;
   // Not so close to its top that the end of the thread needs that part; what lies more than 16 kB deep the C library
   // gives back by itself.

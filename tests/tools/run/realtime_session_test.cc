@@ -11,6 +11,7 @@
 #include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
 #include "platform/session/session.h"
+#include "tests/sanitized.h"
 #include "tests/tools/run/recording_observer.h"
 #include "tests/tools/run/scripted_colon.h"
 
@@ -226,7 +227,8 @@ TEST(RealTimeSession, MappingThreadFoundsAMapThatTrackingAdopts) {
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
   RecordingObserver observer;
   // An ordinary pace: the map has time to be made.
-  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 2.0, observer, test::kNeverStop).ok());
+  constexpr double kRate = test::kIsSanitized ? 0.2 : 2.0;
+  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), kRate, observer, test::kNeverStop).ok());
   ASSERT_EQ(observer.frames.size(), 100u);
   ASSERT_FALSE(observer.events.empty());
   EXPECT_EQ(observer.events[0].kind, MapEventKind::kMapCreated);

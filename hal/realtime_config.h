@@ -23,6 +23,9 @@ struct RealTimeConfig {
   std::string merging_cpus;
   bool lock_memory = true;      // no page of the process leaves the memory, and all are there from the start
   int stack_prefault_kb = 256;  // of each thread's stack, touched before its first frame [0, 1024]
+  // Of the heap, touched before the first frame, when memory is locked: what mapping may take there for its solvers
+  // (`haustra plan`) and the observer for what it keeps [0, 4096].
+  int heap_prefault_mb = 96;
 };
 
 }  // namespace haustra

@@ -21,8 +21,6 @@ constexpr double kSettledShare = 0.995;
 constexpr std::size_t kWorkspacePerPoint = 28;
 constexpr std::size_t kWorkspacePerKeyframe = 256;
 constexpr std::size_t kWorkspacePerFeature = 4096;
-// Ceres, the windows and the founding bundles; the soak run shows the peak.
-constexpr std::size_t kSolverBytes = 96'000'000;
 
 Atlas::Capacity CapacityOf(const EngineConfig& config) {
   return {config.memory.max_keyframes, config.memory.max_map_points, config.memory.max_maps,
@@ -74,7 +72,9 @@ MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
                num_keyframes * kWorkspacePerKeyframe +
                static_cast<std::uint64_t>(config.features.max) * kWorkspacePerFeature,
            "memory.max_map_points, memory.max_keyframes, features.max; at most");
-  plan.Add(MemoryPlace::kHost, "solver", 1, kSolverBytes, "mapping.window_keyframes; an estimate");
+  // Ceres, the windows and the founding bundles, on the heap.
+  plan.Add(MemoryPlace::kHost, "solver", 1,
+           std::size_t{1'000'000} * static_cast<std::size_t>(config.rt.heap_prefault_mb), "rt.heap_prefault_mb");
   return plan;
 }
 

@@ -398,6 +398,8 @@ void AddRealTime(Fields* out) {
   out->push_back(RealTime<&C::lock_memory>("lock_memory", {}, "", "no page leaves the memory, all are there at once"));
   out->push_back(RealTime<&C::stack_prefault_kb>("stack_prefault_kb", {0, 1024}, "kB",
                                                  "of each thread's stack, touched before its first frame"));
+  out->push_back(RealTime<&C::heap_prefault_mb>(
+      "heap_prefault_mb", {0, 4096}, "MB", "of the heap, touched before the first frame, with lock_memory: solvers"));
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/wipe_memory.h"
 #include "platform/exit_codes.h"
+#include "platform/realtime/one_heap.h"
 
 namespace {
 
@@ -51,6 +52,7 @@ int Run(int argc, char** argv) {
   // What it writes is for nobody else, but for the files that are shared on purpose.
   ::umask(0077);
   OverwriteFreedMemory();
+  UseOneHeap();
   Daemon::BlockSignals();
   const SystemClock clock;
   Daemon daemon(loaded->config(), {config_path, assignments}, clock);

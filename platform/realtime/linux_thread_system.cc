@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "platform/realtime/one_heap.h"
 #include "platform/realtime/thread_system.h"
 
 namespace haustra {
@@ -52,6 +53,9 @@ class LinuxSystem final : public ThreadSystem {
     return mlockall(MCL_CURRENT | (with_future ? MCL_FUTURE : 0)) == 0 ? 0 : errno;
   }
   void UnlockMemory() override { munlockall(); }
+  int HoldHeap(std::size_t num_free_bytes) override { return haustra::HoldHeap(num_free_bytes) ? 0 : ENOMEM; }
+  void ReleaseHeap() override { haustra::ReleaseHeap(); }
+  std::size_t HeapBytes() const override { return haustra::HeapBytes(); }
 
   int FifoPriority() const override {
     const int policy = sched_getscheduler(0) & ~SCHED_RESET_ON_FORK;

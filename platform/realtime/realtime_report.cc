@@ -49,6 +49,9 @@ std::vector<std::string> Refusals(const RealTimeReport& report) {
     lines.push_back("memory: only what was taken at the start is locked (RLIMIT_MEMLOCK " +
                     LimitText(report.lock_limit_bytes) + " bytes); it needs CAP_IPC_LOCK or LimitMEMLOCK=infinity");
   }
+  if (report.heap_error != 0) {
+    lines.push_back("memory: heap not set aside (rt.heap_prefault_mb): " + ErrorText(report.heap_error));
+  }
   return lines;
 }
 
@@ -64,7 +67,8 @@ std::string ToText(const RealTimeReport& report) {
                        : report.is_memory_locked ? "locked, now and later"
                        : report.lock_error == 0  ? "locked as far as taken"
                                                  : "NOT locked";
-  std::snprintf(line, sizeof(line), "  %-9s %s\n", "memory", memory);
+  std::snprintf(line, sizeof(line), "  %-9s %s, %d MB of heap set aside\n", "memory", memory,
+                report.heap_prefaulted_mb);
   text += line;
   for (const ThreadGrant& thread : report.threads) {
     std::snprintf(line, sizeof(line), "  %-9s asked %s on %s, has %s on %s, %d kB of stack touched%s\n", thread.name,

@@ -28,6 +28,8 @@ struct RealTimeReport {
   bool asked_lock = false;
   bool is_memory_locked = false;  // all that the process has and will have
   int lock_error = 0;             // errno, 0: none
+  int heap_prefaulted_mb = 0;
+  int heap_error = 0;  // errno, 0: none
   std::int64_t priority_limit = 0;
   std::int64_t lock_limit_bytes = 0;
   std::string kernel_preemption;

@@ -40,10 +40,20 @@ RealTimeThreads::RealTimeThreads(const RealTimeConfig& config, ThreadSystem& sys
   const bool with_future = system.MayLockAll();
   report_.lock_error = system.LockMemory(with_future);
   report_.is_memory_locked = report_.lock_error == 0 && with_future;
+  report_.heap_error = system.HoldHeap(std::size_t{1'000'000} * static_cast<std::size_t>(config.heap_prefault_mb));
+  if (report_.heap_error == 0) report_.heap_prefaulted_mb = config.heap_prefault_mb;
+  heap_bytes_ = system.HeapBytes();
 }
 
 RealTimeThreads::~RealTimeThreads() {
-  if (report_.asked_lock && report_.lock_error == 0) system_.UnlockMemory();
+  if (!report_.asked_lock) return;
+  if (report_.lock_error == 0) system_.UnlockMemory();
+  if (report_.heap_error == 0) system_.ReleaseHeap();
+}
+
+std::size_t RealTimeThreads::HeapGrowthBytes() const {
+  const std::size_t now = system_.HeapBytes();
+  return report_.asked_lock && now > heap_bytes_ ? now - heap_bytes_ : 0;
 }
 
 void RealTimeThreads::Apply(SessionThread thread) {

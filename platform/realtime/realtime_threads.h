@@ -13,8 +13,8 @@ enum class SessionThread { kCapture = 0, kTracking = 1, kMapping = 2, kMerging =
 
 class RealTimeThreads {
  public:
-  // Locks the memory when asked; all that is needed later must have been taken, or be taken soon. `system` outlives
-  // this.
+  // Locks the memory when asked, and sets aside what the heap will need; all else must have been taken, or be taken
+  // soon. `system` outlives this.
   RealTimeThreads(const RealTimeConfig& config, ThreadSystem& system);
   // Memory is as free to grow and to be paged as before.
   ~RealTimeThreads();
@@ -23,6 +23,9 @@ class RealTimeThreads {
 
   // On the thread itself. Each thread writes a line of its own: different threads may call this at once.
   void Apply(SessionThread thread);
+
+  // By how much the heap is larger than with what was set aside; 0 when nothing was asked.
+  std::size_t HeapGrowthBytes() const;
 
   // When all threads have applied theirs.
   const RealTimeReport& report() const { return report_; }
@@ -33,6 +36,7 @@ class RealTimeThreads {
   RealTimeConfig config_;
   ThreadSystem& system_;
   RealTimeReport report_;
+  std::size_t heap_bytes_ = 0;  // after that
 };
 
 // Whether the texts of the section can be read. kFailedPrecondition names the key.

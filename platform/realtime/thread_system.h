@@ -2,6 +2,7 @@
 // of its failure and concerns the calling thread, but for memory, which is the process's. thread-safe.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -20,6 +21,10 @@ class ThreadSystem {
   // a page fault.
   virtual int LockMemory(bool with_future) = 0;
   virtual void UnlockMemory() = 0;
+  // Of one_heap.h.
+  virtual int HoldHeap(std::size_t num_free_bytes) = 0;
+  virtual void ReleaseHeap() = 0;
+  virtual std::size_t HeapBytes() const = 0;
 
   // What holds now: the FIFO priority (0: ordinary scheduling) and the processors.
   virtual int FifoPriority() const = 0;

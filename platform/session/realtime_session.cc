@@ -107,6 +107,7 @@ class RealTimeSession {
     summary.max_unread = outcomes_.capacity();
     summary.num_frames_unread = outcomes_.num_dropped();
     summary.num_times_unread = mapping_times_.num_dropped() + merging_times_.num_dropped();
+    summary.heap_growth_bytes = threads.HeapGrowthBytes();
     return summary;
   }
 

@@ -85,6 +85,8 @@ struct SessionSummary {
   std::uint64_t max_unread = 0;
   std::uint64_t num_frames_unread = 0;  // reported as dropped
   std::uint64_t num_times_unread = 0;   // MappingTimes
+  // Real time with locked memory: of the heap, beyond what was set aside for it.
+  std::uint64_t heap_growth_bytes = 0;
 };
 
 // Every frame, tracking, mapping and merging in turn on the calling thread; repeats to the bit. Stops early, with Ok,

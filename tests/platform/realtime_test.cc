@@ -15,6 +15,7 @@
 namespace haustra {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -28,6 +29,8 @@ class FakeSystem final : public ThreadSystem {
   int fifo_error = 0;
   int cpus_error = 0;
   int lock_error = 0;
+  int heap_error = 0;
+  std::size_t heap_bytes = 1000;
   bool may_lock_all = true;
   bool grants_silently_less = false;
 
@@ -47,6 +50,12 @@ class FakeSystem final : public ThreadSystem {
     return lock_error;
   }
   void UnlockMemory() override { calls.push_back("unlock"); }
+  int HoldHeap(std::size_t num_free_bytes) override {
+    calls.push_back("hold " + std::to_string(num_free_bytes));
+    return heap_error;
+  }
+  void ReleaseHeap() override { calls.push_back("release"); }
+  std::size_t HeapBytes() const override { return heap_bytes; }
   int FifoPriority() const override {
     const std::lock_guard lock(mutex_);
     const auto it = priority_.find(std::this_thread::get_id());
@@ -175,11 +184,30 @@ TEST(RealTimeThreads, MemoryIsLockedForGoodOnlyWhereThereIsNoLimit) {
   FakeSystem system;
   system.may_lock_all = false;
   { const RealTimeThreads threads(Config(), system); }
-  EXPECT_THAT(system.calls, ElementsAre("lock current", "unlock"));
+  EXPECT_THAT(system.calls, ElementsAre("lock current", "hold 96000000", "unlock", "release"));
   system.calls.clear();
   system.may_lock_all = true;
   { const RealTimeThreads threads(Config(), system); }
-  EXPECT_THAT(system.calls, ElementsAre("lock all", "unlock"));
+  EXPECT_THAT(system.calls, ElementsAre("lock all", "hold 96000000", "unlock", "release"));
+}
+
+TEST(RealTimeThreads, HeapThatIsSetAsideIsReportedAndSoIsItsGrowth) {
+  FakeSystem system;
+  RealTimeThreads threads(Config(), system);
+  ApplyOnThreads(threads);
+  EXPECT_THAT(ToText(threads.report()), HasSubstr("memory    locked, now and later, 96 MB of heap set aside"));
+  EXPECT_EQ(threads.HeapGrowthBytes(), 0u);
+  system.heap_bytes = 900;
+  EXPECT_EQ(threads.HeapGrowthBytes(), 0u);
+  system.heap_bytes = 1200;
+  EXPECT_EQ(threads.HeapGrowthBytes(), 200u);
+
+  FakeSystem full;
+  full.heap_error = ENOMEM;
+  RealTimeThreads without(Config(), full);
+  ApplyOnThreads(without);
+  EXPECT_THAT(Refusals(without.report()), ElementsAre(HasSubstr("heap not set aside (rt.heap_prefault_mb)")));
+  EXPECT_THAT(full.calls, Not(Contains("release")));
 }
 
 TEST(RealTimeThreads, SwitchedOffAsksForNothing) {

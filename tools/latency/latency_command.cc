@@ -17,6 +17,7 @@
 #include "platform/config/engine_config_table.h"
 #include "platform/file_sink.h"
 #include "platform/memory_plan.h"
+#include "platform/realtime/one_heap.h"
 #include "platform/session/session.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/command/configuration_options.h"
@@ -120,6 +121,7 @@ int Measure(LatencyArguments arguments) {
   if (arguments.rendered == !arguments.sequence.empty()) {
     return FailLatency(InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
   }
+  UseOneHeap();
   // What can be wrong with the arguments is said before anything is read or rendered.
   std::optional<Requirement> requirement;
   if (!arguments.require.empty()) {

@@ -17,6 +17,7 @@
 #include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/memory_plan.h"
+#include "platform/realtime/one_heap.h"
 #include "platform/session/session.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
@@ -119,6 +120,7 @@ int Run(const RunArguments& arguments) {
     std::fprintf(stderr, "haustra run: a camera does not wait: --mode realtime, and no --rate\n");
     return kExitUsage;
   }
+  if (arguments.mode == "realtime") UseOneHeap();
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
   if (!loaded.ok()) {
     std::fprintf(stderr, "haustra run: %s\n", loaded.status().message().c_str());
@@ -186,6 +188,7 @@ int Run(const RunArguments& arguments) {
   const std::atomic<bool>& stop_requested = CatchStopSignals();
   Progress progress((*source)->num_frames());
   RunRecord record([&progress](const RunRecord& r) { progress.Update(r); }, heap_watch);
+  record.ExpectFrames((*source)->num_frames());
   RealTimeOptions options;
   options.rate = arguments.rate;
   options.rt = config.rt;

@@ -28,6 +28,12 @@ class RunRecord : public SessionObserver {
   explicit RunRecord(std::function<void(const RunRecord&)> on_progress, const HeapWatch* heap_watch = nullptr)
       : on_progress_(std::move(on_progress)), heap_watch_(heap_watch) {}
 
+  // Room for what so many frames and their keyframes leave, taken now and not in the middle of the run.
+  void ExpectFrames(std::size_t num_frames) {
+    frames_.reserve(num_frames);
+    mapping_times_.reserve(num_frames);
+  }
+
   void OnStart(const RealTimeReport& report) override;
   void OnFrame(const FrameOutcome& outcome) override;
   void OnMapEvent(const MapEvent& event) override;

@@ -165,6 +165,7 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
   if (record.realtime() != nullptr) summary.realtime = *record.realtime();
   summary.late = record.num_late();
   summary.on_rung = record.num_on_rung();
+  summary.heap_growth_mb = static_cast<double>(session.heap_growth_bytes) / 1e6;
   return summary;
 }
 
@@ -246,6 +247,8 @@ std::string ToJson(const RunSummary& s) {
                 {"all_granted", report.is_all_granted()},
                 {"kernel", report.kernel_preemption},
                 {"memory_locked", report.is_memory_locked},
+                {"heap_prefaulted_mb", report.heap_prefaulted_mb},
+                {"heap_growth_mb", s.heap_growth_mb},
                 {"refusals", Refusals(report)}};
     for (const ThreadGrant& thread : report.threads) {
       realtime["threads"][thread.name] = {{"asked_priority", thread.asked_priority},
@@ -300,6 +303,10 @@ std::string ToText(const RunSummary& s) {
     Append(&text, "  heap          %5u     calls of the tracking thread, %u of them in its first frame\n",
            s.tracking_thread.first_frame.heap_calls + s.tracking_thread.later.heap_calls,
            s.tracking_thread.first_frame.heap_calls);
+  }
+  if (s.heap_growth_mb > 0.0) {
+    Append(&text, "  heap          %5.1f MB  more than was set aside at the start (rt.heap_prefault_mb)\n",
+           s.heap_growth_mb);
   }
   Append(&text, "  speed         %.2f times the video's duration (%.1f s for %.1f s), peak memory %.0f MB\n",
          s.realtime_ratio, s.wall_s, s.video_s, s.peak_rss_mb);

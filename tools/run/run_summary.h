@@ -73,6 +73,7 @@ struct RunSummary {
   double rate = 1.0;     // pace that was asked for, relative to the camera: frames came this much faster
   std::size_t late = 0;  // answered after their deadline
   std::array<std::size_t, kNumRungs> on_rung{};
+  double heap_growth_mb = 0.0;  // beyond what was set aside at the start
 };
 
 // Final poses of all frames of the record, also of those that became keyframes of a map after their live answer was

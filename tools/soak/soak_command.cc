@@ -17,6 +17,7 @@
 #include "platform/config/engine_config_table.h"
 #include "platform/daemon/wipe_memory.h"
 #include "platform/memory_plan.h"
+#include "platform/realtime/one_heap.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/command/configuration_options.h"
@@ -100,8 +101,11 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
   Engine engine(config, camera, *device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
                 SceneShare(source->static_mask()), vocabulary);
   monitor->Begin(engine);
+  RealTimeOptions options;
+  options.rate = arguments.rate;
+  options.rt = config.rt;
   HAUSTRA_ASSIGN(const SessionSummary session, is_realtime
-                                                   ? RunRealTime(*source, engine, clock, arguments.rate, *monitor, stop)
+                                                   ? RunRealTime(*source, engine, clock, options, *monitor, stop)
                                                    : RunSequential(*source, engine, clock, *monitor, stop));
   totals->video_time += session.video_time;
   totals->loops += source->num_loops();
@@ -113,6 +117,7 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
 }
 
 int Soak(const SoakArguments& arguments) {
+  UseOneHeap();  // as the service does
   if (arguments.rendered == !arguments.sequence.empty()) {
     std::fprintf(stderr, "haustra soak: name a sequence, or ask for --rendered\n");
     return kExitUsage;

@@ -363,12 +363,15 @@ TEST(RealTimeSession, StartsAndStopsAgainAndAgain) {
 }
 
 // Grants nothing.
-class RefusingSystem final : public ThreadSystem {
+class RefusingSystem : public ThreadSystem {
  public:
   int SetFifo(int) override { return EPERM; }
   int SetCpus(const CpuList&) override { return EINVAL; }
   int LockMemory(bool) override { return ENOMEM; }
   void UnlockMemory() override {}
+  int HoldHeap(std::size_t) override { return 0; }
+  void ReleaseHeap() override {}
+  std::size_t HeapBytes() const override { return 0; }
   int FifoPriority() const override { return 0; }
   CpuList Cpus() const override { return CpuList(1); }
   bool MayLockAll() const override { return false; }
@@ -397,6 +400,29 @@ TEST(RealTimeSession, MissingPrivilegeIsFatalOnlyWhenRequired) {
       EXPECT_EQ(Refusals(observer.reports[0]).size(), 3u);  // two priorities, memory
     }
   }
+}
+
+// The heap is larger each time that somebody asks.
+class GrowingSystem final : public RefusingSystem {
+ public:
+  std::size_t HeapBytes() const override { return num_bytes_ += 1'500'000; }
+
+ private:
+  mutable std::size_t num_bytes_ = 0;
+};
+
+TEST(RealTimeSession, HeapThatGrowsBeyondWhatWasSetAsideIsToldInTheSummary) {
+  ScriptedColon colon;
+  colon.Occlude(3);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  GrowingSystem system;
+  RealTimeOptions options;
+  options.rate = kFast;
+  options.system = &system;
+  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), options, observer, test::kNeverStop);
+  ASSERT_TRUE(session.ok());
+  EXPECT_EQ(session->heap_growth_bytes, 1'500'000u);
 }
 
 TEST(RealTimeSession, LateFramesAreCountedAgainstTheDeadline) {

@@ -196,8 +196,11 @@ TEST(RunSummary, TextSaysWhatIsWrongOnlyWhenItIs) {
   summary.mode = "realtime";
   EXPECT_EQ(ToText(summary).find("dropped"), std::string::npos);
   EXPECT_EQ(ToText(summary).find("damaged"), std::string::npos);
+  EXPECT_EQ(ToText(summary).find("heap"), std::string::npos);
   summary.dropped = 3;
   summary.damaged = 2;
+  summary.heap_growth_mb = 1.5;
+  EXPECT_NE(ToText(summary).find("1.5 MB  more than was set aside"), std::string::npos);
   EXPECT_NE(ToText(summary).find("dropped"), std::string::npos);
   EXPECT_NE(ToText(summary).find("damaged"), std::string::npos);
 }

@@ -1,0 +1,47 @@
+#include "platform/realtime/one_heap.h"
+
+#include <malloc.h>
+
+#include <cstdlib>
+
+namespace haustra {
+namespace {
+
+constexpr std::size_t kHeapPageBytes = 4096;
+constexpr int kNever = -1;  // as a size: the largest there is
+// What glibc begins with.
+constexpr int kDefaultMaxMapped = 65536;
+constexpr int kDefaultTrimBytes = 128 * 1024;
+
+void MapLargeBlocksAlone(bool alone) {
+  ::mallopt(M_MMAP_MAX, alone ? kDefaultMaxMapped : 0);
+  ::mallopt(M_TRIM_THRESHOLD, alone ? kDefaultTrimBytes : kNever);
+}
+
+}  // namespace
+
+void UseOneHeap() {
+  ::mallopt(M_ARENA_MAX, 1);
+  ::mallopt(M_MMAP_THRESHOLD, kLargeBlockBytes);
+}
+
+bool HoldHeap(std::size_t num_free_bytes) {
+  MapLargeBlocksAlone(false);
+  auto* const block = static_cast<volatile char*>(std::malloc(num_free_bytes));
+  if (block == nullptr) {
+    MapLargeBlocksAlone(true);
+    return false;
+  }
+  for (std::size_t i = 0; i < num_free_bytes; i += kHeapPageBytes) block[i] = 0;
+  std::free(const_cast<char*>(block));
+  return true;
+}
+
+void ReleaseHeap() {
+  MapLargeBlocksAlone(true);
+  ::malloc_trim(0);
+}
+
+std::size_t HeapBytes() { return ::mallinfo2().arena; }
+
+}  // namespace haustra

@@ -1,0 +1,82 @@
+// Seen from the C library's own figures: how large the heap is, and how many blocks are mapped beside it.
+#include "platform/realtime/one_heap.h"
+
+#include <gtest/gtest.h>
+#include <malloc.h>
+
+#include <cstdlib>
+#include <thread>
+
+#include "tests/sanitized.h"
+
+namespace haustra {
+namespace {
+
+constexpr std::size_t kMegabyte = std::size_t{1} << 20;
+
+void TakeAndFree(std::size_t num_bytes) {
+  void* volatile block = std::malloc(num_bytes);
+  EXPECT_NE(block, nullptr);
+  std::free(block);
+}
+
+class OneHeap : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (test::kIsSanitized) GTEST_SKIP() << "the sanitizer's heap is not the one that is meant";
+    UseOneHeap();
+  }
+};
+
+TEST_F(OneHeap, WhatWasSetAsideSufficesAfterwards) {
+  ASSERT_TRUE(HoldHeap(100 * kMegabyte));
+  const std::size_t before = HeapBytes();
+  EXPECT_GE(before, 100 * kMegabyte);
+  for (const std::size_t size : {100 * kMegabyte, 40 * kMegabyte, kMegabyte, std::size_t{100}}) TakeAndFree(size);
+  EXPECT_EQ(HeapBytes(), before) << "neither larger nor given back";
+  TakeAndFree(200 * kMegabyte);
+  EXPECT_GE(HeapBytes(), before + 90 * kMegabyte);
+  ReleaseHeap();
+  EXPECT_LT(HeapBytes(), 50 * kMegabyte);
+}
+
+TEST_F(OneHeap, OtherThreadsUseItToo) {
+  ASSERT_TRUE(HoldHeap(20 * kMegabyte));
+  const struct mallinfo2 before = ::mallinfo2();
+  std::size_t in_use = 0;
+  std::thread([&in_use] {
+    void* volatile block = std::malloc(10 * kMegabyte);
+    in_use = ::mallinfo2().uordblks;
+    std::free(block);
+  }).join();
+  EXPECT_GE(in_use, before.uordblks + 10 * kMegabyte);
+  EXPECT_EQ(::mallinfo2().hblks, before.hblks) << "mapped by themselves";
+  EXPECT_EQ(HeapBytes(), before.arena);
+  ReleaseHeap();
+}
+
+bool IsMappedAlone(std::size_t num_bytes) {
+  const std::size_t num_before = ::mallinfo2().hblks;
+  void* volatile block = std::malloc(num_bytes);
+  const bool is_counted = ::mallinfo2().hblks == num_before + 1;
+  std::free(block);
+  return is_counted;
+}
+
+TEST_F(OneHeap, LargeBlocksAreMappedAloneButDuringASessionHoweverLargeAnEarlierOneWas) {
+  EXPECT_TRUE(IsMappedAlone(8 * kLargeBlockBytes));
+  EXPECT_TRUE(IsMappedAlone(2 * kLargeBlockBytes));
+  EXPECT_FALSE(IsMappedAlone(kLargeBlockBytes / 2));
+  ASSERT_TRUE(HoldHeap(kMegabyte));
+  EXPECT_FALSE(IsMappedAlone(8 * kLargeBlockBytes));
+  ReleaseHeap();
+  EXPECT_TRUE(IsMappedAlone(2 * kLargeBlockBytes));
+}
+
+TEST_F(OneHeap, MemoryThatIsNotThereIsRefusedAndNothingIsChanged) {
+  EXPECT_FALSE(HoldHeap(std::size_t{1} << 60));
+  EXPECT_TRUE(IsMappedAlone(2 * kLargeBlockBytes));
+}
+
+}  // namespace
+}  // namespace haustra

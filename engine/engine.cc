@@ -18,6 +18,7 @@ VisionPlan Engine::PlanFor(const EngineConfig& config, const CameraCalibration& 
   plan.max_feature_sets = config.memory.max_keyframes + config.memory.spare_feature_sets +
                           kInitialisations * config.initialisation.max_reference_age_frames;
   plan.max_match_list = std::max(config.memory.max_local_points, config.features.max);
+  plan.extracts_in_background = false;
   return plan;
 }
 

@@ -154,6 +154,8 @@ struct VisionPlan {
   int max_features = 2000;  // per set
   int max_feature_sets = 64;
   int max_match_list = 8192;  // longest query or train list of refs, longest guided query list
+  // Off: only the tracking lane extracts features, and the other one takes no memory for it.
+  bool extracts_in_background = true;
 };
 
 // What the extractor does; one for the life of the device. Lowe 2004; system.md 2.

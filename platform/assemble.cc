@@ -13,15 +13,19 @@ namespace haustra {
 
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,
                                                          const CameraCalibration& calibration, int num_threads) {
+  return CreateVisionDevice(name, Engine::PlanFor(config, calibration), Engine::ExtractOptionsFor(config), num_threads);
+}
+
+Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const VisionPlan& plan,
+                                                         const ExtractOptions& options, int num_threads) {
   if (name == "cpu") {
     const int threads =
         num_threads > 0 ? num_threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-    return CreateCpuVisionDevice(Engine::PlanFor(config, calibration), Engine::ExtractOptionsFor(config), threads);
+    return CreateCpuVisionDevice(plan, options, threads);
   }
   if (name == "cuda") {
 #ifdef HAUSTRA_HAVE_CUDA
-    Result<std::unique_ptr<CudaVisionDevice>> device =
-        CreateCudaVisionDevice(Engine::PlanFor(config, calibration), Engine::ExtractOptionsFor(config));
+    Result<std::unique_ptr<CudaVisionDevice>> device = CreateCudaVisionDevice(plan, options);
     if (device.ok()) return std::unique_ptr<VisionDevice>(std::move(device).value());
     return Status(device.code(), "vision device 'cuda': " + device.status().message() + "; use 'cpu'");
 #else

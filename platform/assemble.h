@@ -14,6 +14,10 @@ namespace haustra {
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,
                                                          const CameraCalibration& calibration, int num_threads);
 
+// One that is not an engine's.
+Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const VisionPlan& plan,
+                                                         const ExtractOptions& options, int num_threads);
+
 // Part of the image inside the static mask (0, 1]; 1 without one.
 double SceneShare(const ImageView& mask);
 

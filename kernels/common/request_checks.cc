@@ -128,8 +128,12 @@ Status CheckImageSize(const ImageView& image, const VisionPlan& plan, const char
                          " is larger than the plan's " + SizeText(plan.max_width_px, plan.max_height_px));
 }
 
-Status CheckExtractRequest(const ExtractRequest& request, const VisionPlan& plan, int static_mask_width,
+bool Extracts(Lane lane, const VisionPlan& plan) { return lane == Lane::kTracking || plan.extracts_in_background; }
+
+Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const VisionPlan& plan, int static_mask_width,
                            int static_mask_height) {
+  HAUSTRA_TRY(CheckLane(lane));
+  if (!Extracts(lane, plan)) return InvalidArgument("VisionPlan::extracts_in_background is off");
   const ImageView& image = request.image;
   if (image.is_empty()) return InvalidArgument("image to extract from is empty");
   HAUSTRA_TRY(CheckImageSize(image, plan, "image"));

@@ -17,8 +17,9 @@ Status CheckExtractOptions(const ExtractOptions& options, const VisionPlan& plan
 Status CheckLane(Lane lane);
 // `what` names the picture in the message.
 Status CheckImageSize(const ImageView& image, const VisionPlan& plan, const char* what);
-// All but the set. static_mask_*: 0 without a static mask.
-Status CheckExtractRequest(const ExtractRequest& request, const VisionPlan& plan, int static_mask_width,
+bool Extracts(Lane lane, const VisionPlan& plan);
+// Lane and all but the set. static_mask_*: 0 without a static mask.
+Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const VisionPlan& plan, int static_mask_width,
                            int static_mask_height);
 Status CheckMatchRequest(const MatchRequest& request, const VisionPlan& plan, const FeatureCounts& counts);
 Status CheckGuidedMatchRequest(const GuidedMatchRequest& request, const VisionPlan& plan, const FeatureCounts& counts);

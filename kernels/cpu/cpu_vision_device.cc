@@ -34,7 +34,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
       const Lane lane = static_cast<Lane>(i);
       LaneWork& work = lanes_[i].emplace(plan, max_list_, options, level, pool_, lane, sets_);
       if (lane == Lane::kTracking) {
-        work.extractor.Prefault();
+        work.extractor->Prefault();
         work.brute_force.Prefault();
         work.guided.Prefault();
       }
@@ -69,14 +69,13 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   std::int32_t num_free_feature_sets() const override { return sets_.num_free(); }
 
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
-    HAUSTRA_TRY(CheckLane(lane));
-    HAUSTRA_TRY(CheckExtractRequest(request, plan_, static_mask_view_.width, static_mask_view_.height));
+    HAUSTRA_TRY(CheckExtractRequest(lane, request, plan_, static_mask_view_.width, static_mask_view_.height));
     bool is_stale = false;
     FeatureSet* set = sets_.BeginWrite(request.set, &is_stale);
     if (set == nullptr) return WriteRefused(is_stale);
 
-    const int num_features = WorkOf(lane).extractor.Extract(request.image, static_mask_view_, request.max_features,
-                                                            request.min_scale_px, *set);
+    const int num_features = WorkOf(lane).extractor->Extract(request.image, static_mask_view_, request.max_features,
+                                                             request.min_scale_px, *set);
     std::copy_n(set->keypoints, num_features, request.keypoints.data());
     *request.num_keypoints = num_features;
     sets_.Publish(request.set, num_features);
@@ -133,11 +132,11 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   struct LaneWork {
     LaneWork(const VisionPlan& plan, int max_list, const ExtractOptions& options, SimdLevel level, LanePool& pool,
              Lane lane, const FeatureSetPool& sets)
-        : extractor(plan, options, level, pool, lane),
-          brute_force(max_list, sets, level, pool, lane),
-          guided(plan, sets, level, pool, lane) {}
+        : brute_force(max_list, sets, level, pool, lane), guided(plan, sets, level, pool, lane) {
+      if (Extracts(lane, plan)) extractor.emplace(plan, options, level, pool, lane);
+    }
 
-    SiftExtractor extractor;
+    std::optional<SiftExtractor> extractor;  // when the lane extracts
     BruteForceMatcher brute_force;
     GuidedMatcher guided;
   };
@@ -171,17 +170,18 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
 
 MemoryPlan PlanCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options, int num_threads) {
   const auto num_lanes = static_cast<std::uint64_t>(Lane::kNumLanes);
+  const std::uint64_t num_extracting = plan.extracts_in_background ? num_lanes : 1;
   MemoryPlan memory;
   const auto add = [&memory](const char* pool, std::uint64_t count, std::uint64_t bytes, const char* sized_by) {
     memory.Add(MemoryPlace::kHost, pool, count, bytes, sized_by);
   };
   add("feature sets (cpu)", plan.max_feature_sets, kernels::FeatureSetPool::BytesFor(plan),
       "memory.max_keyframes x features.max");
-  add("extraction (cpu)", num_lanes,
-      num_lanes * kernels::SiftExtractor::BytesFor(plan, options, num_threads) +
+  add("extraction (cpu)", num_extracting,
+      num_extracting * kernels::SiftExtractor::BytesFor(plan, options, num_threads) +
           kernels::AlignedBuffer<std::uint8_t>::BytesFor(static_cast<std::size_t>(plan.max_width_px) *
                                                          plan.max_height_px),
-      "image size; one for each lane");
+      "image size");
   add("matching (cpu)", num_lanes,
       num_lanes * (kernels::BruteForceMatcher::BytesFor(std::max(plan.max_features, plan.max_match_list), num_threads) +
                    kernels::GuidedMatcher::BytesFor(plan)),

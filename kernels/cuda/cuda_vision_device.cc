@@ -109,7 +109,7 @@ struct LaneState {
   }
 
   cudaStream_t stream = nullptr;
-  std::unique_ptr<Extractor> extractor;
+  std::unique_ptr<Extractor> extractor;  // when the lane extracts
   std::uint64_t last_number = 0;
   Work queue[kQueueLength];          // of matching; number n has its place at n % kQueueLength
   Work extraction;                   // shares the events of nobody
@@ -179,7 +179,9 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     }
     mask_width_ = mask.is_empty() ? 0 : mask.width;
     mask_height_ = mask.is_empty() ? 0 : mask.height;
-    for (LaneState& lane : lanes_) HAUSTRA_TRY(Lose(lane.extractor->SetStaticMask(mask)));
+    for (LaneState& lane : lanes_) {
+      if (lane.extractor != nullptr) HAUSTRA_TRY(Lose(lane.extractor->SetStaticMask(mask)));
+    }
     return Status::Ok();
   }
 
@@ -195,9 +197,8 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   std::int32_t num_free_feature_sets() const override { return slots_.num_free(); }
 
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
-    HAUSTRA_TRY(CheckLane(lane));
     HAUSTRA_TRY(Select());
-    HAUSTRA_TRY(CheckExtractRequest(request, plan_, mask_width_, mask_height_));
+    HAUSTRA_TRY(CheckExtractRequest(lane, request, plan_, mask_width_, mask_height_));
     LaneState& state = StateOf(lane);
     HAUSTRA_TRY(Finish(state.extraction, state));
     switch (slots_.BeginWrite(request.set)) {
@@ -328,6 +329,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   Status MeasureExtractionSteps(Lane lane, int repeats,
                                 std::span<Extractor::StepTime, Extractor::kNumSteps> out) override {
     HAUSTRA_TRY(Select());
+    if (StateOf(lane).extractor == nullptr) return InvalidArgument("VisionPlan::extracts_in_background is off");
     return StateOf(lane).extractor->MeasureSteps(repeats, out);
   }
 
@@ -421,7 +423,10 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     const ExtractMemory& extraction = memory.extraction[static_cast<int>(which)];
     const MatchMemory& matching = memory.matching[static_cast<int>(which)];
     HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(&lane.stream, cudaStreamNonBlocking, priority), "stream"));
-    HAUSTRA_ASSIGN(lane.extractor, Extractor::Create(plan_, options, extraction, sets_, lane.stream, branch_priority));
+    if (Extracts(which, plan_)) {
+      HAUSTRA_ASSIGN(lane.extractor,
+                     Extractor::Create(plan_, options, extraction, sets_, lane.stream, branch_priority));
+    }
     lane.match_work = matching.work;
     for (int i = 0; i < kQueueLength; ++i) {
       Work& work = lane.queue[i];

@@ -108,7 +108,10 @@ MatchMemory DealMatchMemory(const VisionPlan& plan, MemoryDealers* dealers) {
 DeviceMemory DealDeviceMemory(const VisionPlan& plan, const ExtractOptions& options, MemoryDealers* dealers) {
   DeviceMemory memory;
   memory.sets = DealSets(plan, dealers);
-  for (ExtractMemory& lane : memory.extraction) lane = DealExtractMemory(plan, options, dealers);
+  for (int lane = 0; lane < static_cast<int>(kNumLanes); ++lane) {
+    if (!kernels::Extracts(static_cast<Lane>(lane), plan)) continue;
+    memory.extraction[lane] = DealExtractMemory(plan, options, dealers);
+  }
   for (MatchMemory& lane : memory.matching) lane = DealMatchMemory(plan, dealers);
   return memory;
 }
@@ -125,15 +128,16 @@ Result<MemoryPlan> PlanCudaVisionDevice(const VisionPlan& plan, const ExtractOpt
   (void)DealMatchMemory(plan, &matching);
   const auto num_sets = static_cast<std::uint64_t>(plan.max_feature_sets);
   const char* by_sets = "memory.max_keyframes x features.max";
-  const char* by_image = "image size, features.max; one for each lane";
+  const std::uint64_t num_extracting = plan.extracts_in_background ? kNumLanes : 1;
+  const char* by_image = "image size, features.max";
   const char* by_lists = "memory.max_local_points, features.max; one for each lane";
   MemoryPlan memory;
   memory.Add(MemoryPlace::kDevice, "feature sets (cuda)", num_sets, sets.device.used_bytes(), by_sets);
-  memory.Add(MemoryPlace::kDevice, "extraction (cuda)", kNumLanes, kNumLanes * extraction.device.used_bytes(),
+  memory.Add(MemoryPlace::kDevice, "extraction (cuda)", num_extracting, num_extracting * extraction.device.used_bytes(),
              by_image);
   memory.Add(MemoryPlace::kDevice, "matching (cuda)", kNumLanes, kNumLanes * matching.device.used_bytes(), by_lists);
-  memory.Add(MemoryPlace::kHostPinned, "extraction (cuda)", kNumLanes, kNumLanes * extraction.pinned.used_bytes(),
-             by_image);
+  memory.Add(MemoryPlace::kHostPinned, "extraction (cuda)", num_extracting,
+             num_extracting * extraction.pinned.used_bytes(), by_image);
   memory.Add(MemoryPlace::kHostPinned, "matching (cuda)", kNumLanes, kNumLanes * matching.pinned.used_bytes(),
              by_lists);
   memory.Add(MemoryPlace::kHost, "feature sets (cuda)", num_sets, num_sets * kernels::FeatureSetSlots::kBytesASlot,

@@ -494,6 +494,28 @@ TEST_P(VisionDeviceContract, ExtractIsTheSameOnEveryRunAndAfterOtherImages) {
   ExpectSameFeatures(Extract(*Create(), picture.view()), first);
 }
 
+TEST_P(VisionDeviceContract, BackgroundThatDoesNotExtractMatchesAllTheSame) {
+  VisionPlan plan = SmallPlan();
+  const Picture picture = Texture(4);
+  const HostFeatures expected = Extract(*Create(plan), picture.view());
+  plan.extracts_in_background = false;
+  const auto device = Create(plan);
+  FeatureSetHandle set;
+  ExpectSameFeatures(Extract(*device, picture.view(), &set), expected);
+  std::vector<Keypoint> keypoints(plan.max_features);
+  std::int32_t count = 0;
+  const FeatureSetHandle other = NewSet(*device);
+  const ExtractRequest request = {picture.view(), other, keypoints, &count};
+  const Result<Ticket> refused = device->EnqueueExtract(Lane::kBackground, request);
+  EXPECT_EQ(refused.code(), StatusCode::kInvalidArgument);
+  EXPECT_NE(refused.status().message().find("extracts_in_background"), std::string::npos);
+  EXPECT_TRUE(ExtractAndWait(*device, Lane::kTracking, request).ok()) << "the set was not touched";
+  std::vector<Match> matches(plan.max_features);
+  const DescriptorList list = DescriptorList::Whole(set);
+  ASSERT_TRUE(MatchAndWait(*device, Lane::kBackground, {list, list, {}, nullptr, nullptr, matches, &count}).ok());
+  EXPECT_GT(count, 0);
+}
+
 TEST_P(VisionDeviceContract, ExtractDoesNotDependOnPitchOrColourFormat) {
   const auto device = Create();
   const Picture picture = Texture(4);

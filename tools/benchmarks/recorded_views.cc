@@ -22,7 +22,7 @@ Status Extract(ImageView image, const CameraModel& camera, VisionDevice& extract
   request.set = extracted;
   request.keypoints = features->keypoints;
   request.num_keypoints = &features->num;
-  HAUSTRA_TRY(ExtractAndWait(extractor, Lane::kBackground, request));
+  HAUSTRA_TRY(ExtractAndWait(extractor, Lane::kTracking, request));
   HAUSTRA_TRY(extractor.ReadDescriptors(extracted, *descriptors));
   extractor.ReleaseFeatureSet(extracted);
   HAUSTRA_ASSIGN(features->set, device.CreateFeatureSet());

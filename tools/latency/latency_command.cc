@@ -108,7 +108,9 @@ Result<std::unique_ptr<VisionDevice>> MakeStressDevice(const LatencyArguments& a
                                                        const CameraCalibration& calibration) {
   EngineConfig config;
   config.memory.max_keyframes = 16;
-  return CreateVisionDevice(arguments.device, config, calibration, 1);
+  VisionPlan plan = Engine::PlanFor(config, calibration);
+  plan.extracts_in_background = true;
+  return CreateVisionDevice(arguments.device, plan, Engine::ExtractOptionsFor(config), 1);
 }
 
 std::string LoadText(const LatencyArguments& arguments, const StressOptions& stress) {

@@ -29,7 +29,7 @@ Status TrainingSample::AddPicture(ImageView picture) {
   request.set = features_.set;
   request.keypoints = features_.keypoints;
   request.num_keypoints = &features_.num;
-  Status status = ExtractAndWait(*device_, Lane::kBackground, request);
+  Status status = ExtractAndWait(*device_, Lane::kTracking, request);
   if (status.ok()) status = device_->ReadDescriptors(features_.set, descriptors_);
   device_->ReleaseFeatureSet(features_.set);
   HAUSTRA_TRY(std::move(status));

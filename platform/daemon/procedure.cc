@@ -79,6 +79,10 @@ void Procedure::Run() {
   options.heartbeat = &tracking_beat_;
   options.hooks = this;
   const Result<SessionSummary> summary = RunRealTime(*source_, *engine_, with_.clock, options, *this, stop_);
+  if (summary.ok() && summary->heap_growth_bytes > 0) {
+    Log(LogLevel::kWarning, "heap_grew",
+        {{"bytes", std::to_string(summary->heap_growth_bytes)}, {"beyond", "rt.heap_prefault_mb"}});
+  }
   if (!stop_.load()) {
     const std::lock_guard lock(mutex_);
     ended_ = summary.ok() ? Internal("the session ended by itself") : summary.status();

@@ -45,6 +45,36 @@ struct SourceTile {
   static constexpr int kPitch = (kSize / 8 | 1) * 8;
 };
 
+// Fetches a word of each kRowGroups-th row from first_y + group on, kRows in all, many at once, and hands it over with
+// the number of its row; rows outside are as the first or the last one.
+template <int kRows, int kRowGroups, typename Word, typename Pixel, typename Put>
+__device__ __forceinline__ void FetchRows(const Pixel* __restrict__ pixels, int height, int pitch, int first_y,
+                                          int group, int word, const Put& put) {
+  constexpr int kCount = (kRows + kRowGroups - 1) / kRowGroups;
+  constexpr int kAtOnce = kCount <= 12 ? kCount : (kCount + 1) / 2;
+#pragma unroll
+  for (int first = 0; first < kCount; first += kAtOnce) {
+    Word words[kAtOnce];
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) {
+      const int y = Clamp(first_y + group + (first + k) * kRowGroups, 0, height - 1);
+      words[k] = __ldg(reinterpret_cast<const Word*>(pixels + static_cast<std::ptrdiff_t>(y) * pitch) + word);
+    }
+#pragma unroll
+    for (int k = 0; k < kAtOnce; ++k) put(group + (first + k) * kRowGroups, words[k]);
+  }
+}
+
+// Four bits for each of kCount pixels from x on: which one it is of those from first_pixel on, where pixels outside are
+// as the edge.
+template <int kCount>
+__device__ __forceinline__ std::uint32_t SelectPixels(int x, int width, int first_pixel) {
+  std::uint32_t selector = 0;
+#pragma unroll
+  for (int i = 0; i < kCount; ++i) selector |= (Clamp(x + i, 0, width - 1) - first_pixel & 7) << 4 * i;
+  return selector;
+}
+
 template <BandSource kSource, int kThreads, typename Pixel>
 __device__ __forceinline__ void LoadSource(const Pixel* __restrict__ source, int width, int height, int pitch,
                                            int first_x, int first_y, std::uint32_t* tile) {
@@ -486,20 +516,22 @@ __global__ void __launch_bounds__(kCoarseThreads, 2)
                                                octave.stride, threshold);
 }
 
-// Blur, then every kFactor-th pixel of every kFactor-th row.
+// Blur, then every kFactor-th pixel of every kFactor-th row. A block makes what it can from a tile so many source
+// pixels wide: rows of words of four.
+constexpr int kReduceWidth = 192;
+constexpr int kReduceThreads = 2 * kReduceWidth;
 template <int kFactor>
 struct Reduction {
   static constexpr int kRadius = ReductionRadius(kFactor);
-  static constexpr int kColumns = kFactor == 2 ? 32 : 16;  // of a block
-  static constexpr int kRows = 8;
-  static constexpr int kWidth = kFactor * kColumns + 2 * kRadius;  // that they are made from
-  static constexpr int kHeight = kFactor * kRows + 2 * kRadius;
-  // Of blurred columns. Eight rows by four places eight apart meet in no bank.
-  static constexpr int kTmpPitch = (kWidth + 31) / 32 * 32 + 1;
+  static constexpr int kFirst = -kRadius & 3;  // pixels between the first word's and the first one that is needed
+  static constexpr int kColumns = (kReduceWidth - kFirst - 2 * kRadius) / kFactor / 16 * 16;  // of a block
+  static constexpr int kRows = kFactor == 2 ? 12 : 8;
+  static constexpr int kHeight = kFactor * kRows + 2 * kRadius;  // that they are made from
+  // Of blurred columns. Rows next to each other, with columns kFactor apart, meet in no bank.
+  static constexpr int kTmpPitch = kReduceWidth + 1;
   static constexpr int kTmpBytes = kRows * kTmpPitch * 4;
-  static constexpr int kBytes = kTmpBytes + kHeight * kWidth * 2;
+  static constexpr int kBytes = kTmpBytes + kHeight * kReduceWidth * 2;
 };
-constexpr int kReduceThreads = 256;
 constexpr int kReduceBytes = Reduction<4>::kBytes;
 static_assert(Reduction<2>::kBytes <= kReduceBytes);
 
@@ -546,69 +578,81 @@ __device__ __forceinline__ void BlurLine(const BlurWeights<kFactor>& weights, co
   }
 }
 
+// Four pixels of a line, two to a word, as counts; selector: which ones of the four in the words read (SelectPixels).
+template <typename Pixel>
+struct FourPixels;
+template <>
+struct FourPixels<std::uint8_t> {
+  using Words = std::uint32_t;
+  static __device__ __forceinline__ uint2 Counts(std::uint32_t grey, std::uint32_t selector) {
+    const std::uint32_t four = __byte_perm(grey, 0, selector);
+    static_assert(kCountsPerGrey == 0x101);
+    return make_uint2(__byte_perm(four, 0, 0x1100), __byte_perm(four, 0, 0x3322));
+  }
+};
+template <>
+struct FourPixels<PlaneValue> {
+  using Words = uint2;
+  static __device__ __forceinline__ uint2 Counts(uint2 values, std::uint32_t selector) {
+    // Of bytes: value v is bytes 2 * v and 2 * v + 1.
+    const std::uint32_t spread =
+        (selector & 0x000f) | (selector & 0x00f0) << 4 | (selector & 0x0f00) << 8 | (selector & 0xf000) << 12;
+    const std::uint32_t bytes = spread * 0x22u + 0x10101010u;
+    return make_uint2(__byte_perm(values.x, values.y, bytes), __byte_perm(values.x, values.y, bytes >> 16));
+  }
+};
+
 template <int kFactor, typename Pixel>
 __device__ __forceinline__ void Reduce(const ReductionSource<Pixel>& in, const ReductionTarget& out,
                                        const BlurWeights<kFactor>& weights, int block, unsigned char* scratch) {
   using R = Reduction<kFactor>;
-  constexpr int kCountsPerValue = sizeof(Pixel) == 1 ? static_cast<int>(kCountsPerGrey) : 1;
   float* tmp = reinterpret_cast<float*>(scratch);
   PlaneValue* tile = reinterpret_cast<PlaneValue*>(scratch + R::kTmpBytes);
   const int block_columns = (out.width + R::kColumns - 1) / R::kColumns;
   const int out_x = block % block_columns * R::kColumns;
   const int out_y = block / block_columns * R::kRows;
-  // A warp to a row, here and below.
-  constexpr int kWarps = kReduceThreads / 32;
-  constexpr int kSteps = (R::kWidth + 31) / 32;
-  const int lane = threadIdx.x % 32;
-  const int warp = threadIdx.x / 32;
-  int columns[kSteps];
-#pragma unroll
-  for (int k = 0; k < kSteps; ++k) {
-    columns[k] = Clamp(kFactor * out_x - R::kRadius + lane + 32 * k, 0, in.width - 1);
-  }
-#pragma unroll 4
-  for (int row = warp; row < R::kHeight; row += kWarps) {
-    const int y = Clamp(kFactor * out_y - R::kRadius + row, 0, in.height - 1);
-    const Pixel* in_row = in.pixels + static_cast<std::ptrdiff_t>(y) * in.pitch;
-#pragma unroll
-    for (int k = 0; k < kSteps; ++k) {
-      if (lane + 32 * k >= R::kWidth) continue;
-      tile[row * R::kWidth + lane + 32 * k] = static_cast<PlaneValue>(kCountsPerValue * __ldg(in_row + columns[k]));
-    }
-  }
+  // A thread to four pixels of a row.
+  constexpr int kThreadsPerRow = kReduceWidth / 4;
+  const int first_column = threadIdx.x % kThreadsPerRow * 4;
+  const int x = kFactor * out_x - R::kRadius - R::kFirst + first_column;
+  const int four = Clamp(x >> 2, 0, (in.width - 1) >> 2);
+  const std::uint32_t selector = SelectPixels<4>(x, in.width, 4 * four);
+  using Words = typename FourPixels<Pixel>::Words;
+  FetchRows<R::kHeight, kReduceThreads / kThreadsPerRow, Words>(
+      in.pixels, in.height, in.pitch, kFactor * out_y - R::kRadius, threadIdx.x / kThreadsPerRow, four,
+      [&](int row, const Words& words) {
+        if (row >= R::kHeight) return;
+        *reinterpret_cast<uint2*>(tile + row * kReduceWidth + first_column) =
+            FourPixels<Pixel>::Counts(words, selector);
+      });
   __syncthreads();
   // A thread to some rows of a column.
-  constexpr int kThreadsPerRows = 128;
-  constexpr int kRowsPerThread = R::kRows * kThreadsPerRows / kReduceThreads;
-  static_assert(R::kWidth <= kThreadsPerRows);
-  const int column = threadIdx.x % kThreadsPerRows;
-  if (column < R::kWidth) {
-    const int first_row = threadIdx.x / kThreadsPerRows * kRowsPerThread;
-    const PlaneValue* first = tile + kFactor * first_row * R::kWidth + column;
-    float sums[kRowsPerThread];
-    BlurLine<kFactor>(
-        weights, [&](int i) { return ToCounts(first[i * R::kWidth]); }, sums);
+  constexpr int kBlurredRows = R::kRows * kReduceWidth / kReduceThreads;
+  const int column = threadIdx.x % kReduceWidth;
+  const int first_row = threadIdx.x / kReduceWidth * kBlurredRows;
+  const PlaneValue* first = tile + kFactor * first_row * kReduceWidth + column;
+  float sums[kBlurredRows];
+  BlurLine<kFactor>(
+      weights, [&](int i) { return ToCounts(first[i * kReduceWidth]); }, sums);
 #pragma unroll
-    for (int r = 0; r < kRowsPerThread; ++r) tmp[(first_row + r) * R::kTmpPitch + column] = sums[r];
-  }
+  for (int r = 0; r < kBlurredRows; ++r) tmp[(first_row + r) * R::kTmpPitch + column] = sums[r];
   __syncthreads();
-  // A thread to some columns of a row.
-  constexpr int kColumnsPerThread = 8 / kFactor;
-  static_assert(R::kRows == 8);
-  if (threadIdx.x < R::kRows * R::kColumns / kColumnsPerThread) {
-    const int row = threadIdx.x % R::kRows;
-    const int first_column = threadIdx.x / R::kRows * kColumnsPerThread;
-    const float* first = tmp + row * R::kTmpPitch + kFactor * first_column;
-    float sums[kColumnsPerThread];
+  // A warp to kFactor rows, a lane to a pixel.
+  constexpr int kLanesPerRow = 32 / kFactor;
+  constexpr int kRowParts = R::kRows / kFactor;
+  constexpr int kParts = kRowParts * R::kColumns / kLanesPerRow;
+  static_assert(R::kRows % kFactor == 0 && R::kColumns % kLanesPerRow == 0);
+  const int lane = threadIdx.x % 32;
+#pragma unroll 1
+  for (int part = threadIdx.x / 32; part < kParts; part += kReduceThreads / 32) {
+    const int row = part % kRowParts * kFactor + lane / kLanesPerRow;
+    const int out_column = part / kRowParts * kLanesPerRow + lane % kLanesPerRow;
+    const float* first_blurred = tmp + row * R::kTmpPitch + R::kFirst + kFactor * out_column;
+    float sum[1];
     BlurLine<kFactor>(
-        weights, [&](int i) { return first[i]; }, sums);
-    const int y = out_y + row;
-#pragma unroll
-    for (int c = 0; c < kColumnsPerThread; ++c) {
-      const int x = out_x + first_column + c;
-      if (x < out.width && y < out.height) {
-        out.values[static_cast<std::size_t>(y) * out.stride + x] = ToPlaneValue(sums[c]);
-      }
+        weights, [&](int i) { return first_blurred[i]; }, sum);
+    if (out_x + out_column < out.width && out_y + row < out.height) {
+      out.values[static_cast<std::size_t>(out_y + row) * out.stride + out_x + out_column] = ToPlaneValue(sum[0]);
     }
   }
 }

@@ -75,37 +75,45 @@ __device__ __forceinline__ std::uint32_t SelectPixels(int x, int width, int firs
   return selector;
 }
 
-template <BandSource kSource, int kThreads, typename Pixel>
-__device__ __forceinline__ void LoadSource(const Pixel* __restrict__ source, int width, int height, int pitch,
-                                           int first_x, int first_y, std::uint32_t* tile) {
+// The source of a tile, a pixel to half a word, from pixel (first_x, first_y) on. Grey images are read in words of four
+// pixels, and a lane makes four pixels out of two of those.
+template <BandSource kSource, int kThreads>
+__device__ __forceinline__ void LoadSource(const std::uint8_t* source, int width, int height, int pitch, int first_x,
+                                           int first_y, std::uint32_t* tile) {
+  using Tile = SourceTile<kSource>;
+  constexpr int kLanes = Tile::kSize / 4 < 16 ? 16 : 32;  // of a row
+  static_assert(Tile::kSize % 4 == 0 && Tile::kSize / 4 < kLanes);
+  const int lane = threadIdx.x % kLanes;
+  const int x = first_x + 4 * lane;
+  const int word = Clamp(x >> 2, 0, (width - 1) >> 2);
+  const std::uint32_t selector = SelectPixels<4>(x, width, 4 * word);
+  FetchRows<Tile::kSize, kThreads / kLanes, std::uint32_t>(
+      source, height, pitch, first_y, threadIdx.x / kLanes, word, [&](int row, std::uint32_t mine) {
+        const std::uint32_t four = __byte_perm(mine, __shfl_down_sync(0xffffffffu, mine, 1, kLanes), selector);
+        if (lane >= Tile::kSize / 4 || row >= Tile::kSize) return;
+        *reinterpret_cast<uint2*>(tile + row * (Tile::kPitch / 2) + 2 * lane) =
+            make_uint2(__byte_perm(four, 0, 0x4140), __byte_perm(four, 0, 0x4342));
+      });
+}
+
+// Planes are read in words of two pixels; first_x is even.
+template <BandSource kSource, int kThreads>
+__device__ __forceinline__ void LoadSource(const PlaneValue* source, int width, int height, int pitch, int first_x,
+                                           int first_y, std::uint32_t* tile) {
   using Tile = SourceTile<kSource>;
   constexpr int kPairs = Tile::kSize / 2;
   constexpr int kRowGroups = kThreads / kPairs;
   const int pair = threadIdx.x % kPairs;
   const int group = threadIdx.x / kPairs;
   if (group >= kRowGroups) return;
-  const Pixel* left = source + Clamp(first_x + 2 * pair, 0, width - 1);
-  const Pixel* right = source + Clamp(first_x + 2 * pair + 1, 0, width - 1);
-  std::uint32_t* out = tile + pair;
-  constexpr int kRows = (Tile::kSize + kRowGroups - 1) / kRowGroups;  // of a thread
-  constexpr int kAtOnce = kRows <= 10 ? kRows : (kRows + 1) / 2;      // loads under way together
-#pragma unroll
-  for (int first = 0; first < kRows; first += kAtOnce) {
-    std::uint32_t lower[kAtOnce];
-    std::uint32_t upper[kAtOnce];
-#pragma unroll
-    for (int k = 0; k < kAtOnce; ++k) {
-      const int row = group + (first + k) * kRowGroups;
-      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(Clamp(first_y + row, 0, height - 1)) * pitch;
-      lower[k] = __ldg(left + at);
-      upper[k] = __ldg(right + at);
-    }
-#pragma unroll
-    for (int k = 0; k < kAtOnce; ++k) {
-      const int row = group + (first + k) * kRowGroups;
-      if (row < Tile::kSize) out[row * (Tile::kPitch / 2)] = lower[k] | upper[k] << 16;
-    }
-  }
+  const int x = first_x + 2 * pair;
+  const int word = Clamp(x >> 1, 0, (width - 1) >> 1);
+  const std::uint32_t which = SelectPixels<2>(x, width, 2 * word);
+  const std::uint32_t selector = (which & 1) * 0x22u + (which >> 4) * 0x2200u + 0x1010u;  // of bytes
+  FetchRows<Tile::kSize, kRowGroups, std::uint32_t>(
+      source, height, pitch, first_y, group, word, [&](int row, std::uint32_t two) {
+        if (row < Tile::kSize) tile[row * (Tile::kPitch / 2) + pair] = __byte_perm(two, 0, selector);
+      });
 }
 
 __device__ __forceinline__ void LoadMatrices(std::uint32_t (&r)[4], std::uint32_t address) {

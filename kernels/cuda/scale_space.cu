@@ -7,6 +7,7 @@
 //
 // A byte b is a half-precision operand as it is: 0x00bb is b * 2^-24. Values of 16 bits are two operands, high and low
 // byte, and sums are taken in float, so nothing is lost but a rounding to 16 bits after each of the two products.
+#include <climits>
 #include <cstdint>
 #include <vector>
 
@@ -17,10 +18,7 @@
 namespace haustra::kernels::cuda {
 namespace {
 
-constexpr int kFineThreads = 256;
-// The few tiles of the coarse octaves are waited for: more threads to each, but not more than find room where two tiles
-// of the finest octave have left. (Nothing is placed while a block of a higher priority waits for more.)
-constexpr int kCoarseThreads = 512;
+constexpr int kTileThreads = 256;
 // A tile as it is computed: 64 x 64 pixels, two to a word; the outer two on each side belong to the neighbours.
 constexpr int kSide = 64;
 constexpr int kBorder = (kSide - kOctaveTilePx) / 2;
@@ -77,7 +75,7 @@ __device__ __forceinline__ std::uint32_t SelectPixels(int x, int width, int firs
 
 // The source of a tile, a pixel to half a word, from pixel (first_x, first_y) on. Grey images are read in words of four
 // pixels, and a lane makes four pixels out of two of those.
-template <BandSource kSource, int kThreads>
+template <BandSource kSource>
 __device__ __forceinline__ void LoadSource(const std::uint8_t* source, int width, int height, int pitch, int first_x,
                                            int first_y, std::uint32_t* tile) {
   using Tile = SourceTile<kSource>;
@@ -87,7 +85,7 @@ __device__ __forceinline__ void LoadSource(const std::uint8_t* source, int width
   const int x = first_x + 4 * lane;
   const int word = Clamp(x >> 2, 0, (width - 1) >> 2);
   const std::uint32_t selector = SelectPixels<4>(x, width, 4 * word);
-  FetchRows<Tile::kSize, kThreads / kLanes, std::uint32_t>(
+  FetchRows<Tile::kSize, kTileThreads / kLanes, std::uint32_t>(
       source, height, pitch, first_y, threadIdx.x / kLanes, word, [&](int row, std::uint32_t mine) {
         const std::uint32_t four = __byte_perm(mine, __shfl_down_sync(0xffffffffu, mine, 1, kLanes), selector);
         if (lane >= Tile::kSize / 4 || row >= Tile::kSize) return;
@@ -97,12 +95,12 @@ __device__ __forceinline__ void LoadSource(const std::uint8_t* source, int width
 }
 
 // Planes are read in words of two pixels; first_x is even.
-template <BandSource kSource, int kThreads>
+template <BandSource kSource>
 __device__ __forceinline__ void LoadSource(const PlaneValue* source, int width, int height, int pitch, int first_x,
                                            int first_y, std::uint32_t* tile) {
   using Tile = SourceTile<kSource>;
   constexpr int kPairs = Tile::kSize / 2;
-  constexpr int kRowGroups = kThreads / kPairs;
+  constexpr int kRowGroups = kTileThreads / kPairs;
   const int pair = threadIdx.x % kPairs;
   const int group = threadIdx.x / kPairs;
   if (group >= kRowGroups) return;
@@ -156,18 +154,21 @@ struct Piece {
   std::uint32_t low[2];
 };
 
-// The word of a level that holds columns 2 * word and 2 * word + 1 of a row: words change places with the row, so that
-// neither the eight rows of a fragment nor the words of a row meet in a bank.
-__device__ __forceinline__ int WordAt(int row, int word) { return row * kWords + (word ^ (row & 7) << 2); }
+// The word of a level that holds columns 2 * word and 2 * word + 1 of a row. Words 1 and 2 lie side by side, as do 3
+// and 4, up to 31 and 0: the search takes two at once, and those inside the border lie so in the planes. Pairs change
+// places with the row, so that neither the eight rows of a fragment nor the words of a row meet in a bank.
+__device__ __forceinline__ int WordAt(int row, int word) {
+  return row * kWords + ((word + kWords - 1) % kWords ^ (row & 7) << 2);
+}
 
 // All levels of a tile, from its source in `tile`, into `shared`. A warp makes 16 rows and kBlocks times 16 columns.
-template <BandSource kSource, int kThreads>
+template <BandSource kSource>
 __device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std::uint32_t* tile,
                                            std::uint32_t* shared) {
   using Tile = SourceTile<kSource>;
   constexpr int kSteps = Tile::kSteps;
   constexpr int kPiecesPer16 = Tile::kPixelsPer16 / 8;
-  constexpr int kBlocks = 16 * 32 / kThreads;
+  constexpr int kBlocks = 16 * 32 / kTileThreads;
   constexpr int kWarpsPerStrip = 4 / kBlocks;
   constexpr int kNumPieces = 2 * kSteps + (kBlocks - 1) * kPiecesPer16;
   const int lane = threadIdx.x % 32;
@@ -269,58 +270,77 @@ __device__ __forceinline__ std::uint32_t Min(std::uint32_t a, std::uint32_t b) {
   asm("min.f16x2 %0, %1, %2;" : "=r"(result) : "r"(a), "r"(b));
   return result;
 }
-// 1 as a half-precision float in each half where they are equal, else 0; kEqualBit is one that it sets.
-constexpr int kEqualBit = 13;
+__device__ __forceinline__ std::uint32_t Max(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+  return Max(Max(a, b), c);
+}
+__device__ __forceinline__ std::uint32_t Min(std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+  return Min(Min(a, b), c);
+}
+// 1 as a half-precision float in each half where they are equal, else 0.
 __device__ __forceinline__ std::uint32_t AreEqual(std::uint32_t a, std::uint32_t b) {
   std::uint32_t result;
   asm("set.eq.f16x2.f16x2 %0, %1, %2;" : "=r"(result) : "r"(a), "r"(b));
   return result;
 }
 
-// Counts of one pixel of a tile.
-__device__ __forceinline__ int CountsAt(const std::uint32_t* shared, int level, int row, int column) {
-  return reinterpret_cast<const PlaneValue*>(shared + level * kLevelWords + WordAt(row, column / 2))[column % 2];
-}
-
-// Difference `d` of a pixel, between levels d and d + 1.
-__device__ __forceinline__ int DifferenceAt(const std::uint32_t* shared, int d, int row, int column) {
-  return CountsAt(shared, d + 1, row, column) - CountsAt(shared, d, row, column);
-}
-
-// Whether a pixel of a tile is an extremum among its 26 neighbours. Of two equal neighbours only the first counts.
-__device__ bool IsExtremum(const std::uint32_t* shared, int d, int row, int column) {
-  const int here = DifferenceAt(shared, d, row, column);
-  const int sign = here > 0 ? 1 : -1;
-  const int value = sign * here;
-  bool is_surpassed = sign * DifferenceAt(shared, d - 1, row, column) >= value ||
-                      sign * DifferenceAt(shared, d + 1, row, column) > value;
-  if (is_surpassed) return false;  // most
+// Whether a pixel of a tile is an extremum among its 26 neighbours in difference `d` (between levels d and d + 1) and
+// the ones next to it. Of two equal neighbours only the first counts.
+__device__ __forceinline__ bool IsExtremum(const std::uint32_t* shared, int d, int row, int column) {
+  int here = 0;
+  // Of the neighbours that come before, and of the others.
+  int high[2] = {INT_MIN, INT_MIN};
+  int low[2] = {INT_MAX, INT_MAX};
 #pragma unroll
   for (int r = -1; r <= 1; ++r) {
 #pragma unroll
     for (int c = -1; c <= 1; ++c) {
-      if (r == 0 && c == 0) continue;
-      const bool comes_before = r < 0 || (r == 0 && c < 0);
-      is_surpassed |= sign * DifferenceAt(shared, d - 1, row + r, column + c) >= value;
-      is_surpassed |= sign * DifferenceAt(shared, d, row + r, column + c) >= value + (comes_before ? 0 : 1);
-      is_surpassed |= sign * DifferenceAt(shared, d + 1, row + r, column + c) > value;
+      const std::uint32_t* word = shared + (d - 1) * kLevelWords + WordAt(row + r, (column + c) / 2);
+      const PlaneValue* at = reinterpret_cast<const PlaneValue*>(word) + (column + c) % 2;
+      int counts[4];
+#pragma unroll
+      for (int level = 0; level < 4; ++level) counts[level] = at[2 * kLevelWords * level];
+#pragma unroll
+      for (int i = 0; i < 3; ++i) {
+        const int difference = counts[i + 1] - counts[i];
+        const int is_after = (9 * i + 3 * (r + 1) + c + 1) > 13 ? 1 : 0;
+        if (i == 1 && r == 0 && c == 0) {
+          here = difference;
+        } else {
+          high[is_after] = max(high[is_after], difference);
+          low[is_after] = min(low[is_after], difference);
+        }
+      }
     }
   }
-  return !is_surpassed;
+  return here > 0 ? here > high[0] && here >= high[1] : here < low[0] && here <= low[1];
 }
 
-// What the candidates of a tile and its extrema are written down as.
+// Half a warp goes through a strip of rows, a lane through four columns of it.
+constexpr int kLanesPerRow = 16;
+constexpr int kStripRows = 4;
+constexpr int kNumStrips = kOctaveTilePx / kStripRows;
+static_assert(kNumStrips * kStripRows == kOctaveTilePx && kNumStrips <= kTileThreads / kLanesPerRow);
+// What a lane finds: for each row, difference and pair of columns a bit in each half of a word, from those where 1 as a
+// half-precision float has bits down.
+constexpr std::uint32_t kFindBits = 0x04000400u;
+constexpr int kFindsPerRow = 2 * kScalesPerOctave;  // of a half
+constexpr int kFirstFindBit = 10;
+constexpr int kRowsPerWord = 2;
+constexpr int kLastFindBit = kFirstFindBit - (kRowsPerWord - 1) * kFindsPerRow;
+static_assert(kFirstFindBit + kFindsPerRow == 16 && kLastFindBit >= 0 && kStripRows == 2 * kRowsPerWord);
+
+// What the extrema of a tile are written down as.
 __device__ __forceinline__ std::uint16_t Code(int level, int row, int column) {
   return static_cast<std::uint16_t>(level << 12 | row << 6 | column);
 }
-constexpr int kMaxCandidates = 1024;
-struct Finds {
-  std::uint16_t candidates[kMaxCandidates];
-  std::uint16_t extrema[kMaxExtremaPerTile];
-  int num_candidates;
-  int num_extrema;
+struct ExtremaCounts {
+  int num_found;
   int first_output;
 };
+// They lie behind the levels.
+__device__ __forceinline__ std::uint16_t* ExtremaOf(std::uint32_t* shared) {
+  return reinterpret_cast<std::uint16_t*>(shared + kNumLevels * kLevelWords);
+}
 
 struct TilePlace {
   int first_x;  // of the tile with its border
@@ -329,169 +349,194 @@ struct TilePlace {
   int height;
 };
 
-// Not inlined: it would be in several places of every kernel, and half of its instructions.
-__device__ __noinline__ void Examine(TilePlace place, int code, Finds* finds) {
-  extern __shared__ __align__(16) std::uint32_t shared[];
-  const int level = code >> 12;
-  const int row = code >> 6 & 63;
-  const int column = code & 63;
-  const int x = place.first_x + column;
-  const int y = place.first_y + row;
-  if (x < kEdgeMarginPx || x >= place.width - kEdgeMarginPx || y < kEdgeMarginPx || y >= place.height - kEdgeMarginPx) {
-    return;
-  }
-  if (!IsExtremum(shared, level, row, column)) return;
-  const int at = atomicAdd(&finds->num_extrema, 1);
-  if (at < kMaxExtremaPerTile) finds->extrema[at] = static_cast<std::uint16_t>(code);
+// To global memory. (From a pointer the compiler would work out every address anew, beginning with the thread's
+// number.)
+__device__ __forceinline__ void WriteWords(std::uint64_t address, uint2 words) {
+  asm volatile("st.global.v2.b32 [%0], {%1, %2};" ::"l"(address), "r"(words.x), "r"(words.y) : "memory");
 }
 
-// Goes through the rows of the tile: a warp to some of them, a lane to two columns. Finds pixels that none of their
-// eight neighbours surpasses, and on the way writes the levels to `planes`.
-template <int kThreads, bool kWrite>
-__device__ __forceinline__ void SearchRows(const std::uint32_t* shared, const TilePlace& place, int threshold,
-                                           int first_written_level, PlaneValue* planes, int stride,
-                                           std::size_t plane_size, Finds& finds) {
-  constexpr int kWarps = kThreads / 32;
+// Goes through the rows of a tile: half a warp to some of them, a lane to four columns. Finds pixels that none of their
+// eight neighbours in the picture nor their two in scale surpasses, and on the way, if `writes`, writes the levels from
+// kFirstWritten on to `planes`. Returns the finds of the lane, the first rows in the lower word.
+template <int kFirstWritten>
+__device__ __forceinline__ std::uint64_t SearchRows(const std::uint32_t* shared, const TilePlace& place, int threshold,
+                                                    bool writes, PlaneValue* planes, int stride,
+                                                    std::size_t plane_size) {
   const int lane = threadIdx.x % 32;
-  const int warp = threadIdx.x / 32;
-  const int first_row = kBorder + kOctaveTilePx * warp / kWarps;
-  const int last_row = kBorder + kOctaveTilePx * (warp + 1) / kWarps;
-  const bool is_inside = lane >= 1 && lane < kWords - 1;  // not of the border
+  const int column = threadIdx.x % kLanesPerRow;
+  const int strip = min(static_cast<int>(threadIdx.x) / kLanesPerRow, kNumStrips - 1);
+  // Neither of the border, which is the last lane's, nor in the half warp that is left over.
+  const bool is_inside = column < kLanesPerRow - 1 && threadIdx.x / kLanesPerRow < kNumStrips;
+  const int left_lane = (lane & kLanesPerRow) | ((lane - 1) & (kLanesPerRow - 1));
   const std::uint32_t lowest_maximum = (kDifferenceBase + threshold) * 0x10001u;
   const std::uint32_t highest_minimum = (kDifferenceBase - threshold) * 0x10001u;
-  const int x = place.first_x + 2 * lane;
-  // Of differences 1 to kScalesPerOctave, in the two rows before.
-  std::uint32_t highest[2][kScalesPerOctave];  // of the three columns
-  std::uint32_t lowest[2][kScalesPerOctave];
-  std::uint32_t centre[kScalesPerOctave];
+  const int x = place.first_x + kBorder + 4 * column;
+  const int y = place.first_y + kBorder + kStripRows * strip;
+  const int num_written = writes && is_inside && x < place.width ? place.height - y : 0;  // rows, and more
+  std::uint64_t written = __cvta_generic_to_global(planes + static_cast<std::ptrdiff_t>(y) * stride + x);
+  asm volatile("" : "+l"(written));
+  // WordAt for the lane's first word in row 4 * strip + j, with little to do for each j.
+  const std::uint32_t* first_row = shared + kStripRows * strip * kWords;
+  const int first_word = 2 * column ^ (strip & 1) << 4;
+  static_assert(kStripRows == 4 && kBorder == 2);
+  std::uint32_t result[2] = {};
+  // Of differences 1 to kScalesPerOctave, of the row at hand and the one before: the highest of three columns, the
+  // highest of these and all around them but the row after, and what they are compared with.
+  std::uint32_t highest[2][kScalesPerOctave][2];
+  std::uint32_t lowest[2][kScalesPerOctave][2];
+  std::uint32_t top[2][kScalesPerOctave][2];
+  std::uint32_t bottom[2][kScalesPerOctave][2];
+  std::uint32_t centre[2][kScalesPerOctave][2];
 #pragma unroll
-  for (int d = 0; d < kScalesPerOctave; ++d) {
-    highest[0][d] = highest[1][d] = lowest[0][d] = lowest[1][d] = centre[d] = kTwoBases;
+  for (int k = 0; k < kStripRows + 2; ++k) {
+    const bool is_of_strip = k > 0 && k < kStripRows + 1;
+    const int j = kBorder - 1 + k;
+    uint2 values[kNumLevels];
+    const std::uint32_t* words = first_row + (first_word ^ j << 2);
+#pragma unroll
+    for (int level = 0; level < kNumLevels; ++level) {
+      if (!is_of_strip && (level == 0 || level == kNumLevels - 1)) continue;
+      values[level] = *reinterpret_cast<const uint2*>(words + j * kWords + level * kLevelWords);
+    }
+    if (is_of_strip) {
+      if (k - 1 < num_written) {
+        std::uint64_t at = written + (kFirstWritten * 2) * plane_size;
+#pragma unroll
+        for (int level = kFirstWritten; level < kNumLevels; ++level) {
+          WriteWords(at, values[level]);
+          at += 2 * plane_size;
+        }
+      }
+      written += 2 * static_cast<std::int64_t>(stride);
+    }
+    std::uint32_t differences[kScalesPerOctave + 2][2];
+#pragma unroll
+    for (int d = 0; d < kScalesPerOctave + 2; ++d) {
+      if (!is_of_strip && (d == 0 || d == kScalesPerOctave + 1)) continue;
+      differences[d][0] = values[d + 1].x - values[d].x + kTwoBases;
+      differences[d][1] = values[d + 1].y - values[d].y + kTwoBases;
+    }
+    const int now = k % 2;
+    const int before = (k + 1) % 2;
+    std::uint32_t found[2] = {};
+#pragma unroll
+    for (int i = 0; i < kScalesPerOctave; ++i) {
+      const std::uint32_t* here = differences[i + 1];
+      const std::uint32_t left = __byte_perm(__shfl_sync(0xffffffffu, here[1], left_lane), here[0], 0x5432);
+      const std::uint32_t middle = __byte_perm(here[0], here[1], 0x5432);
+      const std::uint32_t right = __byte_perm(here[1], __shfl_down_sync(0xffffffffu, here[0], 1, kLanesPerRow), 0x5432);
+      highest[now][i][0] = Max(left, middle, here[0]);
+      highest[now][i][1] = Max(middle, right, here[1]);
+      lowest[now][i][0] = Min(left, middle, here[0]);
+      lowest[now][i][1] = Min(middle, right, here[1]);
+#pragma unroll
+      for (int w = 0; w < 2; ++w) {
+        if (k >= 2) {
+          found[w] |= (AreEqual(centre[before][i][w], Max(top[before][i][w], highest[now][i][w])) |
+                       AreEqual(centre[before][i][w], Min(bottom[before][i][w], lowest[now][i][w]))) &
+                      kFindBits << i;
+        }
+        if (is_of_strip) {
+          centre[now][i][w] = here[w];
+          top[now][i][w] = Max(highest[before][i][w], highest[now][i][w],
+                               Max(differences[i][w], differences[i + 2][w], lowest_maximum));
+          bottom[now][i][w] = Min(lowest[before][i][w], lowest[now][i][w],
+                                  Min(differences[i][w], differences[i + 2][w], highest_minimum));
+        }
+      }
+    }
+    if (k < 2) continue;
+    const std::uint32_t finds = found[0] | found[1] << kScalesPerOctave;
+    result[(k - 2) / kRowsPerWord] |= finds >> (k - 2) % kRowsPerWord * kFindsPerRow;
   }
-#pragma unroll 2
-  for (int row = first_row - 1; row <= last_row; ++row) {
-    std::uint32_t values[kNumLevels];
-    const std::uint32_t* at_row = shared + WordAt(row, lane);
-#pragma unroll
-    for (int level = kWrite ? 0 : 1; level < (kWrite ? kNumLevels : kNumLevels - 1); ++level) {
-      values[level] = at_row[level * kLevelWords];
+  return is_inside ? static_cast<std::uint64_t>(result[1]) << 32 | result[0] : 0;
+}
+
+// Looks at what a lane of the search found.
+__device__ __forceinline__ void Examine(std::uint32_t* shared, const TilePlace& place, std::uint64_t found,
+                                        ExtremaCounts& counts) {
+  const int strip = threadIdx.x / kLanesPerRow;
+  const int first_column = kBorder + 4 * (threadIdx.x % kLanesPerRow);
+#pragma unroll 1
+  for (; found != 0; found &= found - 1) {
+    const int bit = __ffsll(static_cast<long long>(found)) - 1;
+    const int of_half = (bit & 15) - kLastFindBit;
+    const bool is_first_row = of_half >= kFindsPerRow;
+    const int of_row = is_first_row ? of_half - kFindsPerRow : of_half;
+    const bool is_first_pair = of_row < kScalesPerOctave;
+    const int level = (is_first_pair ? of_row : of_row - kScalesPerOctave) + 1;
+    const int row = kBorder + kStripRows * strip + bit / 32 * kRowsPerWord + (is_first_row ? 0 : 1);
+    const int column = first_column + (is_first_pair ? 0 : 2) + (bit >> 4 & 1);
+    const int x = place.first_x + column;
+    const int y = place.first_y + row;
+    if (x < kEdgeMarginPx || x >= place.width - kEdgeMarginPx || y < kEdgeMarginPx ||
+        y >= place.height - kEdgeMarginPx || !IsExtremum(shared, level, row, column)) {
+      continue;
     }
-    if constexpr (kWrite) {
-      const int y = place.first_y + row;
-      if (is_inside && row >= first_row && row < last_row && y < place.height && x < place.width) {
-        PlaneValue* at = planes + static_cast<std::size_t>(y) * stride + x;
-#pragma unroll
-        for (int level = 0; level < kNumLevels; ++level) {
-          if (level >= first_written_level) {
-            *reinterpret_cast<std::uint32_t*>(at + level * plane_size) = values[level];
-          }
-        }
-      }
-    }
-    std::uint32_t found[kScalesPerOctave];
-    std::uint32_t any = 0;
-#pragma unroll
-    for (int d = 0; d < kScalesPerOctave; ++d) {
-      const std::uint32_t here = values[d + 2] - values[d + 1] + kTwoBases;
-      const std::uint32_t left = __byte_perm(__shfl_up_sync(0xffffffffu, here, 1), here, 0x5432);
-      const std::uint32_t right = __byte_perm(here, __shfl_down_sync(0xffffffffu, here, 1), 0x5432);
-      const std::uint32_t high = Max(Max(left, right), here);
-      const std::uint32_t low = Min(Min(left, right), here);
-      const std::uint32_t top = Max(Max(highest[0][d], highest[1][d]), Max(high, lowest_maximum));
-      const std::uint32_t bottom = Min(Min(lowest[0][d], lowest[1][d]), Min(low, highest_minimum));
-      found[d] = AreEqual(centre[d], top) | AreEqual(centre[d], bottom);
-      any |= found[d];
-      highest[0][d] = highest[1][d];
-      lowest[0][d] = lowest[1][d];
-      highest[1][d] = high;
-      lowest[1][d] = low;
-      centre[d] = here;
-    }
-    if (any == 0 || row <= first_row || !is_inside) continue;
-#pragma unroll
-    for (int d = 0; d < kScalesPerOctave; ++d) {
-#pragma unroll
-      for (int e = 0; e < 2; ++e) {
-        if ((found[d] >> (16 * e + kEqualBit) & 1) == 0) continue;
-        const std::uint16_t code = Code(d + 1, row - 1, 2 * lane + e);
-        const int at = atomicAdd(&finds.num_candidates, 1);
-        if (at < kMaxCandidates) {
-          finds.candidates[at] = code;
-        } else {
-          Examine(place, code, &finds);
-        }
-      }
-    }
+    const int at = atomicAdd(&counts.num_found, 1);
+    if (at < kMaxExtremaPerTile) ExtremaOf(shared)[at] = Code(level, row, column);
   }
 }
 
-// Extrema of a tile whose levels are in `shared`.
-template <int kThreads>
-__device__ __forceinline__ void FindExtrema(const std::uint32_t* shared, const ExtractBuffers& buffers,
+// Extrema of a tile whose levels are in `shared`. counts.num_found is 0.
+template <int kFirstWritten>
+__device__ __forceinline__ void FindExtrema(std::uint32_t* shared, const ExtractBuffers& buffers,
                                             const OctaveLayout& octave, int slot, const TilePlace& place,
-                                            int lowest_threshold, int first_written_level, Finds& finds) {
+                                            int lowest_threshold, ExtremaCounts& counts) {
   PlaneValue* planes = buffers.planes + octave.first_value;
   // When there are more than room for, again with a higher threshold: the weakest are left out.
+#pragma unroll 1
   for (int threshold = lowest_threshold;; threshold += threshold / 4 + 1) {
-    if (threadIdx.x == 0) {
-      finds.num_candidates = 0;
-      finds.num_extrema = 0;
-    }
+    const std::uint64_t found = SearchRows<kFirstWritten>(shared, place, threshold, threshold == lowest_threshold,
+                                                          planes, octave.stride, octave.plane_size);
+    Examine(shared, place, found, counts);
     __syncthreads();
-    if (threshold == lowest_threshold) {
-      SearchRows<kThreads, true>(shared, place, threshold, first_written_level, planes, octave.stride,
-                                 octave.plane_size, finds);
-    } else {
-      SearchRows<kThreads, false>(shared, place, threshold, 0, nullptr, 0, 0, finds);
-    }
+    if (counts.num_found <= kMaxExtremaPerTile) break;
     __syncthreads();
-    const int num_candidates = min(finds.num_candidates, kMaxCandidates);
-    for (int i = threadIdx.x; i < num_candidates; i += kThreads) {
-      Examine(place, finds.candidates[i], &finds);
-    }
-    __syncthreads();
-    if (finds.num_extrema <= kMaxExtremaPerTile) break;
+    if (threadIdx.x == 0) counts.num_found = 0;
     __syncthreads();
   }
-  const int num_found = finds.num_extrema;
+  const int num_found = counts.num_found;
   if (num_found == 0) return;
-  if (threadIdx.x == 0) finds.first_output = atomicAdd(&buffers.counters->num_extrema, num_found);
+  if (threadIdx.x == 0) counts.first_output = atomicAdd(&buffers.counters->num_extrema, num_found);
   __syncthreads();
-  for (int i = threadIdx.x; i < num_found; i += kThreads) {
-    const int code = finds.extrema[i];
+  for (int i = threadIdx.x; i < num_found; i += kTileThreads) {
+    const int code = ExtremaOf(shared)[i];
     const int x = place.first_x + (code & 63);
     const int y = place.first_y + (code >> 6 & 63);
-    buffers.extrema[finds.first_output + i] =
+    buffers.extrema[counts.first_output + i] =
         make_uint2(static_cast<std::uint32_t>(x) | static_cast<std::uint32_t>(y) << 16,
                    static_cast<std::uint32_t>(code >> 12 | slot << 8));
   }
 }
 
-// Levels, then the source; when the levels are made, the finds take its place.
+// Levels, then the source; when the levels are made, the extrema take its place.
 template <BandSource kSource>
 constexpr int SharedBytes() {
   using Tile = SourceTile<kSource>;
   constexpr int kSourceBytes = Tile::kSize * Tile::kPitch * 2;
-  static_assert(sizeof(Finds) <= kSourceBytes);
+  static_assert(kMaxExtremaPerTile * 2 <= kSourceBytes);
   return kNumLevels * kLevelWords * 4 + kSourceBytes;
 }
 
-template <BandSource kSource, int kThreads, typename Pixel>
-__device__ __forceinline__ void MakeTile(const ExtractBuffers& buffers, const OctaveLayout& octave, int slot, int tile,
-                                         const Pixel* source, int width, int height, int pitch, int threshold) {
+template <BandSource kSource, typename Pixel>
+__device__ __forceinline__ void MakeTile(const ExtractBuffers& buffers, const OctaveLayout& octave, int slot,
+                                         int tile_x, int tile_y, const Pixel* source, int width, int height, int pitch,
+                                         int threshold) {
   extern __shared__ __align__(16) std::uint32_t shared[];
-  std::uint32_t* behind_levels = shared + kNumLevels * kLevelWords;
-  const TilePlace place = {tile % octave.tile_columns * kOctaveTilePx - kBorder,
-                           tile / octave.tile_columns * kOctaveTilePx - kBorder, octave.width, octave.height};
+  __shared__ ExtremaCounts counts;
+  if (threadIdx.x == 0) counts.num_found = 0;
+  std::uint32_t* source_tile = shared + kNumLevels * kLevelWords;
+  const TilePlace place = {tile_x * kOctaveTilePx - kBorder, tile_y * kOctaveTilePx - kBorder, octave.width,
+                           octave.height};
   constexpr int kMargin = SourceTile<kSource>::kMargin;
   constexpr int kFactor = kSource == BandSource::kEnlargedGrey ? 2 : 1;
-  LoadSource<kSource, kThreads>(source, width, height, pitch, place.first_x / kFactor - kMargin,
-                                place.first_y / kFactor - kMargin, behind_levels);
+  LoadSource<kSource>(source, width, height, pitch, place.first_x / kFactor - kMargin,
+                      place.first_y / kFactor - kMargin, source_tile);
   __syncthreads();
-  MakeLevels<kSource, kThreads>(buffers.band_weights[static_cast<int>(kSource)], behind_levels, shared);
+  MakeLevels<kSource>(buffers.band_weights[static_cast<int>(kSource)], source_tile, shared);
   __syncthreads();
-  FindExtrema<kThreads>(shared, buffers, octave, slot, place, threshold, kSource == BandSource::kPlane ? 1 : 0,
-                        *reinterpret_cast<Finds*>(behind_levels));
+  FindExtrema<kSource == BandSource::kPlane ? 1 : 0>(shared, buffers, octave, slot, place, threshold, counts);
 }
 
 template <BandSource kSource>
@@ -502,16 +547,16 @@ constexpr int kFineBlocks = kSource == BandSource::kEnlargedGrey ? 4 : 3;
 
 // Tiles of octave -1 or 0.
 template <BandSource kSource>
-__global__ void __launch_bounds__(kFineThreads, kFineBlocks<kSource>)
+__global__ void __launch_bounds__(kTileThreads, kFineBlocks<kSource>)
     FineOctaveKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
-                     int first_tile, int threshold) {
+                     int first_tile_row, int threshold) {
   constexpr int kSlot = kSlotOf<kSource>;
-  MakeTile<kSource, kFineThreads>(buffers, layout.octaves[kSlot], kSlot, first_tile + blockIdx.x, buffers.grey,
-                                  layout.width, layout.height, layout.grey_pitch, threshold);
+  MakeTile<kSource>(buffers, layout.octaves[kSlot], kSlot, blockIdx.x, first_tile_row + blockIdx.y, buffers.grey,
+                    layout.width, layout.height, layout.grey_pitch, threshold);
 }
 
 // Octaves 1 and up, from their level 0.
-__global__ void __launch_bounds__(kCoarseThreads, 2)
+__global__ void __launch_bounds__(kTileThreads, 3)
     CoarseOctavesKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                         int first_tile, int threshold) {
   WaitForKernelBefore();
@@ -519,9 +564,9 @@ __global__ void __launch_bounds__(kCoarseThreads, 2)
   int slot = layout.num_octaves - 1;
   while (tile < layout.octaves[slot].first_tile) --slot;
   const OctaveLayout& octave = layout.octaves[slot];
-  MakeTile<BandSource::kPlane, kCoarseThreads>(buffers, octave, slot, tile - octave.first_tile,
-                                               buffers.planes + octave.first_value, octave.width, octave.height,
-                                               octave.stride, threshold);
+  MakeTile<BandSource::kPlane>(buffers, octave, slot, (tile - octave.first_tile) % octave.tile_columns,
+                               (tile - octave.first_tile) / octave.tile_columns, buffers.planes + octave.first_value,
+                               octave.width, octave.height, octave.stride, threshold);
 }
 
 // Blur, then every kFactor-th pixel of every kFactor-th row. A block makes what it can from a tile so many source
@@ -740,11 +785,11 @@ cudaError_t LaunchFine(const ScaleSpaceLayout& layout, const ExtractSettings& se
     const int last_first_y = (num_rows - Tile::kSize + Tile::kMargin) * kFactor + kBorder;
     return last_first_y < 0 ? 0 : last_first_y / kOctaveTilePx + 1;
   };
-  const int first_tile = tile_rows(rows.begin) * octave.tile_columns;
-  const int last_tile = tile_rows(rows.end) * octave.tile_columns;
-  if (first_tile == last_tile) return cudaSuccess;
-  FineOctaveKernel<kSource><<<last_tile - first_tile, kFineThreads, SharedBytes<kSource>(), stream>>>(
-      layout, buffers, first_tile, LowestThreshold(settings));
+  const int first_row = tile_rows(rows.begin);
+  const int num_rows = tile_rows(rows.end) - first_row;
+  if (num_rows == 0) return cudaSuccess;
+  FineOctaveKernel<kSource><<<dim3(octave.tile_columns, num_rows), kTileThreads, SharedBytes<kSource>(), stream>>>(
+      layout, buffers, first_row, LowestThreshold(settings));
   return cudaGetLastError();
 }
 
@@ -788,7 +833,7 @@ cudaError_t LaunchCoarseOctaves(const ScaleSpaceLayout& layout, const ExtractSet
   const int first_tile = layout.octaves[first_slot].first_tile;
   const OctaveLayout& last = layout.octaves[end_slot - 1];
   return LaunchAfter(settings.can_launch_early && is_behind, CoarseOctavesKernel,
-                     last.first_tile + last.num_tiles - first_tile, kCoarseThreads, SharedBytes<BandSource::kPlane>(),
+                     last.first_tile + last.num_tiles - first_tile, kTileThreads, SharedBytes<BandSource::kPlane>(),
                      stream, layout, buffers, first_tile, LowestThreshold(settings));
 }
 

@@ -8,6 +8,7 @@
 // A byte b is a half-precision operand as it is: 0x00bb is b * 2^-24. Values of 16 bits are two operands, high and low
 // byte, and sums are taken in float, so nothing is lost but a rounding to 16 bits after each of the two products.
 #include <climits>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -137,15 +138,21 @@ __device__ __forceinline__ std::uint32_t By256(std::uint32_t two) {
   return result;
 }
 
-__device__ __forceinline__ void LoadFragment(const BandFragment& fragment, std::uint32_t (&low)[4],
-                                             std::uint32_t (&high)[4]) {
-  const uint4 words = __ldg(reinterpret_cast<const uint4*>(&fragment));
-  high[0] = words.x;
-  high[1] = words.y;
-  high[2] = words.z;
-  high[3] = words.w;
+// Fragments of the weights of a level, for high bytes. `weights`: the level's first one of the lane; those of its
+// columns and of the next level lie at a fixed distance.
+constexpr int kNextLevel = kMaxBandSteps * 32;
+constexpr int kColumnsBehindRows = kNumLevels * kNextLevel;
+static_assert(offsetof(BandWeights, columns) == kColumnsBehindRows * sizeof(BandFragment));
+template <int kSteps>
+__device__ __forceinline__ void LoadFragments(const BandFragment* weights, std::uint32_t (&fragments)[kSteps][4]) {
 #pragma unroll
-  for (int i = 0; i < 4; ++i) low[i] = By256(high[i]);
+  for (int step = 0; step < kSteps; ++step) {
+    const uint4 words = __ldg(reinterpret_cast<const uint4*>(weights + 32 * step));
+    fragments[step][0] = words.x;
+    fragments[step][1] = words.y;
+    fragments[step][2] = words.z;
+    fragments[step][3] = words.w;
+  }
 }
 
 // Operands of the second product from eight columns of results of the first.
@@ -161,30 +168,54 @@ __device__ __forceinline__ int WordAt(int row, int word) {
   return row * kWords + ((word + kWords - 1) % kWords ^ (row & 7) << 2);
 }
 
-// All levels of a tile, from its source in `tile`, into `shared`. A warp makes 16 rows and kBlocks times 16 columns.
+// Two counts below 2^16 of a level, rounded, as its word. The bits of the later one's float are those of a count less
+// what the other's exponent adds to it. (A byte permutation would do, but that pipe has more to do than the others.)
+__device__ __forceinline__ std::uint32_t ToWord(float sum, float later_sum, float factor) {
+  constexpr float kLaterBase = kIntegerBase + 65536.0f - (kIntegerBaseBits >> 16);
+  std::uint32_t word;
+  asm("mad.lo.u32 %0, %1, 65536, %2;"
+      : "=r"(word)
+      : "r"(__float_as_uint(fmaf(later_sum, factor, kLaterBase))),
+        "r"(__float_as_uint(fmaf(sum, factor, kIntegerBase))));
+  return word;
+}
+
+// Whether the last level takes the place of the source, for which there would be too little room beside it.
 template <BandSource kSource>
-__device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std::uint32_t* tile,
-                                           std::uint32_t* shared) {
+constexpr bool kIsSourceReplaced = SourceTile<kSource>::kSteps == kMaxBandSteps;
+
+// All levels of a tile, from its source in `tile`, into `shared`. A warp makes 16 rows and kBlocks times 16 columns.
+// weights: the first ones of the lane; rows: those of level 0, loaded.
+template <BandSource kSource>
+__device__ __forceinline__ void MakeLevels(const BandFragment* weights,
+                                           std::uint32_t (&rows)[SourceTile<kSource>::kSteps][4],
+                                           const std::uint32_t* tile, std::uint32_t* shared) {
   using Tile = SourceTile<kSource>;
   constexpr int kSteps = Tile::kSteps;
   constexpr int kPiecesPer16 = Tile::kPixelsPer16 / 8;
   constexpr int kBlocks = 16 * 32 / kTileThreads;
   constexpr int kWarpsPerStrip = 4 / kBlocks;
-  constexpr int kNumPieces = 2 * kSteps + (kBlocks - 1) * kPiecesPer16;
+  // An operand is two pieces in registers next to each other: no piece is the first of one and the second of another.
+  constexpr int kBlockStride = kPiecesPer16 == 1 ? 2 : 1;
+  constexpr int kPieceStride = kBlockStride * kPiecesPer16;
+  constexpr int kNumPieces = 2 * kSteps + (kBlocks - 1) * kPieceStride;
+  static_assert(kPieceStride == 2 && kBlocks == 2);
   const int lane = threadIdx.x % 32;
   const int strip = threadIdx.x / 32 / kWarpsPerStrip;
-  const int first_block = threadIdx.x / 32 % kWarpsPerStrip * kBlocks;
+  const int first_block = threadIdx.x / 32 % kWarpsPerStrip * (kBlockStride == 2 ? 1 : kBlocks);
 
   const std::uint32_t first = static_cast<std::uint32_t>(__cvta_generic_to_shared(tile)) +
                               2 * (strip * Tile::kPixelsPer16 * Tile::kPitch + first_block * Tile::kPixelsPer16);
+  int places[kBlocks][2];
+#pragma unroll
+  for (int i = 0; i < 2 * kBlocks; ++i) {
+    places[i / 2][i % 2] =
+        WordAt(16 * strip + lane / 4, 8 * (first_block + i / 2 * kBlockStride) + 4 * (i % 2) + lane % 4);
+  }
 #pragma unroll 1
   for (int level = 0; level < kNumLevels; ++level) {
-    std::uint32_t low[kSteps][4];
-    std::uint32_t high[kSteps][4];
-#pragma unroll
-    for (int step = 0; step < kSteps; ++step) {
-      LoadFragment(weights.rows[level][step][lane], low[step], high[step]);
-    }
+    std::uint32_t columns[kSteps][4];
+    LoadFragments(weights + kColumnsBehindRows, columns);
     Piece pieces[kNumPieces];
     std::uint32_t rest[4];  // of two pieces
 #pragma unroll
@@ -206,10 +237,13 @@ __device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std
         const std::uint32_t b0 = source[2 * step];
         const std::uint32_t b1 = source[2 * step + 1];
         if constexpr (Tile::kIsGrey) {
-          MultiplyAdd(sum, high[step], b0, b1);
+          MultiplyAdd(sum, rows[step], b0, b1);
         } else {
-          MultiplyAdd(sum, high[step], __byte_perm(b0, 0, 0x4341), __byte_perm(b1, 0, 0x4341));
-          MultiplyAdd(sum, low[step], __byte_perm(b0, 0, 0x4240), __byte_perm(b1, 0, 0x4240));
+          MultiplyAdd(sum, rows[step], __byte_perm(b0, 0, 0x4341), __byte_perm(b1, 0, 0x4341));
+          std::uint32_t low[4];
+#pragma unroll
+          for (int i = 0; i < 4; ++i) low[i] = By256(rows[step][i]);
+          MultiplyAdd(sum, low, __byte_perm(b0, 0, 0x4240), __byte_perm(b1, 0, 0x4240));
         }
       }
       // Of grey images in units of 1/256 grey level: below 2^16, so that byte 2 of the float's bits is zero.
@@ -222,34 +256,42 @@ __device__ __forceinline__ void MakeLevels(const BandWeights& weights, const std
         pieces[p].low[i] = __byte_perm(bits[2 * i], bits[2 * i + 1], 0x6420);
       }
     }
+    std::uint32_t words[kBlocks][2][2] = {};
+    const auto write = [&](int block, int n) {
+      std::uint32_t* out = shared + level * kLevelWords + places[block][n];
+      out[0] = words[block][n][0];
+      out[8 * kWords] = words[block][n][1];
+    };
 #pragma unroll
-    for (int step = 0; step < kSteps; ++step) {
-      LoadFragment(weights.columns[level][step][lane], low[step], high[step]);
-    }
-    std::uint32_t* out = shared + level * kLevelWords;
+    for (int n = 0; n < 2; ++n) {
+      if (n == 1) {
+        weights += kNextLevel;  // behind the last level are other weights, which are not used
+        LoadFragments(weights, rows);
+      }
+      std::uint32_t low[kSteps][2];
 #pragma unroll
-    for (int block = 0; block < kBlocks; ++block) {
+      for (int i = 0; i < 2 * kSteps; ++i) low[i / 2][i % 2] = By256(columns[i / 2][2 * n + i % 2]);
 #pragma unroll
-      for (int n = 0; n < 2; ++n) {
+      for (int block = 0; block < kBlocks; ++block) {
         float sum[4] = {};
 #pragma unroll
         for (int step = 0; step < kSteps; ++step) {
-          const Piece& left = pieces[block * kPiecesPer16 + 2 * step];
-          const Piece& right = pieces[block * kPiecesPer16 + 2 * step + 1];
-          MultiplyAdd(sum, {left.high[0], left.high[1], right.high[0], right.high[1]}, high[step][2 * n],
-                      high[step][2 * n + 1]);
-          MultiplyAdd(sum, {left.low[0], left.low[1], right.low[0], right.low[1]}, low[step][2 * n],
-                      low[step][2 * n + 1]);
+          const Piece& left = pieces[block * kPieceStride + 2 * step];
+          const Piece& right = pieces[block * kPieceStride + 2 * step + 1];
+          MultiplyAdd(sum, {left.high[0], left.high[1], right.high[0], right.high[1]}, columns[step][2 * n],
+                      columns[step][2 * n + 1]);
+          MultiplyAdd(sum, {left.low[0], left.low[1], right.low[0], right.low[1]}, low[step][0], low[step][1]);
         }
         constexpr float kFactor = kUnitsPerSum * (Tile::kIsGrey ? kCountsPerGrey / 256 : 1.0f);
-        std::uint32_t bits[4];
-#pragma unroll
-        for (int i = 0; i < 4; ++i) bits[i] = __float_as_uint(fmaf(sum[i], kFactor, kIntegerBase));
-        const int row = 16 * strip + lane / 4;
-        const int word = 8 * (first_block + block) + 4 * n + lane % 4;
-        out[WordAt(row, word)] = __byte_perm(bits[0], bits[1], 0x5410);
-        out[WordAt(row + 8, word)] = __byte_perm(bits[2], bits[3], 0x5410);
+        words[block][n][0] = ToWord(sum[0], sum[1], kFactor);
+        words[block][n][1] = ToWord(sum[2], sum[3], kFactor);
+        if (!kIsSourceReplaced<kSource>) write(block, n);
       }
+    }
+    if (kIsSourceReplaced<kSource>) {
+      if (level == kNumLevels - 1) __syncthreads();
+#pragma unroll
+      for (int i = 0; i < 2 * kBlocks; ++i) write(i / 2, i % 2);
     }
   }
 }
@@ -510,13 +552,15 @@ __device__ __forceinline__ void FindExtrema(std::uint32_t* shared, const Extract
   }
 }
 
-// Levels, then the source; when the levels are made, the extrema take its place.
+// Levels, then the extrema. The source lies where those and, if it is large, the last level will.
+template <BandSource kSource>
+constexpr int kFirstSourceWord = (kNumLevels - (kIsSourceReplaced<kSource> ? 1 : 0)) * kLevelWords;
 template <BandSource kSource>
 constexpr int SharedBytes() {
   using Tile = SourceTile<kSource>;
-  constexpr int kSourceBytes = Tile::kSize * Tile::kPitch * 2;
-  static_assert(kMaxExtremaPerTile * 2 <= kSourceBytes);
-  return kNumLevels * kLevelWords * 4 + kSourceBytes;
+  constexpr int kWithSource = kFirstSourceWord<kSource> * 4 + Tile::kSize * Tile::kPitch * 2;
+  constexpr int kWithExtrema = kNumLevels * kLevelWords * 4 + kMaxExtremaPerTile * 2;
+  return kWithSource > kWithExtrema ? kWithSource : kWithExtrema;
 }
 
 template <BandSource kSource, typename Pixel>
@@ -526,7 +570,10 @@ __device__ __forceinline__ void MakeTile(const ExtractBuffers& buffers, const Oc
   extern __shared__ __align__(16) std::uint32_t shared[];
   __shared__ ExtremaCounts counts;
   if (threadIdx.x == 0) counts.num_found = 0;
-  std::uint32_t* source_tile = shared + kNumLevels * kLevelWords;
+  std::uint32_t* source_tile = shared + kFirstSourceWord<kSource>;
+  const BandFragment* weights = buffers.band_weights[static_cast<int>(kSource)].rows[0][0] + threadIdx.x % 32;
+  std::uint32_t rows[SourceTile<kSource>::kSteps][4];
+  LoadFragments(weights, rows);
   const TilePlace place = {tile_x * kOctaveTilePx - kBorder, tile_y * kOctaveTilePx - kBorder, octave.width,
                            octave.height};
   constexpr int kMargin = SourceTile<kSource>::kMargin;
@@ -534,20 +581,26 @@ __device__ __forceinline__ void MakeTile(const ExtractBuffers& buffers, const Oc
   LoadSource<kSource>(source, width, height, pitch, place.first_x / kFactor - kMargin,
                       place.first_y / kFactor - kMargin, source_tile);
   __syncthreads();
-  MakeLevels<kSource>(buffers.band_weights[static_cast<int>(kSource)], source_tile, shared);
+  MakeLevels<kSource>(weights, rows, source_tile, shared);
   __syncthreads();
   FindExtrema<kSource == BandSource::kPlane ? 1 : 0>(shared, buffers, octave, slot, place, threshold, counts);
 }
 
 template <BandSource kSource>
 constexpr int kSlotOf = kSource == BandSource::kEnlargedGrey ? 0 : 1;
-// As many blocks as find room on a multiprocessor of 227 KB.
-template <BandSource kSource>
-constexpr int kFineBlocks = kSource == BandSource::kEnlargedGrey ? 4 : 3;
+// As many blocks as find room on a multiprocessor: of 227 KB four of octave -1, or three and one of octave 0; of 163 KB
+// two. Coarse tiles are few, and waited for: rather one less than some registers in memory.
+#if !defined(__CUDA_ARCH__) || __CUDA_ARCH__ >= 900
+constexpr int kFineBlocks = 4;
+constexpr int kCoarseBlocks = 3;
+#else
+constexpr int kFineBlocks = 2;
+constexpr int kCoarseBlocks = 2;
+#endif
 
 // Tiles of octave -1 or 0.
 template <BandSource kSource>
-__global__ void __launch_bounds__(kTileThreads, kFineBlocks<kSource>)
+__global__ void __launch_bounds__(kTileThreads, kFineBlocks)
     FineOctaveKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                      int first_tile_row, int threshold) {
   constexpr int kSlot = kSlotOf<kSource>;
@@ -556,7 +609,7 @@ __global__ void __launch_bounds__(kTileThreads, kFineBlocks<kSource>)
 }
 
 // Octaves 1 and up, from their level 0.
-__global__ void __launch_bounds__(kTileThreads, 3)
+__global__ void __launch_bounds__(kTileThreads, kCoarseBlocks)
     CoarseOctavesKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                         int first_tile, int threshold) {
   WaitForKernelBefore();

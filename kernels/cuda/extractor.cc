@@ -121,22 +121,23 @@ cudaError_t Extractor::LaunchIngestOf(int band) {
   return cudaEventRecord(ingested_[band], stream_);
 }
 
-// Octaves 1 and 2, whose tiles do not wait for level 0 of the coarser ones: those have a stream of their own.
+// The tiles of octaves 1 and 2 do not wait for level 0 of the coarser ones: they have a stream of their own. The few
+// blocks of the coarser ones, of which one waits for the other, are the longest way: they find room early.
 cudaError_t Extractor::LaunchCoarse(cudaStream_t stream, cudaStream_t coarsest_stream) {
   if (layout_.num_octaves <= kFirstCoarseSlot) return cudaSuccess;
   constexpr int kFirstCoarsestSlot = kFirstCoarseSlot + 2;
-  HAUSTRA_CUDA_TRY(LaunchLevelZero(layout_, settings_, buffers_, kFirstCoarseSlot, false, stream));
+  HAUSTRA_CUDA_TRY(LaunchLevelZero(layout_, settings_, buffers_, kFirstCoarseSlot, false, coarsest_stream));
+  HAUSTRA_CUDA_TRY(cudaEventRecord(is_level_zero_made_, coarsest_stream));
+  HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(stream, is_level_zero_made_, 0));
   if (layout_.num_octaves > kFirstCoarsestSlot) {
-    HAUSTRA_CUDA_TRY(cudaEventRecord(is_level_zero_made_, stream));
-    HAUSTRA_CUDA_TRY(cudaStreamWaitEvent(coarsest_stream, is_level_zero_made_, 0));
     for (int slot = kFirstCoarsestSlot; slot < layout_.num_octaves; slot += 2) {
-      HAUSTRA_CUDA_TRY(LaunchLevelZero(layout_, settings_, buffers_, slot, slot > kFirstCoarsestSlot, coarsest_stream));
+      HAUSTRA_CUDA_TRY(LaunchLevelZero(layout_, settings_, buffers_, slot, true, coarsest_stream));
     }
     HAUSTRA_CUDA_TRY(LaunchCoarseOctaves(layout_, settings_, buffers_, kFirstCoarsestSlot, layout_.num_octaves, true,
                                          coarsest_stream));
   }
   return LaunchCoarseOctaves(layout_, settings_, buffers_, kFirstCoarseSlot,
-                             std::min(kFirstCoarsestSlot, layout_.num_octaves), stream != coarsest_stream, stream);
+                             std::min(kFirstCoarsestSlot, layout_.num_octaves), false, stream);
 }
 
 cudaError_t Extractor::LaunchAll() {

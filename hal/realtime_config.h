@@ -25,7 +25,7 @@ struct RealTimeConfig {
   int stack_prefault_kb = 256;  // of each thread's stack, touched before its first frame [0, 1024]
   // Of the heap, touched before the first frame, when memory is locked: what mapping may take there for its solvers
   // (`haustra plan`) and the observer for what it keeps [0, 4096].
-  int heap_prefault_mb = 96;
+  int heap_prefault_mb = 192;
 };
 
 }  // namespace haustra

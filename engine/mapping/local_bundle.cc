@@ -75,6 +75,19 @@ void LocalBundle::ChooseWindow(KeyframeHandle centre, const Extent& extent, cons
   }
 }
 
+// A list that doubled as it grew would take more.
+void LocalBundle::ReserveObservations(const Atlas& atlas) {
+  std::size_t num = 0;
+  for (const MapPointHandle point : points_) {
+    for (const Observation& observation : atlas.point(point).observations) {
+      num += pose_slots_[observation.keyframe.index] >= 0 ? 1 : 0;
+    }
+  }
+  if (problem_.observations.capacity() >= num) return;
+  std::vector<BundleObservation>().swap(problem_.observations);
+  problem_.observations.reserve(num);
+}
+
 void LocalBundle::FillProblem(const Atlas& atlas) {
   problem_.poses.clear();
   problem_.points.clear();
@@ -87,6 +100,7 @@ void LocalBundle::FillProblem(const Atlas& atlas) {
     if (keyframe.id < atlas.keyframe(poses_[oldest]).id) oldest = i;
   }
   if (poses_.size() == window_size_) problem_.poses[oldest].is_fixed = true;
+  ReserveObservations(atlas);
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const MapPoint& point = atlas.point(points_[i]);
     problem_.points.push_back({point.position, false});

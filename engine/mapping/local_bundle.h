@@ -28,6 +28,7 @@ class LocalBundle {
 
  private:
   void ChooseWindow(KeyframeHandle centre, const Extent& extent, const Atlas& atlas);
+  void ReserveObservations(const Atlas& atlas);
   void FillProblem(const Atlas& atlas);
   void WriteBack(Atlas* atlas);
 

@@ -26,6 +26,17 @@ std::array<double, optim::kPoseNumbers> Rows(const SE3& pose) {
   return {r(0, 0), r(0, 1), r(0, 2), t[0], r(1, 0), r(1, 1), r(1, 2), t[1], r(2, 0), r(2, 1), r(2, 2), t[2]};
 }
 
+// What the list held is not needed any more, so the old memory goes before the new is taken, and that is no larger than
+// it has to be: the heap holds the largest problem once.
+template <typename T>
+void ResizeAnew(std::vector<T>* list, std::size_t size) {
+  if (list->capacity() < size) {
+    std::vector<T>().swap(*list);
+    list->reserve(size);
+  }
+  list->resize(size);
+}
+
 }  // namespace
 
 void SchurBundleAdjuster::Load(const BundleProblem& problem, const optim::BundleGauge& gauge) {
@@ -74,11 +85,11 @@ void SchurBundleAdjuster::Load(const BundleProblem& problem, const optim::Bundle
   candidate_ = state_;
   const std::size_t num_free = free_poses_.size();
   const std::size_t num_rows = problem.observations.size() + optim::kMaxBundleLanes;
-  chi2_.resize(num_rows);
-  y_.resize(18 * num_rows);
+  ResizeAnew(&chi2_, num_rows);
+  ResizeAnew(&y_, 18 * num_rows);
   linearised_.resize(optim::LinearisedObservations::kNumbers * (kStretch + longest + optim::kMaxBundleLanes));
-  eliminated_.resize(input_points_.size());
-  blocks_.resize(36 * (num_free * (num_free + 1) / 2));
+  ResizeAnew(&eliminated_, input_points_.size());
+  ResizeAnew(&blocks_, 36 * (num_free * (num_free + 1) / 2));
   pose_sums_.resize(12 * num_free);
   step_.resize(static_cast<Eigen::Index>(6 * num_free));
   dense_.resize(static_cast<Eigen::Index>(6 * num_free), static_cast<Eigen::Index>(6 * num_free));
@@ -87,10 +98,10 @@ void SchurBundleAdjuster::Load(const BundleProblem& problem, const optim::Bundle
 void SchurBundleAdjuster::ResizeObservations(int num) {
   const std::size_t num_rows = static_cast<std::size_t>(num) + optim::kMaxBundleLanes;
   for (auto* numbers : {&observations_.u, &observations_.v, &observations_.inverse_sigma}) {
-    numbers->resize(num_rows);
+    ResizeAnew(numbers, num_rows);
   }
   for (auto* indices : {&observations_.pose, &observations_.free_pose, &observations_.point}) {
-    indices->resize(num_rows);
+    ResizeAnew(indices, num_rows);
     std::fill(indices->begin() + num, indices->end(), 0);
   }
 }

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/sanitized.h"
+
 namespace haustra::end_to_end {
 
 struct CommandResult {
@@ -50,6 +52,6 @@ CommandResult Haustra(const std::vector<std::string>& arguments);
 std::vector<std::string> HaustraCommand(const std::vector<std::string>& arguments);
 
 // Long enough for any run of these tests under any sanitizer on a busy machine.
-inline constexpr std::chrono::seconds kHangLimit{600};
+inline constexpr std::chrono::seconds kHangLimit{test::kIsSanitized ? 3600 : 600};
 
 }  // namespace haustra::end_to_end

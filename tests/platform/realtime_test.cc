@@ -184,18 +184,18 @@ TEST(RealTimeThreads, MemoryIsLockedForGoodOnlyWhereThereIsNoLimit) {
   FakeSystem system;
   system.may_lock_all = false;
   { const RealTimeThreads threads(Config(), system); }
-  EXPECT_THAT(system.calls, ElementsAre("lock current", "hold 96000000", "unlock", "release"));
+  EXPECT_THAT(system.calls, ElementsAre("lock current", "hold 192000000", "unlock", "release"));
   system.calls.clear();
   system.may_lock_all = true;
   { const RealTimeThreads threads(Config(), system); }
-  EXPECT_THAT(system.calls, ElementsAre("lock all", "hold 96000000", "unlock", "release"));
+  EXPECT_THAT(system.calls, ElementsAre("lock all", "hold 192000000", "unlock", "release"));
 }
 
 TEST(RealTimeThreads, HeapThatIsSetAsideIsReportedAndSoIsItsGrowth) {
   FakeSystem system;
   RealTimeThreads threads(Config(), system);
   ApplyOnThreads(threads);
-  EXPECT_THAT(ToText(threads.report()), HasSubstr("memory    locked, now and later, 96 MB of heap set aside"));
+  EXPECT_THAT(ToText(threads.report()), HasSubstr("memory    locked, now and later, 192 MB of heap set aside"));
   EXPECT_EQ(threads.HeapGrowthBytes(), 0u);
   system.heap_bytes = 900;
   EXPECT_EQ(threads.HeapGrowthBytes(), 0u);

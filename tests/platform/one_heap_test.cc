@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 #include <malloc.h>
+#include <unistd.h>
 
+#include <cstdint>
 #include <cstdlib>
 #include <thread>
 
@@ -20,10 +22,20 @@ void TakeAndFree(std::size_t num_bytes) {
   std::free(block);
 }
 
+// An emulator may leave the heap little room to grow in one piece; glibc then takes it elsewhere and cannot give it
+// back.
+bool HasRoomToGrow() {
+  constexpr std::intptr_t kRoom = 512 * static_cast<std::intptr_t>(kMegabyte);
+  if (::sbrk(kRoom) == reinterpret_cast<void*>(-1)) return false;
+  ::sbrk(-kRoom);
+  return true;
+}
+
 class OneHeap : public ::testing::Test {
  protected:
   void SetUp() override {
     if (test::kIsSanitized) GTEST_SKIP() << "the sanitizer's heap is not the one that is meant";
+    if (!HasRoomToGrow()) GTEST_SKIP() << "this process's heap cannot grow in one piece";
     UseOneHeap();
   }
 };

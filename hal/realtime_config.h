@@ -24,7 +24,8 @@ struct RealTimeConfig {
   bool lock_memory = true;      // no page of the process leaves the memory, and all are there from the start
   int stack_prefault_kb = 256;  // of each thread's stack, touched before its first frame [0, 1024]
   // Of the heap, touched before the first frame, when memory is locked: what mapping may take there for its solvers
-  // (`haustra plan`) and the observer for what it keeps [0, 4096].
+  // and the observer for what it keeps [0, 4096]. `haustra plan` counts this for the solvers: with 0 they take what
+  // they need all the same, uncounted.
   int heap_prefault_mb = 192;
 };
 

@@ -154,7 +154,7 @@ struct VisionPlan {
   int max_features = 2000;  // per set
   int max_feature_sets = 64;
   int max_match_list = 8192;  // longest query or train list of refs, longest guided query list
-  // Off: only the tracking lane extracts features, and the other one takes no memory for it.
+  // Off: only the tracking lane extracts features; the other one takes no memory for it and answers kInvalidArgument.
   bool extracts_in_background = true;
 };
 

@@ -14,7 +14,7 @@ namespace haustra {
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,
                                                          const CameraCalibration& calibration, int num_threads);
 
-// One that is not an engine's.
+// The same for a plan of the caller's own.
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const VisionPlan& plan,
                                                          const ExtractOptions& options, int num_threads);
 

@@ -130,6 +130,12 @@ Status CheckImageSize(const ImageView& image, const VisionPlan& plan, const char
 
 bool Extracts(Lane lane, const VisionPlan& plan) { return lane == Lane::kTracking || plan.extracts_in_background; }
 
+int NumExtractingLanes(const VisionPlan& plan) {
+  int count = 0;
+  for (int lane = 0; lane < static_cast<int>(Lane::kNumLanes); ++lane) count += Extracts(static_cast<Lane>(lane), plan);
+  return count;
+}
+
 Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const VisionPlan& plan, int static_mask_width,
                            int static_mask_height) {
   HAUSTRA_TRY(CheckLane(lane));

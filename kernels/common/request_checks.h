@@ -18,6 +18,7 @@ Status CheckLane(Lane lane);
 // `what` names the picture in the message.
 Status CheckImageSize(const ImageView& image, const VisionPlan& plan, const char* what);
 bool Extracts(Lane lane, const VisionPlan& plan);
+int NumExtractingLanes(const VisionPlan& plan);
 // Lane and all but the set. static_mask_*: 0 without a static mask.
 Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const VisionPlan& plan, int static_mask_width,
                            int static_mask_height);

@@ -170,7 +170,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
 
 MemoryPlan PlanCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options, int num_threads) {
   const auto num_lanes = static_cast<std::uint64_t>(Lane::kNumLanes);
-  const std::uint64_t num_extracting = plan.extracts_in_background ? num_lanes : 1;
+  const auto num_extracting = static_cast<std::uint64_t>(kernels::NumExtractingLanes(plan));
   MemoryPlan memory;
   const auto add = [&memory](const char* pool, std::uint64_t count, std::uint64_t bytes, const char* sized_by) {
     memory.Add(MemoryPlace::kHost, pool, count, bytes, sized_by);

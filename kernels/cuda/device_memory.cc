@@ -128,7 +128,7 @@ Result<MemoryPlan> PlanCudaVisionDevice(const VisionPlan& plan, const ExtractOpt
   (void)DealMatchMemory(plan, &matching);
   const auto num_sets = static_cast<std::uint64_t>(plan.max_feature_sets);
   const char* by_sets = "memory.max_keyframes x features.max";
-  const std::uint64_t num_extracting = plan.extracts_in_background ? kNumLanes : 1;
+  const auto num_extracting = static_cast<std::uint64_t>(kernels::NumExtractingLanes(plan));
   const char* by_image = "image size, features.max";
   const char* by_lists = "memory.max_local_points, features.max; one for each lane";
   MemoryPlan memory;

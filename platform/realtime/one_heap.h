@@ -1,6 +1,7 @@
 // The heap of the C library (glibc) as a session wants it whose memory must not grow: mapping's solvers may use it,
 // inside a bound that is there from the start. Left alone, each thread has a heap of its own that keeps its own peak,
-// and large blocks come and go with page faults.
+// and large blocks come and go with page faults. (mallopt(3), malloc_trim(3), mallinfo2(3).)
+// All of it is the process's: for one session at a time, from one thread, never the tracking thread. Sizes in bytes.
 #pragma once
 
 #include <cstddef>

@@ -381,18 +381,23 @@ class RefusingSystem : public ThreadSystem {
   double RealTimeShare() const override { return 1.0; }
 };
 
+// Three frames that show nothing.
+Result<SessionSummary> RunShortlyOn(ThreadSystem& system, bool is_required, RecordingObserver& observer) {
+  ScriptedColon colon;
+  colon.Occlude(3);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RealTimeOptions options;
+  options.rate = kFast;
+  options.rt.require = is_required;
+  options.system = &system;
+  return RunRealTime(colon.source(), *engine, SystemClock(), options, observer, test::kNeverStop);
+}
+
 TEST(RealTimeSession, MissingPrivilegeIsFatalOnlyWhenRequired) {
   for (const bool is_required : {false, true}) {
-    ScriptedColon colon;
-    colon.Occlude(3);
-    const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
     RecordingObserver observer;
     RefusingSystem system;
-    RealTimeOptions options;
-    options.rate = kFast;
-    options.rt.require = is_required;
-    options.system = &system;
-    const auto session = RunRealTime(colon.source(), *engine, SystemClock(), options, observer, test::kNeverStop);
+    const auto session = RunShortlyOn(system, is_required, observer);
     EXPECT_EQ(session.code(), is_required ? StatusCode::kFailedPrecondition : StatusCode::kOk);
     EXPECT_EQ(observer.frames.size(), is_required ? 0u : 3u);
     EXPECT_EQ(observer.reports.size(), is_required ? 0u : 1u);
@@ -412,15 +417,9 @@ class GrowingSystem final : public RefusingSystem {
 };
 
 TEST(RealTimeSession, HeapThatGrowsBeyondWhatWasSetAsideIsToldInTheSummary) {
-  ScriptedColon colon;
-  colon.Occlude(3);
-  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
   RecordingObserver observer;
   GrowingSystem system;
-  RealTimeOptions options;
-  options.rate = kFast;
-  options.system = &system;
-  const auto session = RunRealTime(colon.source(), *engine, SystemClock(), options, observer, test::kNeverStop);
+  const auto session = RunShortlyOn(system, false, observer);
   ASSERT_TRUE(session.ok());
   EXPECT_EQ(session->heap_growth_bytes, 1'500'000u);
 }

@@ -4,9 +4,10 @@
 
 namespace haustra {
 
-LocalBundle::LocalBundle(const EngineConfig& config, const CameraModel& camera)
+LocalBundle::LocalBundle(const EngineConfig& config, const CameraModel& camera, SchurBundleAdjuster& adjuster)
     : config_(config),
       camera_(camera),
+      adjuster_(adjuster),
       pose_slots_(static_cast<std::size_t>(config.memory.max_keyframes), -1),
       point_slots_(static_cast<std::size_t>(config.memory.max_map_points), -1),
       ring_votes_(static_cast<std::size_t>(config.memory.max_keyframes), 0) {}

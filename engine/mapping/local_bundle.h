@@ -14,7 +14,8 @@ namespace haustra {
 
 class LocalBundle {
  public:
-  LocalBundle(const EngineConfig& config, const CameraModel& camera);
+  // Everything named outlives it; the adjuster may have other users between calls.
+  LocalBundle(const EngineConfig& config, const CameraModel& camera, SchurBundleAdjuster& adjuster);
 
   struct Extent {
     int max_keyframes = 1;    // that move
@@ -34,7 +35,7 @@ class LocalBundle {
 
   const EngineConfig& config_;
   const CameraModel& camera_;
-  SchurBundleAdjuster adjuster_;
+  SchurBundleAdjuster& adjuster_;
   BundleProblem problem_;
   std::vector<KeyframeHandle> poses_;  // of problem_.poses: the window, then the fixed ring
   std::size_t window_size_ = 0;

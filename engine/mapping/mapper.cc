@@ -43,12 +43,12 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       builder_(config.memory.max_keyframes, config.memory.max_map_points),
       creator_(config, camera, device),
       fuser_(config, camera, device),
-      bundle_(config, camera),
+      bundle_(config, camera, adjuster_),
       late_placement_(config, camera, device),
       retrieval_(MakeRetrieval(config, device, vocabulary)),
       relocaliser_(config, config.place.relocalisation, config.place.retrieval, camera, device, *retrieval_),
       scout_(config, *retrieval_),
-      merger_(config, config.merging, camera, device),
+      merger_(config, config.merging, camera, device, adjuster_),
       evictor_(
           config, atlas_, *retrieval_, [this](FeatureSetHandle set) { Retire(set); },
           [this](MapHandle map) { ReportEviction(map); }),
@@ -72,7 +72,7 @@ MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
                num_keyframes * kWorkspacePerKeyframe +
                static_cast<std::uint64_t>(config.features.max) * kWorkspacePerFeature,
            "memory.max_map_points, memory.max_keyframes, features.max; at most");
-  // Ceres, the windows and the founding bundles, on the heap.
+  // Bundles of windows and seams; Ceres for foundings and pose graphs; on the heap.
   plan.Add(MemoryPlace::kHost, "solver", 1,
            std::size_t{1'000'000} * static_cast<std::size_t>(config.rt.heap_prefault_mb), "rt.heap_prefault_mb");
   return plan;

@@ -5,7 +5,7 @@
 // two keyframes: it never waits for it. One question is out at a time; of the keyframes that come meanwhile the newest
 // is asked about next. Feature sets that a question names are kept until its answer was taken. Full pools: evictor.h;
 // full rings: the newest event, late pose or proposal is lost and counted by its ring. thread-bound(mapping). Uses the
-// heap (Ceres), inside bounds set by the window.
+// heap (solvers), inside bounds set by the windows.
 #pragma once
 
 #include <atomic>
@@ -141,6 +141,7 @@ class Mapper {
   LocalMapBuilder builder_;
   PointCreator creator_;
   PointFuser fuser_;
+  SchurBundleAdjuster adjuster_;  // of windows and seams: its memory is that of the largest of them
   LocalBundle bundle_;
   LatePlacement late_placement_;
   std::unique_ptr<KeyframeRetrieval> retrieval_;

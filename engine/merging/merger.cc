@@ -43,11 +43,11 @@ Sim3 UpToDate(const MergePlan& plan, const Atlas& atlas) {
 }  // namespace
 
 Merger::Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera,
-               VisionDevice& device)
+               VisionDevice& device, SchurBundleAdjuster& adjuster)
     : config_(config),
       options_(options),
       fuser_(config, camera, device),
-      weld_(config, options, camera),
+      weld_(config, options, camera, adjuster),
       graph_(options, config.memory.max_keyframes),
       collector_(config.memory.max_map_points) {}
 

@@ -3,7 +3,7 @@
 //          points and keeps its id; matched points are fused, more are found by guided search across the seam; the seam
 //          is welded by bundle adjustment; what is left of the younger map follows the weld by its essential graph
 //   loop   the correction is spread over the map by the essential graph; then fusion, search and weld as above
-// The atlas is consistent when Apply returns, whatever it returns. thread-bound(mapping); allocates (Ceres); the time
+// The atlas is consistent when Apply returns, whatever it returns. thread-bound(mapping); allocates; the time
 // spent in the solvers is bounded by the deadline, that of the rest by the size of the windows and, for moving points,
 // of the atlas.
 #pragma once
@@ -24,8 +24,9 @@ namespace haustra {
 
 class Merger {
  public:
-  // Everything named outlives it.
-  Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera, VisionDevice& device);
+  // Everything named outlives it; the adjuster may have other users between calls.
+  Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera, VisionDevice& device,
+         SchurBundleAdjuster& adjuster);
 
   // kFailedPrecondition: a keyframe of the plan is gone, or tracking in another map; nothing was touched.
   // kInvalidArgument: the similarity is not one. `clock` may be null with kNoDeadline: then only iterations bound the

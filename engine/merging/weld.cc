@@ -10,10 +10,12 @@ constexpr std::size_t kMinRing = 2;
 
 }  // namespace
 
-Weld::Weld(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera)
+Weld::Weld(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera,
+           SchurBundleAdjuster& adjuster)
     : config_(config),
       options_(options),
       camera_(camera),
+      adjuster_(adjuster),
       pose_slots_(static_cast<std::size_t>(config.memory.max_keyframes), -1),
       point_slots_(static_cast<std::size_t>(config.memory.max_map_points), -1),
       ring_votes_(static_cast<std::size_t>(config.memory.max_keyframes), 0) {}
@@ -26,7 +28,7 @@ Result<BundleSummary> Weld::Adjust(const Sides& sides, Atlas* atlas, const Clock
   options.clock = clock;
   options.deadline = deadline;
   const double before = MedianDistance(sides.moving.size());
-  Result<BundleSummary> summary = AdjustBundle(camera_, options, &problem_);
+  Result<BundleSummary> summary = adjuster_.Adjust(camera_, options, &problem_);
   moving_scale_ = 1.0;
   if (summary.ok() && summary->usable) {
     const double after = MedianDistance(sides.moving.size());

@@ -1,6 +1,6 @@
 // Bundle adjustment over a seam: the keyframes on both sides of a merge or loop and all points they see move, a ring of
 // older keyframes around them holds the gauge. Observations that do not fit afterwards are taken out.
-// thread-bound(mapping); allocates (Ceres), bounded by the sizes of windows and ring.
+// thread-bound(mapping); allocates, bounded by the sizes of windows and ring.
 #pragma once
 
 #include <functional>
@@ -11,13 +11,15 @@
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
 #include "engine/merging/merging_config.h"
-#include "engine/optim/bundle_adjustment.h"
+#include "engine/optim/schur_bundle_adjustment.h"
 
 namespace haustra {
 
 class Weld {
  public:
-  Weld(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera);
+  // Everything named outlives it; the adjuster may have other users between calls.
+  Weld(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera,
+       SchurBundleAdjuster& adjuster);
 
   struct Sides {
     std::span<const KeyframeHandle> moving;     // came over the seam
@@ -43,6 +45,7 @@ class Weld {
   const EngineConfig& config_;
   const MergingConfig& options_;
   const CameraModel& camera_;
+  SchurBundleAdjuster& adjuster_;
   BundleProblem problem_;
   std::vector<KeyframeHandle> poses_;  // of problem_.poses: moving side, reference side, ring
   std::size_t num_free_ = 0;           // of both sides

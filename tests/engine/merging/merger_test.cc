@@ -29,7 +29,8 @@ class MergerTest : public testing::Test {
   }
 
   Status Apply(const MergePlan& plan) {
-    Merger merger(colon_.config(), options_, colon_.camera(), colon_.device());
+    SchurBundleAdjuster adjuster;
+    Merger merger(colon_.config(), options_, colon_.camera(), colon_.device(), adjuster);
     return merger.Apply(plan, &atlas_, nullptr, kNoDeadline, &outcome_);
   }
 
@@ -188,7 +189,8 @@ TEST_F(MergerTest, SameMergeGivesTheSameBits) {
     Rng rng(4);
     ASSERT_TRUE(
         colon.Verify(verifier, atlas, colon.frames()[first + 2].keyframe, colon.frames()[11].keyframe, rng, &area));
-    Merger merger(colon.config(), options_, colon.camera(), colon.device());
+    SchurBundleAdjuster adjuster;
+    Merger merger(colon.config(), options_, colon.camera(), colon.device(), adjuster);
     ASSERT_TRUE(merger.Apply(MakeMergePlan(area), &atlas, nullptr, kNoDeadline, &outcome_).ok());
     atlas.points().ForEach([&](MapPointHandle, const MapPoint& point) { sum += point.position.sum(); });
     atlas.keyframes().ForEach([&](KeyframeHandle, const Keyframe& k) { sum += k.cam_from_map.translation.sum(); });

@@ -22,7 +22,7 @@ double Percentile(const std::vector<double>& sorted, double share) {
 double PeakRssMb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+  return 1e-6 * 1024.0 * static_cast<double>(usage.ru_maxrss);  // told in units of 1024 bytes
 }
 
 void Append(std::string* text, const char* format, ...) __attribute__((format(printf, 2, 3)));

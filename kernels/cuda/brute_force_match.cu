@@ -21,6 +21,13 @@ constexpr int kTileBytes = kTrainTile * kDescriptorBytes;
 constexpr int kFloatBase = 0x4b000000;
 static_assert(kDescriptorBytes * 255 * 255 < 1 << 23);
 
+// A warp has 32 queries and 64 train descriptors of a tile, in two parts of 32. Of each part a lane has four rows, 8 *
+// r
+// + lane / 4, and eight columns, 8 * n + 2 * (lane % 4) + {0, 1}. In the plain instance, which has neither gates nor
+// mutual matching, the group of a row that has its best goes to the lane of the row's number, through a slot: eight
+// similarities, second best of the row so far, first column. Stride without bank conflicts.
+constexpr int kSlotFloats = 12;
+
 // Layout of the dynamic shared memory.
 struct SharedLayout {
   static constexpr int kTrain = 0;
@@ -31,6 +38,9 @@ struct SharedLayout {
   static constexpr int kJoin = kQueryGates + kGateValues * kQueryTile * 4;
   static constexpr int kQueries = (kJoin + kQueryTile * 16 + 1023) / 1024 * 1024;
   static constexpr int kSize = kQueries + kQueryTile * kDescriptorBytes;
+  // Where the queries were, when all warps have them in registers.
+  static constexpr int kSlots = kQueries;
+  static_assert(kThreads * kSlotFloats * 4 <= kQueryTile * kDescriptorBytes);
 };
 
 __device__ __forceinline__ std::uint32_t SharedAddress(const void* p) {
@@ -66,6 +76,169 @@ __device__ __forceinline__ void MultiplyAdd(int (&sum)[4], const std::uint32_t (
       "mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
       : "+r"(sum[0]), "+r"(sum[1]), "+r"(sum[2]), "+r"(sum[3])
       : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
+}
+
+// Products of 32 queries and 32 train descriptors, on top of kFloatBase; train: address of the tile.
+__device__ __forceinline__ void MultiplyPart(const std::uint32_t (&a)[2][4][4], std::uint32_t train, int first_column,
+                                             int (&sums)[2][4][4]) {
+  const int lane = threadIdx.x % 32;
+#pragma unroll
+  for (int m = 0; m < 2; ++m) {
+#pragma unroll
+    for (int n = 0; n < 4; ++n) {
+#pragma unroll
+      for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
+    }
+  }
+#pragma unroll
+  for (int n = 0; n < 4; ++n) {
+    std::uint32_t b[2][4];
+    const int row = first_column + 8 * n + lane % 8;
+    LoadMatrices(b[0], train + Swizzled(row, lane / 8));
+    LoadMatrices(b[1], train + Swizzled(row, 4 + lane / 8));
+#pragma unroll
+    for (int m = 0; m < 2; ++m) {
+      MultiplyAdd(sums[m][n], a[m][0], b[0][0], b[0][1]);
+      MultiplyAdd(sums[m][n], a[m][1], b[0][2], b[0][3]);
+      MultiplyAdd(sums[m][n], a[m][2], b[1][0], b[1][1]);
+      MultiplyAdd(sums[m][n], a[m][3], b[1][2], b[1][3]);
+    }
+  }
+}
+
+// Their similarities; NaN or below all others for invalid train entries.
+__device__ __forceinline__ void FindSimilarities(const int (&sums)[2][4][4], const float* query_norms,
+                                                 const float* train_norms, float (&values)[4][8]) {
+  const int lane = threadIdx.x % 32;
+  float norms_of_rows[4];
+#pragma unroll
+  for (int r = 0; r < 4; ++r) norms_of_rows[r] = query_norms[8 * r + lane / 4];
+#pragma unroll
+  for (int n = 0; n < 4; ++n) {
+    const float2 norms = *reinterpret_cast<const float2*>(train_norms + 8 * n + lane % 4 * 2);
+#pragma unroll
+    for (int r = 0; r < 4; ++r) {
+#pragma unroll
+      for (int e = 0; e < 2; ++e) {
+        const float product = __int_as_float(sums[r / 2][n][r % 2 * 2 + e]) - __int_as_float(kFloatBase);
+        values[r][2 * n + e] = __fmul_rn(product, __fmul_rn(e == 0 ? norms.x : norms.y, norms_of_rows[r]));
+      }
+    }
+  }
+}
+
+// Whether any of them may be above the second best of its row. Most need no more than a bound to be told: the product
+// times the norm of the train descriptor, rounded once.
+__device__ __forceinline__ bool MayEnter(const int (&sums)[2][4][4], const float* query_norms, const float* train_norms,
+                                         const TopTwo& top) {
+  const int lane = threadIdx.x % 32;
+  float bounds[4] = {};
+#pragma unroll
+  for (int n = 0; n < 4; ++n) {
+    const float2 norms = *reinterpret_cast<const float2*>(train_norms + 8 * n + lane % 4 * 2);
+    const float offset_x = -__int_as_float(kFloatBase) * norms.x;
+    const float offset_y = -__int_as_float(kFloatBase) * norms.y;
+#pragma unroll
+    for (int r = 0; r < 4; ++r) {
+      bounds[r] = fmaxf(bounds[r], fmaf(__int_as_float(sums[r / 2][n][r % 2 * 2]), norms.x, offset_x));
+      bounds[r] = fmaxf(bounds[r], fmaf(__int_as_float(sums[r / 2][n][r % 2 * 2 + 1]), norms.y, offset_y));
+    }
+  }
+  constexpr float kAboveRounding = 1.000002f;
+  bool may_enter = false;
+#pragma unroll
+  for (int r = 0; r < 4; ++r) {
+    const float bar = __shfl_sync(0xffffffffu, top.second, 8 * r + lane / 4);
+    may_enter |= bounds[r] * query_norms[8 * r + lane / 4] * kAboveRounding > bar;
+  }
+  return __any_sync(0xffffffffu, may_enter);
+}
+
+// Takes the similarities of a warp, kParts times 32 columns of 32 rows, into the best two of row `lane`. The eight that
+// a lane has of a row and a part are a group: the best of the row is in the group with the highest maximum, the second
+// best is in it, too, or is the second highest maximum. So all but one group need no more than that.
+template <int kParts>
+__device__ __forceinline__ void Enter(const float (&values)[kParts][4][8], int first_column, float* slots,
+                                      TopTwo& top) {
+  const int lane = threadIdx.x % 32;
+  float maxima[kParts][4];
+  float best[4];
+  float second[4];
+  bool is_shared = false;
+#pragma unroll
+  for (int r = 0; r < 4; ++r) {
+    best[r] = second[r] = -1.0f;
+#pragma unroll
+    for (int p = 0; p < kParts; ++p) {
+      float highest = -1.0f;
+#pragma unroll
+      for (int c = 0; c < 8; ++c) highest = fmaxf(highest, values[p][r][c]);
+      maxima[p][r] = highest;
+      second[r] = fmaxf(second[r], fminf(best[r], highest));
+      best[r] = fmaxf(best[r], highest);
+    }
+#pragma unroll
+    for (int step = 1; step < 4; step *= 2) {
+      const float other_best = __shfl_xor_sync(0xffffffffu, best[r], step);
+      const float other_second = __shfl_xor_sync(0xffffffffu, second[r], step);
+      second[r] = fmaxf(fminf(best[r], other_best), fmaxf(second[r], other_second));
+      best[r] = fmaxf(best[r], other_best);
+    }
+    is_shared |= second[r] == best[r];
+  }
+#pragma unroll
+  for (int r = 0; r < 4; ++r) {
+    float* slot = slots + (8 * r + lane / 4) * kSlotFloats;
+#pragma unroll
+    for (int p = 0; p < kParts; ++p) {
+      if (maxima[p][r] != best[r] || second[r] == best[r]) continue;
+      const float(&v)[8] = values[p][r];
+      *reinterpret_cast<float4*>(slot) = {v[0], v[1], v[2], v[3]};
+      *reinterpret_cast<float4*>(slot + 4) = {v[4], v[5], v[6], v[7]};
+      *reinterpret_cast<float2*>(slot + 8) = {second[r], __int_as_float(32 * p + lane % 4 * 2)};
+    }
+  }
+  if (__any_sync(0xffffffffu, is_shared)) {
+    // Several groups of a row have its best: of equal ones, the lowest column has it. (Or no group has any.)
+#pragma unroll
+    for (int r = 0; r < 4; ++r) {
+      int column = kTrainTile;
+#pragma unroll
+      for (int p = kParts - 1; p >= 0; --p) {
+#pragma unroll
+        for (int c = 7; c >= 0; --c) {
+          if (values[p][r][c] == best[r]) column = 32 * p + 8 * (c / 2) + lane % 4 * 2 + c % 2;
+        }
+      }
+#pragma unroll
+      for (int step = 1; step < 4; step *= 2) column = min(column, __shfl_xor_sync(0xffffffffu, column, step));
+      if (second[r] == best[r] && lane % 4 == 0) {
+        float* slot = slots + (8 * r + lane / 4) * kSlotFloats;
+        *reinterpret_cast<float4*>(slot) = {best[r], -1.0f, -1.0f, -1.0f};
+        *reinterpret_cast<float4*>(slot + 4) = {-1.0f, -1.0f, -1.0f, -1.0f};
+        *reinterpret_cast<float2*>(slot + 8) = {best[r], __int_as_float(column)};
+      }
+    }
+  }
+  __syncwarp();
+  const float* slot = slots + lane * kSlotFloats;
+  const float4 v[2] = {reinterpret_cast<const float4*>(slot)[0], reinterpret_cast<const float4*>(slot)[1]};
+  const float2 further = *reinterpret_cast<const float2*>(slot + 8);
+  const float group[8] = {v[0].x, v[0].y, v[0].z, v[0].w, v[1].x, v[1].y, v[1].z, v[1].w};
+  float best_of_group = -1.0f;
+  float second_of_row = further.x;
+  int place = 0;
+#pragma unroll
+  for (int c = 0; c < 8; ++c) {
+    const float value = fmaxf(group[c], -1.0f);
+    second_of_row = fmaxf(second_of_row, fminf(best_of_group, value));
+    if (value > best_of_group) {
+      best_of_group = value;
+      place = 8 * (c / 2) + c % 2;
+    }
+  }
+  Join(top, best_of_group, second_of_row, first_column + __float_as_int(further.y) + place);
+  __syncwarp();
 }
 
 __device__ __forceinline__ std::int32_t RowAt(const RowList& list, int i) {
@@ -150,6 +323,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   const int lane = thread % 32;
   const int warp_row = thread / 32 / 2;     // 32 queries
   const int warp_column = thread / 32 % 2;  // 64 train descriptors
+  constexpr bool kPlain = kDot == DotProduct::kTensorCores && !kGated && !kMutual;
   // Instances for all requests look at what is asked for; the others know.
   const bool is_gated = kGated && job.is_gated;
   const bool is_mutual = kMutual && job.options.mutual;
@@ -159,19 +333,24 @@ __global__ void __launch_bounds__(kThreads, 2)
   const int first_tile = blockIdx.y * slice.tiles_per_split;
   const int last_tile = min(num_tiles, first_tile + slice.tiles_per_split);
 
-  // Invalid entries read row 0 and have a norm of -1.
+  // Invalid entries read row 0; their norm is -1, which no query has, or below all, which is no train descriptor's.
   constexpr int query_base = SharedLayout::kQueries;
   for (int i = thread; i < kQueryTile * 8; i += kThreads) {
     const int query = first_query + i / 8;
     const std::int32_t row = query < job.query.size ? RowAt(job.query, query) : -1;
     CopyAsync16(base + query_base + Swizzled(i / 8, i % 8),
                 sets.descriptors + static_cast<std::size_t>(max(row, 0)) * kDescriptorBytes + i % 8 * 16);
-    if (i % 8 != 0) continue;
+  }
+  const auto load_norm = [&](float* to, std::int32_t row, float otherwise) {
     if (row >= 0) {
-      CopyAsync4(SharedAddress(query_norms + i / 8), sets.inverse_norms + row);
+      CopyAsync4(SharedAddress(to), sets.inverse_norms + row);
     } else {
-      query_norms[i / 8] = -1.0f;
+      *to = otherwise;
     }
+  };
+  if (thread < kQueryTile) {
+    const int query = first_query + thread;
+    load_norm(query_norms + thread, query < job.query.size ? RowAt(job.query, query) : -1, -1.0f);
   }
   CommitCopies();
   if (is_gated) {
@@ -192,12 +371,11 @@ __global__ void __launch_bounds__(kThreads, 2)
         const std::int32_t row = train < job.train.size ? RowAt(job.train, train) : -1;
         CopyAsync16(base + SharedLayout::kTrain + stage * kTileBytes + Swizzled(i / 8, i % 8),
                     sets.descriptors + static_cast<std::size_t>(max(row, 0)) * kDescriptorBytes + i % 8 * 16);
-        if (i % 8 != 0) continue;
-        if (row >= 0) {
-          CopyAsync4(SharedAddress(norms + i / 8), sets.inverse_norms + row);
-        } else {
-          norms[i / 8] = -1.0f;
-        }
+      }
+      const int i = thread - (kThreads - kTrainTile);
+      if (i >= 0) {
+        const int train = tile * kTrainTile + i;
+        load_norm(norms + i, train < job.train.size ? RowAt(job.train, train) : -1, -INFINITY);
       }
     }
     CommitCopies();
@@ -218,16 +396,16 @@ __global__ void __launch_bounds__(kThreads, 2)
     }
   }
 
-  // Of rows 8 * r + lane / 4 of the warp's 32.
+  const float* norms_of_warp = query_norms + warp_row * 32;
+  TopTwo row_top;  // plain: of row `lane` of the warp's 32
+  TopTwo tops[4];  // otherwise: of rows 8 * r + lane / 4
   float norms_of_rows[4];
-  TopTwo tops[4];
-  // Second best of the row in the tiles before, as far as the four lanes of the row know: no pair that is not better
-  // changes the result, since ties go to the lower position.
-  float bars[4] = {-1.0f, -1.0f, -1.0f, -1.0f};
+  // Nothing gets past this; never looked at.
+  if (norms_of_warp[lane] < 0.0f) row_top.second = 2.0f;
 #pragma unroll
   for (int r = 0; r < 4; ++r) {
-    norms_of_rows[r] = query_norms[warp_row * 32 + 8 * r + lane / 4];
-    if (norms_of_rows[r] < 0.0f) bars[r] = tops[r].second = 2.0f;  // nothing gets past this; never looked at
+    norms_of_rows[r] = norms_of_warp[8 * r + lane / 4];
+    if (norms_of_rows[r] < 0.0f) tops[r].second = 2.0f;
   }
 
   int stage = 0;
@@ -240,35 +418,49 @@ __global__ void __launch_bounds__(kThreads, 2)
     load_tile(tile + kStages - 1, (stage + kStages - 1) % kStages);
     const int train_base = SharedLayout::kTrain + stage * kTileBytes;
     const float* train_norms = reinterpret_cast<const float*>(shared + SharedLayout::kTrainNorms) + stage * kTrainTile;
+    stage = (stage + 1) % kStages;
+    if constexpr (kPlain) {
+      float* slots = reinterpret_cast<float*>(shared + SharedLayout::kSlots) + thread / 32 * 32 * kSlotFloats;
+      const int columns = warp_column * 64;
+      if (tile == first_tile) {
+        // Nearly all may enter here, so both parts do at once.
+        float values[2][4][8];
+#pragma unroll
+        for (int part = 0; part < 2; ++part) {
+          int sums[2][4][4];
+          MultiplyPart(a, base + train_base, columns + part * 32, sums);
+          FindSimilarities(sums, norms_of_warp, train_norms + columns + part * 32, values[part]);
+        }
+        Enter(values, tile * kTrainTile + columns, slots, row_top);
+        continue;
+      }
+#pragma unroll
+      for (int part = 0; part < 2; ++part) {
+        const int first_column = columns + part * 32;
+        int sums[2][4][4];
+        MultiplyPart(a, base + train_base, first_column, sums);
+        if (!MayEnter(sums, norms_of_warp, train_norms + first_column, row_top)) continue;
+        float values[1][4][8];
+        FindSimilarities(sums, norms_of_warp, train_norms + first_column, values[0]);
+        Enter(values, tile * kTrainTile + first_column, slots, row_top);
+      }
+      continue;
+    }
 #pragma unroll
     for (int part = 0; part < 2; ++part) {
-      // Products of 32 x 32; a lane has rows as above, and columns 8 * n + 2 * (lane % 4) + {0, 1}.
       const int first_column = warp_column * 64 + part * 32;
       int sums[2][4][4];
-#pragma unroll
-      for (int m = 0; m < 2; ++m) {
-#pragma unroll
-        for (int n = 0; n < 4; ++n) {
-#pragma unroll
-          for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
-        }
-      }
       if constexpr (kDot == DotProduct::kTensorCores) {
+        MultiplyPart(a, base + train_base, first_column, sums);
+      } else {
 #pragma unroll
-        for (int n = 0; n < 4; ++n) {
-          std::uint32_t b[2][4];
-          const int row = first_column + 8 * n + lane % 8;
-          LoadMatrices(b[0], base + train_base + Swizzled(row, lane / 8));
-          LoadMatrices(b[1], base + train_base + Swizzled(row, 4 + lane / 8));
+        for (int m = 0; m < 2; ++m) {
 #pragma unroll
-          for (int m = 0; m < 2; ++m) {
-            MultiplyAdd(sums[m][n], a[m][0], b[0][0], b[0][1]);
-            MultiplyAdd(sums[m][n], a[m][1], b[0][2], b[0][3]);
-            MultiplyAdd(sums[m][n], a[m][2], b[1][0], b[1][1]);
-            MultiplyAdd(sums[m][n], a[m][3], b[1][2], b[1][3]);
+          for (int n = 0; n < 4; ++n) {
+#pragma unroll
+            for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
           }
         }
-      } else {
 #pragma unroll 1
         for (int piece = 0; piece < 8; ++piece) {
           uint4 q[4];
@@ -297,31 +489,6 @@ __global__ void __launch_bounds__(kThreads, 2)
         }
       }
 
-      // Without mutual matching and gates, most pairs need no more than a bound: the product times the norm of the
-      // train descriptor, rounded once. Exact similarities are taken where the highest bound of a row may enter, which
-      // is nearly everywhere in the first tile.
-      bool is_candidate[4] = {true, true, true, true};
-      if (!kMutual && !kGated && tile > first_tile) {
-        float bounds[4] = {};
-#pragma unroll
-        for (int n = 0; n < 4; ++n) {
-          const float2 norms = *reinterpret_cast<const float2*>(train_norms + first_column + 8 * n + lane % 4 * 2);
-          const float offset_x = -__int_as_float(kFloatBase) * norms.x;
-          const float offset_y = -__int_as_float(kFloatBase) * norms.y;
-#pragma unroll
-          for (int r = 0; r < 4; ++r) {
-            bounds[r] = fmaxf(bounds[r], fmaf(__int_as_float(sums[r / 2][n][r % 2 * 2]), norms.x, offset_x));
-            bounds[r] = fmaxf(bounds[r], fmaf(__int_as_float(sums[r / 2][n][r % 2 * 2 + 1]), norms.y, offset_y));
-          }
-        }
-        constexpr float kAboveRounding = 1.000002f;
-#pragma unroll
-        for (int r = 0; r < 4; ++r) {
-          is_candidate[r] = bounds[r] * norms_of_rows[r] * kAboveRounding > fmaxf(bars[r], tops[r].second);
-        }
-        if (!(is_candidate[0] || is_candidate[1] || is_candidate[2] || is_candidate[3])) continue;
-      }
-
       float similarity[4][8];
 #pragma unroll
       for (int n = 0; n < 4; ++n) {
@@ -347,7 +514,6 @@ __global__ void __launch_bounds__(kThreads, 2)
       }
 #pragma unroll
       for (int r = 0; r < 4; ++r) {
-        if (!is_candidate[r]) continue;
         float highest = similarity[r][0];
 #pragma unroll
         for (int c = 1; c < 8; ++c) highest = fmaxf(highest, similarity[r][c]);
@@ -400,45 +566,39 @@ __global__ void __launch_bounds__(kThreads, 2)
       }
       __syncthreads();
     }
-    if (!kMutual && !kGated && tile + 1 < last_tile) {
-#pragma unroll
-      for (int r = 0; r < 4; ++r) {
-        float best = tops[r].best;
-        float second = tops[r].second;
-#pragma unroll
-        for (int step = 1; step < 4; step *= 2) {
-          const float other_best = __shfl_xor_sync(0xffffffffu, best, step);
-          const float other_second = __shfl_xor_sync(0xffffffffu, second, step);
-          second = fmaxf(fminf(best, other_best), fmaxf(second, other_second));
-          best = fmaxf(best, other_best);
-        }
-        bars[r] = second;
-      }
-    }
-    stage = (stage + 1) % kStages;
   }
   WaitForCopies<0>();
 
   // Four lanes of a row, then the two warps of a row.
+  TopTwo* rows = join + warp_row * 32;
+  if constexpr (kPlain) {
+    if (warp_column == 1) rows[lane] = row_top;
+  } else {
 #pragma unroll
-  for (int r = 0; r < 4; ++r) {
+    for (int r = 0; r < 4; ++r) {
 #pragma unroll
-    for (int step = 1; step < 4; step *= 2) {
-      const float best = __shfl_xor_sync(0xffffffffu, tops[r].best, step);
-      const float second = __shfl_xor_sync(0xffffffffu, tops[r].second, step);
-      const std::int32_t best_idx = __shfl_xor_sync(0xffffffffu, tops[r].best_idx, step);
-      Join(tops[r], best, second, best_idx);
+      for (int step = 1; step < 4; step *= 2) {
+        const float best = __shfl_xor_sync(0xffffffffu, tops[r].best, step);
+        const float second = __shfl_xor_sync(0xffffffffu, tops[r].second, step);
+        const std::int32_t best_idx = __shfl_xor_sync(0xffffffffu, tops[r].best_idx, step);
+        Join(tops[r], best, second, best_idx);
+      }
+      if (warp_column == 1 && lane % 4 == 0) rows[8 * r + lane / 4] = tops[r];
     }
-    if (warp_column == 1 && lane % 4 == 0) join[warp_row * 32 + 8 * r + lane / 4] = tops[r];
   }
   __syncthreads();
   const int padded_queries = gridDim.x * kQueryTile;
-  if (warp_column == 0 && lane % 4 == 0) {
+  const auto hand_over = [&](int row, TopTwo top) {
+    Join(top, rows[row].best, rows[row].second, rows[row].best_idx);
+    work.partial[static_cast<std::size_t>(blockIdx.y) * padded_queries + blockIdx.x * kQueryTile + warp_row * 32 +
+                 row] = top;
+  };
+  if (warp_column == 0) {
+    if constexpr (kPlain) {
+      hand_over(lane, row_top);
+    } else if (lane % 4 == 0) {
 #pragma unroll
-    for (int r = 0; r < 4; ++r) {
-      const int row = warp_row * 32 + 8 * r + lane / 4;
-      Join(tops[r], join[row].best, join[row].second, join[row].best_idx);
-      work.partial[static_cast<std::size_t>(blockIdx.y) * padded_queries + blockIdx.x * kQueryTile + row] = tops[r];
+      for (int r = 0; r < 4; ++r) hand_over(8 * r + lane / 4, tops[r]);
     }
   }
 

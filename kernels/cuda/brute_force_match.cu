@@ -268,8 +268,9 @@ __device__ __forceinline__ unsigned long long ColumnKey(float similarity, int qu
 }
 
 // The results of a tile to the host, a query to a thread; threads beyond have a rejected one. By all threads of a
-// block. Fewer bytes take less time, most of all to read on the host.
-__device__ void WriteResults(const MatchJob& job, std::int32_t* counter, int tile, int num_tiles, TopTwo top) {
+// block. Fewer bytes take less time, most of all to read on the host. Each is written at once, with its mark: nothing
+// has to wait until host memory has it, which takes 2 us.
+__device__ void WriteResults(const MatchJob& job, int tile, TopTwo top) {
   constexpr int kWarps = kMatchTile / 32;
   __shared__ int counts[kWarps];
   const int thread = threadIdx.x;
@@ -286,24 +287,20 @@ __device__ void WriteResults(const MatchJob& job, std::int32_t* counter, int til
     num_kept += counts[w];
   }
   const int first_query = tile * kMatchTile;
+  const std::uint32_t mark = job.mark << kMarkShift;
   if (is_kept) {
-    top.state |= (first_query + thread) << kQueryShift;
-    job.results[first_query + place] = top;
+    *reinterpret_cast<int4*>(job.results + first_query + place) = {
+        __float_as_int(top.best), __float_as_int(top.second), top.best_idx,
+        static_cast<std::int32_t>(mark | thread << kQueryShift | top.state)};
   }
   if (thread == 0 && num_kept < min(kMatchTile, job.query.size - first_query)) {
-    job.results[first_query + num_kept].state = kRejected;
-  }
-  if (num_tiles <= DoneWord::kMaxParts) {
-    CompletePart(job.done, tile);
-  } else {
-    Complete(job.done, counter, num_tiles);
+    job.results[first_query + num_kept].state = static_cast<std::int32_t>(mark | kRejected);
   }
 }
 
 // What one launch does: some of the query tiles, each against the tiles of the train list, those shared out in splits.
 struct MatchSlice {
   int first_query_tile;
-  int num_query_tiles;  // of the whole request
   int tiles_per_split;
 };
 
@@ -627,7 +624,7 @@ __global__ void __launch_bounds__(kThreads, 2)
     top.state = Judge(top, job.options);
     if (is_mutual) work.merged[query] = top;
   }
-  if (!is_mutual) WriteResults(job, &work.counters[0], query_tile, slice.num_query_tiles, top);
+  if (!is_mutual) WriteResults(job, query_tile, top);
 }
 
 // Leaves the matches that are mutual, when all slices are done. A block to a tile of queries.
@@ -642,7 +639,7 @@ __global__ void __launch_bounds__(kMatchTile)
     const std::uint32_t chosen = 0xffffffffu - static_cast<std::uint32_t>(__ldcg(&work.train_best[max(raw.z, 0)]));
     if (chosen != static_cast<std::uint32_t>(query)) top.state = kRejected;
   }
-  WriteResults(job, &work.counters[0], blockIdx.x, gridDim.x, top);
+  WriteResults(job, blockIdx.x, top);
   if (!IsLastPart(&work.counters[1], gridDim.x)) return;
   for (int train = threadIdx.x; train < job.train.size; train += kMatchTile) work.train_best[train] = 0;
 }
@@ -761,7 +758,7 @@ cudaError_t LaunchBruteForce(const MatchJob& job, const SetBuffers& sets, const 
     const int tiles_per_split = NumTiles(train_tiles, splits);
     const dim3 grid(num_tiles, NumTiles(train_tiles, tiles_per_split));
     const cudaError_t error = LaunchAfter(limits.can_launch_early, kernel, grid, kThreads, SharedLayout::kSize, stream,
-                                          job, sets, work, MatchSlice{first, query_tiles, tiles_per_split});
+                                          job, sets, work, MatchSlice{first, tiles_per_split});
     if (error != cudaSuccess) return error;
   }
   if (!job.options.mutual) return cudaSuccess;

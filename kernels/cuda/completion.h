@@ -6,11 +6,9 @@
 
 namespace haustra::kernels::cuda {
 
-// A cache line of its own: the host looks at it without pause. Work that ends in a few parts has a word for each, so
-// that none waits for the others.
+// A cache line of its own: the host looks at it without pause.
 struct alignas(64) DoneWord {
-  static constexpr int kMaxParts = 16;
-  std::uint32_t numbers[kMaxParts] = {};
+  std::uint32_t number = 0;
 };
 
 struct Completion {
@@ -41,25 +39,13 @@ __device__ __forceinline__ bool IsLastPart(std::int32_t* counter, int num_parts)
   return is_last;
 }
 
-// By one thread, when all results of the part are in host memory.
-__device__ __forceinline__ void TellHost(const Completion& completion, int part) {
-  asm volatile("st.release.sys.u32 [%0], %1;" ::"l"(&completion.word->numbers[part]), "r"(completion.number)
-               : "memory");
-}
-
-// By all threads of a block that has written its part of the results.
-__device__ __forceinline__ void CompletePart(const Completion& completion, int part) {
-  __syncthreads();
-  if (threadIdx.x == 0) TellHost(completion, part);
-}
-
-// The same for many blocks: the last one tells the host, as part 0. Only its write of the word is ordered for the host;
-// by then it has seen the results of all others.
+// By all threads of a block that has written its part of the results: the last one of many blocks tells the host. Only
+// its write of the word is ordered for the host; by then it has seen the results of all others.
 __device__ __forceinline__ void Complete(const Completion& completion, std::int32_t* counter, int num_blocks) {
   __syncthreads();
   if (threadIdx.x != 0 || CountPart(counter) != num_blocks - 1) return;
   *counter = 0;
-  TellHost(completion, 0);
+  asm volatile("st.release.sys.u32 [%0], %1;" ::"l"(&completion.word->number), "r"(completion.number) : "memory");
 }
 #endif
 

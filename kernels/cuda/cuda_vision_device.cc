@@ -36,7 +36,7 @@ std::size_t AlignUp(std::size_t size, std::size_t alignment) { return (size + al
 
 // The answer of the device to one query, judged for good.
 bool IsMatch(const TopTwo& top, const MatchOptions& options) {
-  const std::int32_t state = top.state & kStateMask;
+  const std::uint32_t state = static_cast<std::uint32_t>(top.state) & kStateMask;
   return state == kAccepted || (state == kBorderline && IsAccepted(top.best, top.second, options));
 }
 
@@ -53,11 +53,12 @@ struct Work {
   // A Wait gave up on it: unless another one comes first, its results are dropped.
   bool is_overdue = false;
   std::uint64_t dropped_number = 0;  // of the last one that was
-  // When it is done, so many parts of the word have the number; the event comes later, and tells of errors. No word:
-  // nothing was launched.
+  // When it is done, the word has the number; the event comes later, and tells of errors. No word: nothing was
+  // launched. Brute-force matching has no word: each result has the mark when it is there; of that many it is known.
   const DoneWord* done_word = nullptr;
-  int num_parts = 1;
   std::uint32_t done_number = 0;
+  std::uint32_t mark = 0;
+  std::int32_t num_there = 0;
   cudaEvent_t done = nullptr;
   // What the caller wants where.
   FeatureSetHandle set;
@@ -72,7 +73,7 @@ struct Work {
   std::uint8_t* device_input = nullptr;
   TopTwo* results = nullptr;
   TopTwo* device_results = nullptr;
-  DoneWord* own_word = nullptr;  // of matching
+  DoneWord* own_word = nullptr;  // of guided matching
   DoneWord* device_word = nullptr;
 };
 
@@ -352,7 +353,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(Claim(state, WorkKind::kMatching, &work));
     work->kind = WorkKind::kNone;
     job.results = work->device_results;
-    job.done = {work->device_word, work->done_number};
+    job.mark = work->mark;
     cudaEvent_t begin = nullptr;
     cudaEvent_t end = nullptr;
     cudaError_t error = cudaEventCreate(&begin);
@@ -480,6 +481,12 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     work.number = ++lane.last_number;
     work.done_word = nullptr;
     work.done_number = static_cast<std::uint32_t>(work.number);
+    work.num_there = 0;
+    if (work.mark == kLastMark) {  // marks begin anew: no result may have one from before
+      std::fill_n(work.results, max_list_, TopTwo{});
+      work.mark = 0;
+    }
+    ++work.mark;
     *out = &work;
     return Status::Ok();
   }
@@ -487,11 +494,24 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   static bool HasWord(const Work& work) {
     if (work.done_word == nullptr) return true;
     // What the device wrote before the word is there, too.
-    const volatile std::uint32_t* numbers = work.done_word->numbers;
-    int part = 0;
-    while (part < work.num_parts && numbers[part] == work.done_number) ++part;
+    const volatile std::uint32_t& number = work.done_word->number;
+    const bool is_done = number == work.done_number;
     std::atomic_thread_fence(std::memory_order_acquire);
-    return part == work.num_parts;
+    return is_done;
+  }
+
+  // The same of brute-force matching.
+  static bool HasMatches(Work& work) {
+    if (work.num_train == 0) return true;
+    while (work.num_there < work.num_queries) {
+      const volatile std::int32_t& state = work.results[work.num_there].state;
+      const auto word = static_cast<std::uint32_t>(state);
+      if (word >> kMarkShift != work.mark) return false;
+      ++work.num_there;
+      if ((word & kStateMask) == kRejected) work.num_there = NumMatchTiles(work.num_there) * kMatchTile;
+    }
+    std::atomic_thread_fence(std::memory_order_acquire);
+    return true;
   }
 
   Status WaitFor(Work& work, TimePoint deadline) {
@@ -504,7 +524,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     TimePoint next_doubt = begin + kDoubt;
     while (true) {
       for (int look = 0; look < kLooksPerTime; ++look) {
-        if (HasWord(work)) return Status::Ok();
+        if (work.kind == WorkKind::kMatching ? HasMatches(work) : HasWord(work)) return Status::Ok();
       }
       const TimePoint now = Now();
       const bool is_over = deadline != kNoDeadline && now >= deadline;
@@ -565,9 +585,12 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (work.num_train > 0) {
       for (std::int32_t first = 0; first < work.num_queries; first += kMatchTile) {
         const std::int32_t end = std::min(first + kMatchTile, work.num_queries);
-        for (std::int32_t i = first; i < end && (work.results[i].state & kStateMask) != kRejected; ++i) {
+        for (std::int32_t i = first; i < end; ++i) {
           const TopTwo& top = work.results[i];
-          if (IsMatch(top, work.options)) work.matches[num_matches++] = ToMatch(top.state >> kQueryShift, top);
+          const auto state = static_cast<std::uint32_t>(top.state);
+          if ((state & kStateMask) == kRejected) break;
+          const auto query = first + static_cast<std::int32_t>(state >> kQueryShift) % kMatchTile;
+          if (IsMatch(top, work.options)) work.matches[num_matches++] = ToMatch(query, top);
         }
       }
     }
@@ -625,7 +648,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     job.train = RowsOf(request.train, work.num_train, input);
     job.options = request.options;
     job.results = work.device_results;
-    job.done = {work.device_word, work.done_number};
+    job.mark = work.mark;
     job.is_gated = request.disparity != nullptr || request.epipolar != nullptr;
     if (request.disparity != nullptr) {
       job.gate.has_window = 1;
@@ -653,8 +676,6 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(ToStatus(
         LaunchBruteForce(job, sets_, lane.match_work, device_options_.dot_product, lane.match_limits, lane.stream),
         "launch of matching"));
-    work.done_word = work.own_word;
-    work.num_parts = NumMatchWords(work.num_queries);
     return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
   }
 
@@ -680,7 +701,6 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(ToStatus(input.Upload(lane.stream), "input of guided matching"));
     HAUSTRA_TRY(ToStatus(LaunchGuided(job, sets_, lane.match_work, lane.stream), "launch of guided matching"));
     work.done_word = work.own_word;
-    work.num_parts = 1;
     return ToStatus(cudaEventRecord(work.done, lane.stream), "event");
   }
 

@@ -25,8 +25,8 @@ enum class DotProduct { kTensorCores, kDp4a };
 // decides.
 enum MatchState : std::int32_t { kRejected = 0, kAccepted = 1, kBorderline = 2 };
 
-// Best and second best of a query; -1: none. In the results of brute force, state has the query, too:
-// query << kQueryShift | MatchState.
+// Best and second best of a query; -1: none. In the results of brute force, state has more in it: mark << kMarkShift |
+// query's place in its tile << kQueryShift | MatchState.
 struct alignas(16) TopTwo {
   float best = -1.0f;
   float second = -1.0f;
@@ -34,17 +34,17 @@ struct alignas(16) TopTwo {
   std::int32_t state = kRejected;
 };
 inline constexpr int kQueryShift = 2;
-inline constexpr std::int32_t kStateMask = (1 << kQueryShift) - 1;
+inline constexpr int kMarkShift = 9;
+inline constexpr std::uint32_t kStateMask = (1u << kQueryShift) - 1;
+inline constexpr std::uint32_t kLastMark = (1u << (32 - kMarkShift)) - 1;
 
 // Queries are matched so many at a time. The results of each such tile stand from its first query's place on: without
-// the rejected ones, in order, and where there are fewer than queries, one that is rejected behind them.
+// the rejected ones, in order, and where there are fewer than queries, one that is rejected behind them. A result is
+// written by one access of 16 bytes, which the host sees as one (CUDA keeps naturally aligned accesses to mapped memory
+// whole): when it has the request's mark, it is there.
 inline constexpr int kMatchTile = 128;
 inline int NumMatchTiles(int num_queries) { return (num_queries + kMatchTile - 1) / kMatchTile; }
-// Words of the host that tell of the end of a request: one a tile, where there are as many.
-inline int NumMatchWords(int num_queries) {
-  const int num_tiles = NumMatchTiles(num_queries);
-  return num_tiles <= DoneWord::kMaxParts ? num_tiles : 1;
-}
+static_assert(kMatchTile <= 1 << (kMarkShift - kQueryShift));
 
 // Keypoints of a list for the gates, each value in an array of its own with `capacity` entries: x, y, bearing (3),
 // normal of the epipolar plane in the other image (3), tolerance.
@@ -71,14 +71,14 @@ struct GateInput {
 struct MatchWork {
   TopTwo* partial = nullptr;  // splits x queries, rounded up to tiles
   std::size_t max_partial = 0;
-  std::int32_t* counters = nullptr;  // one for all, then one a query tile
+  std::int32_t* counters = nullptr;  // one for guided matching, then one a query tile
   unsigned long long* train_best = nullptr;
   TopTwo* merged = nullptr;
   GateArrays query_gates;
   GateArrays train_gates;
 };
 
-// A request as the kernels see it. results: mapped host memory, room for one a query; there, before `done` says so.
+// A request as the kernels see it. results: mapped host memory, room for one a query, none of which has the mark yet.
 struct MatchJob {
   RowList query;
   RowList train;
@@ -86,7 +86,7 @@ struct MatchJob {
   bool is_gated = false;
   GateInput gate;
   TopTwo* results = nullptr;
-  Completion done;
+  std::uint32_t mark = 0;  // 1 to kLastMark
 };
 
 // What a launch of the matcher may take of the device. A request of more pairs is done in several launches.

@@ -324,6 +324,39 @@ TEST_F(CudaTwin, ManyQueuedRequestsAreAllServed) {
   }
 }
 
+// A request's results lie where those of an earlier one lay, more or fewer or other ones.
+TEST_F(CudaTwin, ResultsOfEarlierRequestsAreNotTaken) {
+  FeatureSetHandle set;
+  const HostFeatures features = Extract(*cuda_, Pictures()[1].picture, &set);
+  const FeatureSetHandle twin = cpu_->CreateFeatureSet().value();
+  ASSERT_TRUE(cpu_->WriteFeatures(twin, features.keypoints, features.descriptors).ok());
+  std::vector<std::int32_t> backwards, few;
+  for (int i = features.size() - 1; i >= 0; --i) {
+    backwards.push_back(i);
+    if (i % 40 == 0) few.push_back(i);
+  }
+  const auto match = [&](VisionDevice& device, FeatureSetHandle of_device, int kind) {
+    const DescriptorList trains[] = {DescriptorList::Whole(of_device), DescriptorList::Subset(of_device, few),
+                                     DescriptorList::Subset(of_device, backwards)};
+    std::vector<Match> matches(kNumFeatures);
+    std::int32_t count = -1;
+    EXPECT_TRUE(MatchAndWait(device, Lane::kTracking,
+                             {DescriptorList::Whole(of_device), trains[kind], MatchOptions{0.5f, 0.9f, false}, nullptr,
+                              nullptr, matches, &count})
+                    .ok());
+    matches.resize(count);
+    return matches;
+  };
+  std::vector<Match> expected[3];
+  for (int kind = 0; kind < 3; ++kind) expected[kind] = match(*cpu_, twin, kind);
+  EXPECT_GT(expected[0].size(), 1000u);
+  EXPECT_LT(expected[1].size(), 200u);
+  for (int i = 0; i < 12 * CudaVisionDevice::kQueueLength; ++i) {
+    const int kind = i / CudaVisionDevice::kQueueLength % 3;
+    ASSERT_TRUE(AreSame(match(*cuda_, set, kind), expected[kind])) << "request " << i;
+  }
+}
+
 TEST_F(CudaTwin, WaitKeepsItsDeadline) {
   const Picture picture = Pictures()[1].picture;
   const FeatureSetHandle set = cuda_->CreateFeatureSet().value();

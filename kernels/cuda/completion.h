@@ -1,5 +1,6 @@
 // How the host learns that a request is done: the last block of its work writes a number into a word of mapped host
-// memory. An event of the stream comes some 8 us later, when the kernel has ended as a whole.
+// memory. An event of the stream comes some 8 us later, when the kernel has ended as a whole. (Brute-force matching
+// needs no word: match_kernels.h.)
 #pragma once
 
 #include <cstdint>

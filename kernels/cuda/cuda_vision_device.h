@@ -37,8 +37,8 @@ class CudaVisionDevice : public VisionDevice {
       Lane lane, int repeats,
       std::span<kernels::cuda::Extractor::StepTime, kernels::cuda::Extractor::kNumSteps> out) = 0;
   // Median and 99th percentile time on the device of one matching of the first num_query features of the sets from
-  // query_set on against the first num_train features from train_set on, across sets, in microseconds. The sets'
-  // memory is used as it is, whether written or not.
+  // query_set on against the first num_train features from train_set on, across sets, in microseconds; of many that
+  // follow one another as one graph. The sets' memory is used as it is, whether written or not.
   virtual Status MeasureMatching(std::int64_t num_query, std::int64_t num_train, bool mutual, int repeats,
                                  double* median_us, double* p99_us) = 0;
   virtual Status MeasureLimits(kernels::cuda::DeviceLimits* limits) = 0;

@@ -21,11 +21,10 @@ constexpr int kTileBytes = kTrainTile * kDescriptorBytes;
 constexpr int kFloatBase = 0x4b000000;
 static_assert(kDescriptorBytes * 255 * 255 < 1 << 23);
 
-// A warp has 32 queries and 64 train descriptors of a tile, in two parts of 32. Of each part a lane has four rows, 8 *
-// r
-// + lane / 4, and eight columns, 8 * n + 2 * (lane % 4) + {0, 1}. In the plain instance, which has neither gates nor
-// mutual matching, the group of a row that has its best goes to the lane of the row's number, through a slot: eight
-// similarities, second best of the row so far, first column. Stride without bank conflicts.
+// A warp has 32 queries and 64 train descriptors of a tile, in two parts of 32. Of each part a lane has four rows
+// (8 * r + lane / 4) and eight columns (8 * n + 2 * (lane % 4) + {0, 1}). In the plain instance, which has neither
+// gates nor mutual matching, the group of a row that has its best goes to the lane of the row's number, through a slot:
+// eight similarities, second best of the row so far, first column. The stride avoids bank conflicts.
 constexpr int kSlotFloats = 12;
 
 // Layout of the dynamic shared memory.

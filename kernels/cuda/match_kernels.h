@@ -40,8 +40,8 @@ inline constexpr std::uint32_t kLastMark = (1u << (32 - kMarkShift)) - 1;
 
 // Queries are matched so many at a time. The results of each such tile stand from its first query's place on: without
 // the rejected ones, in order, and where there are fewer than queries, one that is rejected behind them. A result is
-// written by one access of 16 bytes, which the host sees as one (CUDA keeps naturally aligned accesses to mapped memory
-// whole): when it has the request's mark, it is there.
+// written by one access of 16 bytes, which the host sees as one (CUDA C++ Programming Guide, "Mapped Memory": naturally
+// aligned accesses of up to 16 bytes to host memory are kept whole): when it has the request's mark, it is there.
 inline constexpr int kMatchTile = 128;
 inline int NumMatchTiles(int num_queries) { return (num_queries + kMatchTile - 1) / kMatchTile; }
 static_assert(kMatchTile <= 1 << (kMarkShift - kQueryShift));

@@ -105,6 +105,7 @@ struct LaneState {
     for (Work& work : queue) {
       if (work.done != nullptr) (void)cudaEventDestroy(work.done);
     }
+    if (extraction.done != nullptr) (void)cudaEventDestroy(extraction.done);
     extractor.reset();
     if (stream != nullptr) (void)cudaStreamDestroy(stream);
   }

@@ -440,127 +440,127 @@ __global__ void __launch_bounds__(kThreads, 2)
         FindSimilarities(sums, norms_of_warp, train_norms + first_column, values[0]);
         Enter(values, tile * kTrainTile + first_column, slots, row_top);
       }
-      continue;
-    }
+    } else {
 #pragma unroll
-    for (int part = 0; part < 2; ++part) {
-      const int first_column = warp_column * 64 + part * 32;
-      int sums[2][4][4];
-      if constexpr (kDot == DotProduct::kTensorCores) {
-        MultiplyPart(a, base + train_base, first_column, sums);
-      } else {
+      for (int part = 0; part < 2; ++part) {
+        const int first_column = warp_column * 64 + part * 32;
+        int sums[2][4][4];
+        if constexpr (kDot == DotProduct::kTensorCores) {
+          MultiplyPart(a, base + train_base, first_column, sums);
+        } else {
 #pragma unroll
-        for (int m = 0; m < 2; ++m) {
+          for (int m = 0; m < 2; ++m) {
 #pragma unroll
-          for (int n = 0; n < 4; ++n) {
+            for (int n = 0; n < 4; ++n) {
 #pragma unroll
-            for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
+              for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
+            }
           }
-        }
 #pragma unroll 1
-        for (int piece = 0; piece < 8; ++piece) {
-          uint4 q[4];
+          for (int piece = 0; piece < 8; ++piece) {
+            uint4 q[4];
 #pragma unroll
-          for (int r = 0; r < 4; ++r) {
-            q[r] = *reinterpret_cast<const uint4*>(shared + query_base +
-                                                   Swizzled(warp_row * 32 + 8 * r + lane / 4, piece));
-          }
+            for (int r = 0; r < 4; ++r) {
+              q[r] = *reinterpret_cast<const uint4*>(shared + query_base +
+                                                     Swizzled(warp_row * 32 + 8 * r + lane / 4, piece));
+            }
 #pragma unroll
-          for (int n = 0; n < 4; ++n) {
+            for (int n = 0; n < 4; ++n) {
 #pragma unroll
-            for (int e = 0; e < 2; ++e) {
-              const uint4 t = *reinterpret_cast<const uint4*>(shared + train_base +
-                                                              Swizzled(first_column + 8 * n + lane % 4 * 2 + e, piece));
+              for (int e = 0; e < 2; ++e) {
+                const uint4 t = *reinterpret_cast<const uint4*>(
+                    shared + train_base + Swizzled(first_column + 8 * n + lane % 4 * 2 + e, piece));
 #pragma unroll
-              for (int r = 0; r < 4; ++r) {
-                std::uint32_t sum = static_cast<std::uint32_t>(sums[r / 2][n][r % 2 * 2 + e]);
-                sum = __dp4a(q[r].x, t.x, sum);
-                sum = __dp4a(q[r].y, t.y, sum);
-                sum = __dp4a(q[r].z, t.z, sum);
-                sum = __dp4a(q[r].w, t.w, sum);
-                sums[r / 2][n][r % 2 * 2 + e] = static_cast<int>(sum);
+                for (int r = 0; r < 4; ++r) {
+                  std::uint32_t sum = static_cast<std::uint32_t>(sums[r / 2][n][r % 2 * 2 + e]);
+                  sum = __dp4a(q[r].x, t.x, sum);
+                  sum = __dp4a(q[r].y, t.y, sum);
+                  sum = __dp4a(q[r].z, t.z, sum);
+                  sum = __dp4a(q[r].w, t.w, sum);
+                  sums[r / 2][n][r % 2 * 2 + e] = static_cast<int>(sum);
+                }
               }
             }
           }
         }
-      }
 
-      float similarity[4][8];
+        float similarity[4][8];
 #pragma unroll
-      for (int n = 0; n < 4; ++n) {
+        for (int n = 0; n < 4; ++n) {
 #pragma unroll
-        for (int e = 0; e < 2; ++e) {
-          const int column = first_column + 8 * n + lane % 4 * 2 + e;
-          const float norm = train_norms[column];
+          for (int e = 0; e < 2; ++e) {
+            const int column = first_column + 8 * n + lane % 4 * 2 + e;
+            const float norm = train_norms[column];
 #pragma unroll
-          for (int r = 0; r < 4; ++r) {
-            const float product = __int_as_float(sums[r / 2][n][r % 2 * 2 + e]) - __int_as_float(kFloatBase);
-            float value = __fmul_rn(product, __fmul_rn(norm, norms_of_rows[r]));
-            value = norm >= 0.0f ? value : -1.0f;
-            if (is_gated) {
-              const int train = tile * kTrainTile + column;
-              if (train < job.train.size &&
-                  !IsAdmissible(query_gates + warp_row * 32 + 8 * r + lane / 4, work.train_gates, train, job.gate)) {
-                value = -1.0f;
+            for (int r = 0; r < 4; ++r) {
+              const float product = __int_as_float(sums[r / 2][n][r % 2 * 2 + e]) - __int_as_float(kFloatBase);
+              float value = __fmul_rn(product, __fmul_rn(norm, norms_of_rows[r]));
+              value = norm >= 0.0f ? value : -1.0f;
+              if (is_gated) {
+                const int train = tile * kTrainTile + column;
+                if (train < job.train.size &&
+                    !IsAdmissible(query_gates + warp_row * 32 + 8 * r + lane / 4, work.train_gates, train, job.gate)) {
+                  value = -1.0f;
+                }
               }
+              similarity[r][2 * n + e] = value;
             }
-            similarity[r][2 * n + e] = value;
           }
         }
-      }
 #pragma unroll
-      for (int r = 0; r < 4; ++r) {
-        float highest = similarity[r][0];
+        for (int r = 0; r < 4; ++r) {
+          float highest = similarity[r][0];
 #pragma unroll
-        for (int c = 1; c < 8; ++c) highest = fmaxf(highest, similarity[r][c]);
-        if (highest <= tops[r].second) continue;
+          for (int c = 1; c < 8; ++c) highest = fmaxf(highest, similarity[r][c]);
+          if (highest <= tops[r].second) continue;
 #pragma unroll
-        for (int c = 0; c < 8; ++c) {
-          const float value = similarity[r][c];
-          tops[r].second = fmaxf(tops[r].second, fminf(tops[r].best, value));
-          if (value > tops[r].best) {
-            tops[r].best = value;
-            tops[r].best_idx = tile * kTrainTile + first_column + 8 * (c / 2) + lane % 4 * 2 + c % 2;
+          for (int c = 0; c < 8; ++c) {
+            const float value = similarity[r][c];
+            tops[r].second = fmaxf(tops[r].second, fminf(tops[r].best, value));
+            if (value > tops[r].best) {
+              tops[r].best = value;
+              tops[r].best_idx = tile * kTrainTile + first_column + 8 * (c / 2) + lane % 4 * 2 + c % 2;
+            }
+          }
+        }
+        if (is_mutual) {
+#pragma unroll
+          for (int c = 0; c < 8; ++c) {
+            // The highest similarity first, then the first query that has it: half of the work of keys of 64 bits.
+            float values[4];
+            float highest = -1.0f;
+#pragma unroll
+            for (int r = 0; r < 4; ++r) {
+              // Invalid queries have a norm below 0.
+              values[r] = norms_of_rows[r] >= 0.0f ? similarity[r][c] : -1.0f;
+              highest = fmaxf(highest, values[r]);
+            }
+#pragma unroll
+            for (int step = 4; step < 32; step *= 2) {
+              highest = fmaxf(highest, __shfl_xor_sync(0xffffffffu, highest, step));
+            }
+            int row = 32;
+#pragma unroll
+            for (int r = 3; r >= 0; --r) {
+              if (values[r] == highest) row = 8 * r + lane / 4;
+            }
+#pragma unroll
+            for (int step = 4; step < 32; step *= 2) row = min(row, __shfl_xor_sync(0xffffffffu, row, step));
+            if (lane < 4 && highest >= 0.0f) {
+              atomicMax(&column_best[first_column + 8 * (c / 2) + lane % 4 * 2 + c % 2],
+                        ColumnKey(highest, first_query + warp_row * 32 + row));
+            }
           }
         }
       }
       if (is_mutual) {
-#pragma unroll
-        for (int c = 0; c < 8; ++c) {
-          // The highest similarity first, then the first query that has it: half of the work of keys of 64 bits.
-          float values[4];
-          float highest = -1.0f;
-#pragma unroll
-          for (int r = 0; r < 4; ++r) {
-            // Invalid queries have a norm below 0.
-            values[r] = norms_of_rows[r] >= 0.0f ? similarity[r][c] : -1.0f;
-            highest = fmaxf(highest, values[r]);
-          }
-#pragma unroll
-          for (int step = 4; step < 32; step *= 2) {
-            highest = fmaxf(highest, __shfl_xor_sync(0xffffffffu, highest, step));
-          }
-          int row = 32;
-#pragma unroll
-          for (int r = 3; r >= 0; --r) {
-            if (values[r] == highest) row = 8 * r + lane / 4;
-          }
-#pragma unroll
-          for (int step = 4; step < 32; step *= 2) row = min(row, __shfl_xor_sync(0xffffffffu, row, step));
-          if (lane < 4 && highest >= 0.0f) {
-            atomicMax(&column_best[first_column + 8 * (c / 2) + lane % 4 * 2 + c % 2],
-                      ColumnKey(highest, first_query + warp_row * 32 + row));
-          }
+        __syncthreads();
+        const int train = tile * kTrainTile + thread;
+        if (thread < kTrainTile && train < job.train.size && column_best[thread] != 0) {
+          atomicMax(&work.train_best[train], column_best[thread]);
         }
+        __syncthreads();
       }
-    }
-    if (is_mutual) {
-      __syncthreads();
-      const int train = tile * kTrainTile + thread;
-      if (thread < kTrainTile && train < job.train.size && column_best[thread] != 0) {
-        atomicMax(&work.train_best[train], column_best[thread]);
-      }
-      __syncthreads();
     }
   }
   WaitForCopies<0>();

@@ -122,6 +122,7 @@ def main():
     parser.add_argument("--positions-only", nargs="*", default=["sinus"],
                         help="sequences whose true orientations are not to be trusted")
     arguments = parser.parse_args()
+    arguments.haustra = arguments.haustra.resolve()  # "./haustra" would lose its "./" and be looked for in PATH
     for sequence in arguments.sequences:
         if truth_of(sequence) is None:
             sys.exit(f"{sequence}: no groundtruth*.txt")

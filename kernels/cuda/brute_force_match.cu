@@ -4,28 +4,19 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "kernels/cuda/best_two.cuh"
 #include "kernels/cuda/kernel_launch.cuh"
 #include "kernels/cuda/match_common.cuh"
 #include "kernels/cuda/match_kernels.h"
+#include "kernels/cuda/match_tile.cuh"
 
 namespace haustra::kernels::cuda {
 namespace {
 
 constexpr int kQueryTile = kMatchTile;
-constexpr int kTrainTile = 128;
 constexpr int kThreads = 256;
 constexpr int kStages = 3;
 constexpr int kTileBytes = kTrainTile * kDescriptorBytes;
-// 2^23 as a float: an integer below 2^23 added to its bits is 2^23 plus that integer. The largest product of two
-// descriptors is 128 * 255^2 < 2^23.
-constexpr int kFloatBase = 0x4b000000;
-static_assert(kDescriptorBytes * 255 * 255 < 1 << 23);
-
-// A warp has 32 queries and 64 train descriptors of a tile, in two parts of 32. Of each part a lane has four rows
-// (8 * r + lane / 4) and eight columns (8 * n + 2 * (lane % 4) + {0, 1}). In the plain instance, which has neither
-// gates nor mutual matching, the group of a row that has its best goes to the lane of the row's number, through a slot:
-// eight similarities, second best of the row so far, first column. The stride avoids bank conflicts.
-constexpr int kSlotFloats = 12;
 
 // Layout of the dynamic shared memory.
 struct SharedLayout {
@@ -41,204 +32,6 @@ struct SharedLayout {
   static constexpr int kSlots = kQueries;
   static_assert(kThreads * kSlotFloats * 4 <= kQueryTile * kDescriptorBytes);
 };
-
-__device__ __forceinline__ std::uint32_t SharedAddress(const void* p) {
-  return static_cast<std::uint32_t>(__cvta_generic_to_shared(p));
-}
-
-// Rows of 128 bytes in eight pieces; pieces change places with the row so that eight rows meet in no bank.
-__device__ __forceinline__ int Swizzled(int row, int piece) {
-  return row * kDescriptorBytes + ((piece ^ (row & 7)) << 4);
-}
-
-__device__ __forceinline__ void CopyAsync16(std::uint32_t to, const void* from) {
-  asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(to), "l"(from));
-}
-__device__ __forceinline__ void CopyAsync4(std::uint32_t to, const void* from) {
-  asm volatile("cp.async.ca.shared.global [%0], [%1], 4;" ::"r"(to), "l"(from));
-}
-__device__ __forceinline__ void CommitCopies() { asm volatile("cp.async.commit_group;"); }
-template <int kPending>
-__device__ __forceinline__ void WaitForCopies() {
-  asm volatile("cp.async.wait_group %0;" ::"n"(kPending));
-}
-
-__device__ __forceinline__ void LoadMatrices(std::uint32_t (&r)[4], std::uint32_t address) {
-  asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
-               : "=r"(r[0]), "=r"(r[1]), "=r"(r[2]), "=r"(r[3])
-               : "r"(address));
-}
-
-__device__ __forceinline__ void MultiplyAdd(int (&sum)[4], const std::uint32_t (&a)[4], std::uint32_t b0,
-                                            std::uint32_t b1) {
-  asm volatile(
-      "mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-      : "+r"(sum[0]), "+r"(sum[1]), "+r"(sum[2]), "+r"(sum[3])
-      : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
-}
-
-// Products of 32 queries and 32 train descriptors, on top of kFloatBase; train: address of the tile.
-__device__ __forceinline__ void MultiplyPart(const std::uint32_t (&a)[2][4][4], std::uint32_t train, int first_column,
-                                             int (&sums)[2][4][4]) {
-  const int lane = threadIdx.x % 32;
-#pragma unroll
-  for (int m = 0; m < 2; ++m) {
-#pragma unroll
-    for (int n = 0; n < 4; ++n) {
-#pragma unroll
-      for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
-    }
-  }
-#pragma unroll
-  for (int n = 0; n < 4; ++n) {
-    std::uint32_t b[2][4];
-    const int row = first_column + 8 * n + lane % 8;
-    LoadMatrices(b[0], train + Swizzled(row, lane / 8));
-    LoadMatrices(b[1], train + Swizzled(row, 4 + lane / 8));
-#pragma unroll
-    for (int m = 0; m < 2; ++m) {
-      MultiplyAdd(sums[m][n], a[m][0], b[0][0], b[0][1]);
-      MultiplyAdd(sums[m][n], a[m][1], b[0][2], b[0][3]);
-      MultiplyAdd(sums[m][n], a[m][2], b[1][0], b[1][1]);
-      MultiplyAdd(sums[m][n], a[m][3], b[1][2], b[1][3]);
-    }
-  }
-}
-
-// Their similarities; NaN or below all others for invalid train entries.
-__device__ __forceinline__ void FindSimilarities(const int (&sums)[2][4][4], const float* query_norms,
-                                                 const float* train_norms, float (&values)[4][8]) {
-  const int lane = threadIdx.x % 32;
-  float norms_of_rows[4];
-#pragma unroll
-  for (int r = 0; r < 4; ++r) norms_of_rows[r] = query_norms[8 * r + lane / 4];
-#pragma unroll
-  for (int n = 0; n < 4; ++n) {
-    const float2 norms = *reinterpret_cast<const float2*>(train_norms + 8 * n + lane % 4 * 2);
-#pragma unroll
-    for (int r = 0; r < 4; ++r) {
-#pragma unroll
-      for (int e = 0; e < 2; ++e) {
-        const float product = __int_as_float(sums[r / 2][n][r % 2 * 2 + e]) - __int_as_float(kFloatBase);
-        values[r][2 * n + e] = __fmul_rn(product, __fmul_rn(e == 0 ? norms.x : norms.y, norms_of_rows[r]));
-      }
-    }
-  }
-}
-
-// Whether any of them may be above the second best of its row. Most need no more than a bound to be told: the product
-// times the norm of the train descriptor, rounded once.
-__device__ __forceinline__ bool MayEnter(const int (&sums)[2][4][4], const float* query_norms, const float* train_norms,
-                                         const TopTwo& top) {
-  const int lane = threadIdx.x % 32;
-  float bounds[4] = {};
-#pragma unroll
-  for (int n = 0; n < 4; ++n) {
-    const float2 norms = *reinterpret_cast<const float2*>(train_norms + 8 * n + lane % 4 * 2);
-    const float offset_x = -__int_as_float(kFloatBase) * norms.x;
-    const float offset_y = -__int_as_float(kFloatBase) * norms.y;
-#pragma unroll
-    for (int r = 0; r < 4; ++r) {
-      bounds[r] = fmaxf(bounds[r], fmaf(__int_as_float(sums[r / 2][n][r % 2 * 2]), norms.x, offset_x));
-      bounds[r] = fmaxf(bounds[r], fmaf(__int_as_float(sums[r / 2][n][r % 2 * 2 + 1]), norms.y, offset_y));
-    }
-  }
-  constexpr float kAboveRounding = 1.000002f;
-  bool may_enter = false;
-#pragma unroll
-  for (int r = 0; r < 4; ++r) {
-    const float bar = __shfl_sync(0xffffffffu, top.second, 8 * r + lane / 4);
-    may_enter |= bounds[r] * query_norms[8 * r + lane / 4] * kAboveRounding > bar;
-  }
-  return __any_sync(0xffffffffu, may_enter);
-}
-
-// Takes the similarities of a warp, kParts times 32 columns of 32 rows, into the best two of row `lane`. The eight that
-// a lane has of a row and a part are a group: the best of the row is in the group with the highest maximum, the second
-// best is in it, too, or is the second highest maximum. So all but one group need no more than that.
-template <int kParts>
-__device__ __forceinline__ void Enter(const float (&values)[kParts][4][8], int first_column, float* slots,
-                                      TopTwo& top) {
-  const int lane = threadIdx.x % 32;
-  float maxima[kParts][4];
-  float best[4];
-  float second[4];
-  bool is_shared = false;
-#pragma unroll
-  for (int r = 0; r < 4; ++r) {
-    best[r] = second[r] = -1.0f;
-#pragma unroll
-    for (int p = 0; p < kParts; ++p) {
-      float highest = -1.0f;
-#pragma unroll
-      for (int c = 0; c < 8; ++c) highest = fmaxf(highest, values[p][r][c]);
-      maxima[p][r] = highest;
-      second[r] = fmaxf(second[r], fminf(best[r], highest));
-      best[r] = fmaxf(best[r], highest);
-    }
-#pragma unroll
-    for (int step = 1; step < 4; step *= 2) {
-      const float other_best = __shfl_xor_sync(0xffffffffu, best[r], step);
-      const float other_second = __shfl_xor_sync(0xffffffffu, second[r], step);
-      second[r] = fmaxf(fminf(best[r], other_best), fmaxf(second[r], other_second));
-      best[r] = fmaxf(best[r], other_best);
-    }
-    is_shared |= second[r] == best[r];
-  }
-#pragma unroll
-  for (int r = 0; r < 4; ++r) {
-    float* slot = slots + (8 * r + lane / 4) * kSlotFloats;
-#pragma unroll
-    for (int p = 0; p < kParts; ++p) {
-      if (maxima[p][r] != best[r] || second[r] == best[r]) continue;
-      const float(&v)[8] = values[p][r];
-      *reinterpret_cast<float4*>(slot) = {v[0], v[1], v[2], v[3]};
-      *reinterpret_cast<float4*>(slot + 4) = {v[4], v[5], v[6], v[7]};
-      *reinterpret_cast<float2*>(slot + 8) = {second[r], __int_as_float(32 * p + lane % 4 * 2)};
-    }
-  }
-  if (__any_sync(0xffffffffu, is_shared)) {
-    // Several groups of a row have its best: of equal ones, the lowest column has it. (Or no group has any.)
-#pragma unroll
-    for (int r = 0; r < 4; ++r) {
-      int column = kTrainTile;
-#pragma unroll
-      for (int p = kParts - 1; p >= 0; --p) {
-#pragma unroll
-        for (int c = 7; c >= 0; --c) {
-          if (values[p][r][c] == best[r]) column = 32 * p + 8 * (c / 2) + lane % 4 * 2 + c % 2;
-        }
-      }
-#pragma unroll
-      for (int step = 1; step < 4; step *= 2) column = min(column, __shfl_xor_sync(0xffffffffu, column, step));
-      if (second[r] == best[r] && lane % 4 == 0) {
-        float* slot = slots + (8 * r + lane / 4) * kSlotFloats;
-        *reinterpret_cast<float4*>(slot) = {best[r], -1.0f, -1.0f, -1.0f};
-        *reinterpret_cast<float4*>(slot + 4) = {-1.0f, -1.0f, -1.0f, -1.0f};
-        *reinterpret_cast<float2*>(slot + 8) = {best[r], __int_as_float(column)};
-      }
-    }
-  }
-  __syncwarp();
-  const float* slot = slots + lane * kSlotFloats;
-  const float4 v[2] = {reinterpret_cast<const float4*>(slot)[0], reinterpret_cast<const float4*>(slot)[1]};
-  const float2 further = *reinterpret_cast<const float2*>(slot + 8);
-  const float group[8] = {v[0].x, v[0].y, v[0].z, v[0].w, v[1].x, v[1].y, v[1].z, v[1].w};
-  float best_of_group = -1.0f;
-  float second_of_row = further.x;
-  int place = 0;
-#pragma unroll
-  for (int c = 0; c < 8; ++c) {
-    const float value = fmaxf(group[c], -1.0f);
-    second_of_row = fmaxf(second_of_row, fminf(best_of_group, value));
-    if (value > best_of_group) {
-      best_of_group = value;
-      place = 8 * (c / 2) + c % 2;
-    }
-  }
-  Join(top, best_of_group, second_of_row, first_column + __float_as_int(further.y) + place);
-  __syncwarp();
-}
 
 __device__ __forceinline__ std::int32_t RowAt(const RowList& list, int i) {
   return list.rows != nullptr ? list.rows[i] : list.first + i;

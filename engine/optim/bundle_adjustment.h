@@ -1,6 +1,6 @@
 // Bundle adjustment: camera poses and points that make the reprojection errors of a set of observations least, in the
-// sense of Huber's loss on chi-square. Plain data in, plain data out. AdjustBundle solves with Ceres, which stays inside
-// engine/optim; the mapper uses it for the views that found a map, and for windows and seams the one of
+// sense of Huber's loss on chi-square. Plain data in, plain data out. AdjustBundle solves with Ceres, which stays
+// inside engine/optim; the mapper uses it for the views that found a map, and for windows and seams the one of
 // schur_bundle_adjustment.h.
 // Triggs et al. 2000, "Bundle adjustment - a modern synthesis"; Huber 1964.
 #pragma once

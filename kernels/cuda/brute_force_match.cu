@@ -241,14 +241,7 @@ __global__ void __launch_bounds__(kThreads, 2)
         if constexpr (kDot == DotProduct::kTensorCores) {
           MultiplyPart(a, base + train_base, first_column, sums);
         } else {
-#pragma unroll
-          for (int m = 0; m < 2; ++m) {
-#pragma unroll
-            for (int n = 0; n < 4; ++n) {
-#pragma unroll
-              for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
-            }
-          }
+          BeginSums(sums);
 #pragma unroll 1
           for (int piece = 0; piece < 8; ++piece) {
             uint4 q[4];

@@ -50,10 +50,7 @@ __device__ __forceinline__ void MultiplyAdd(int (&sum)[4], const std::uint32_t (
       : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
 }
 
-// Products of 32 queries and 32 train descriptors, on top of kFloatBase; train: address of the tile.
-__device__ __forceinline__ void MultiplyPart(const std::uint32_t (&a)[2][4][4], std::uint32_t train, int first_column,
-                                             int (&sums)[2][4][4]) {
-  const int lane = threadIdx.x % 32;
+__device__ __forceinline__ void BeginSums(int (&sums)[2][4][4]) {
 #pragma unroll
   for (int m = 0; m < 2; ++m) {
 #pragma unroll
@@ -62,6 +59,13 @@ __device__ __forceinline__ void MultiplyPart(const std::uint32_t (&a)[2][4][4], 
       for (int k = 0; k < 4; ++k) sums[m][n][k] = kFloatBase;
     }
   }
+}
+
+// Products of 32 queries and 32 train descriptors, on top of kFloatBase; train: address of the tile.
+__device__ __forceinline__ void MultiplyPart(const std::uint32_t (&a)[2][4][4], std::uint32_t train, int first_column,
+                                             int (&sums)[2][4][4]) {
+  const int lane = threadIdx.x % 32;
+  BeginSums(sums);
 #pragma unroll
   for (int n = 0; n < 4; ++n) {
     std::uint32_t b[2][4];

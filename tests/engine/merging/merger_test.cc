@@ -114,6 +114,18 @@ TEST_F(MergerTest, YoungerActiveMapMovesIntoTheOlderOne) {
   ExpectResolves(near_seam, 0, kOlderFromWorld, 0.03);
 }
 
+TEST_F(MergerTest, WeldCorrectsThePlansSimilarity) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  MergePlan plan = Plan(first + 2, 11);
+  const Eigen::Vector3d error_in_world(0.06, -0.04, 0.05);
+  plan.b_from_a.translation += kOlderFromWorld.scale * error_in_world;
+  ASSERT_TRUE(Apply(plan).ok());
+  EXPECT_LT(outcome_.weld_final_cost, 0.5 * outcome_.weld_initial_cost);
+  ExpectInFrame(kOlderFromWorld, 0.5 * error_in_world.norm(), 0.03);
+}
+
 TEST_F(MergerTest, TrackerIsToldWhereItsFrameWent) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);

@@ -71,6 +71,11 @@ Status ImageFolderSource::CheckFirstReadableSize() {
   for (std::uint32_t index = 0; index < num_frames_; ++index) {
     const std::string& path = listing_.image_paths[StoredIndex(index)];
     const Result<ImageSize> size = reader_.ReadSize(path);
+    if (size.ok() && listing_.calibration.width_px == 0) {
+      listing_.calibration.width_px = size->width_px;
+      listing_.calibration.height_px = size->height_px;
+      calibration_ = options_.halve ? Halved(listing_.calibration) : listing_.calibration;
+    }
     if (size.ok()) return CheckSize(path, size->width_px, size->height_px);
     if (first_error.ok()) first_error = size.status();
   }

@@ -33,6 +33,7 @@ class ImageFolderSource final : public FrameSource {
 
   // Of the image as it is stored.
   Status CheckSize(const std::string& path, int width_px, int height_px) const;
+  // A calibration without a size takes it from there.
   Status CheckFirstReadableSize();
   std::size_t StoredIndex(std::uint32_t index) const;
   std::int64_t TimestampNs(std::size_t stored_index) const;

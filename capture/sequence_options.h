@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 
 #include "capture/codec/image_codec.h"
+#include "hal/camera_calibration.h"
 #include "hal/core/status.h"
 
 namespace haustra {
@@ -25,6 +27,9 @@ struct SequenceOptions {
   ChannelChoice channels = ChannelChoice::kAsStored;
   // Used instead of the calibration that the sequence carries; empty: that one.
   std::string calibration_path = {};
+  // Of the stored frames; used instead of any file, which then need not exist. With a width of 0 it takes the size of
+  // the frames: for a caller that wants to see the pictures of a camera without a calibration. Not for live cameras.
+  std::optional<CameraCalibration> calibration = {};
   // Used instead of the mask that the sequence carries; empty: that one, or none.
   std::string mask_path = {};
 

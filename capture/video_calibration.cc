@@ -70,15 +70,20 @@ Result<VideoCompanions> FindVideoCompanions(const std::string& video_path, const
   const std::filesystem::path path(video_path);
   const std::string folder = path.has_parent_path() ? path.parent_path().string() : ".";
   VideoCompanions companions;
-  companions.calibration_path = options.calibration_path;
-  if (companions.calibration_path.empty()) {
-    HAUSTRA_ASSIGN(companions.calibration_path, FindCalibration(folder, path.stem().string()));
+  if (options.calibration) {
+    companions.calibration = *options.calibration;
+    companions.calibration_path = "of the caller";
+  } else {
+    companions.calibration_path = options.calibration_path;
+    if (companions.calibration_path.empty()) {
+      HAUSTRA_ASSIGN(companions.calibration_path, FindCalibration(folder, path.stem().string()));
+    }
+    if (companions.calibration_path.empty()) {
+      return NotFound(video_path + ": no camera calibration: put " + path.stem().string() +
+                      "_geometrical.xml or calib.yaml beside it or name a calibration file");
+    }
+    HAUSTRA_ASSIGN(companions.calibration, ReadCalibration(companions.calibration_path));
   }
-  if (companions.calibration_path.empty()) {
-    return NotFound(video_path + ": no camera calibration: put " + path.stem().string() +
-                    "_geometrical.xml or calib.yaml beside it or name a calibration file");
-  }
-  HAUSTRA_ASSIGN(companions.calibration, ReadCalibration(companions.calibration_path));
   companions.mask_path = options.mask_path;
   const std::string own_mask = Joined(folder, "mask.png");
   if (companions.mask_path.empty() && IsFile(own_mask)) companions.mask_path = own_mask;

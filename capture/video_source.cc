@@ -134,7 +134,12 @@ Status VideoSource::OpenStream() {
   if (decoder == nullptr) {
     return InvalidArgument(path_ + ": no decoder for codec " + avcodec_get_name(stream_->codecpar->codec_id));
   }
-  const CameraCalibration& stored = companions_.calibration;
+  CameraCalibration& stored = companions_.calibration;
+  if (stored.width_px == 0) {
+    stored.width_px = stream_->codecpar->width;
+    stored.height_px = stream_->codecpar->height;
+    calibration_ = options_.halve ? Halved(stored) : stored;
+  }
   if (stream_->codecpar->width != stored.width_px || stream_->codecpar->height != stored.height_px) {
     return InvalidArgument(path_ + ": the video is " + SizeText(stream_->codecpar->width, stream_->codecpar->height) +
                            ", the calibration (" + companions_.calibration_path + ") is for " +

@@ -9,6 +9,11 @@ namespace haustra::capture::internal {
 
 Status AddCalibration(const SequenceOptions& options, const std::string& own_path, const std::string& advice,
                       SequenceListing* listing) {
+  if (options.calibration) {
+    listing->calibration = *options.calibration;
+    listing->calibration_path = "of the caller";
+    return Status::Ok();
+  }
   listing->calibration_path = options.calibration_path.empty() ? own_path : options.calibration_path;
   if (options.calibration_path.empty() && (own_path.empty() || !IsFile(own_path))) {
     return NotFound(listing->folder + ": no camera calibration: " + advice);

@@ -267,7 +267,7 @@ TEST_F(BadInput, WrongCommandLinesAreUsageErrors) {
       {"run", sequence_, "--out", out_, "--device", "abacus"},
       {"run", sequence_, "--out", out_, "--colour"},
       {"run", sequence_, sequence_, "--out", out_},
-      {"evaluate", out_},
+      {"evaluate"},
       {"render"},
   };
   for (const std::vector<std::string>& arguments : wrong) {

@@ -73,8 +73,18 @@ TEST_P(RunOutputs, SummaryAgreesWithTheTables) {
   const nlohmann::json summary = ReadJson(Out("summary.json"));
   CsvRows frames = ReadCsv(Out("frames.csv"));
   std::map<std::string, int> frames_in_map;
+  std::map<std::string, std::string> merged_into;
+  std::set<std::string> existing;
+  for (auto& map : LivingMaps()) existing.insert(map["map_id"]);
+  for (auto& event : ReadCsv(Out("events.csv"))) {
+    if (event["event"] == "merged") merged_into[event["other_map_id"]] = event["map_id"];
+  }
+  int live = 0;
   for (auto& frame : frames) {
     if (frame["map_id"] != "-1") ++frames_in_map[frame["map_id"]];
+    std::string map = frame["live_map_id"];
+    while (!existing.contains(map) && merged_into.contains(map)) map = merged_into[map];
+    live += existing.contains(map) ? 1 : 0;
   }
   int localised = 0, largest = 0;
   for (const auto& [id, count] : frames_in_map) {
@@ -82,6 +92,9 @@ TEST_P(RunOutputs, SummaryAgreesWithTheTables) {
     largest = std::max(largest, count);
   }
   EXPECT_EQ(summary.at("frames").get<std::size_t>(), frames.size());
+  EXPECT_EQ(summary.at("sequence_frames").get<std::size_t>(), frames.size());
+  EXPECT_EQ(summary.at("live_localised").get<int>(), live);
+  EXPECT_NEAR(summary.at("live_coverage").get<double>(), 100.0 * live / static_cast<double>(frames.size()), 1e-9);
   EXPECT_EQ(summary.at("localised").get<int>(), localised);
   EXPECT_NEAR(summary.at("coverage").get<double>(), 100.0 * localised / static_cast<double>(frames.size()), 1e-9);
   EXPECT_EQ(summary.at("maps").get<std::size_t>(), frames_in_map.size());

@@ -67,7 +67,10 @@ class HeldRun : public testing::Test {
     const int num_frames = static_cast<int>(frames.size());
     ASSERT_GE(num_frames, kHeldFrame + 1);
     ASSERT_LE(num_frames, kHeldFrame + 1 + num_more);
-    EXPECT_EQ(ReadJson(out_ + "/summary.json").at("frames").get<int>(), num_frames);
+    const nlohmann::json summary = ReadJson(out_ + "/summary.json");
+    EXPECT_EQ(summary.at("frames").get<int>(), num_frames);
+    EXPECT_EQ(summary.at("sequence_frames").get<int>(), kNumFrames);
+    EXPECT_NEAR(summary.at("coverage").get<double>(), 100.0 * summary.at("localised").get<int>() / kNumFrames, 1e-9);
     for (const char* name : {"maps.csv", "events.csv", "trajectory/live.tum"}) EXPECT_TRUE(Exists(out_ + "/" + name));
   }
   void ExpectAMap() {

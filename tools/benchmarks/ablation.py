@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """What each part of the system is worth: runs variants of the configuration over sequences and seeds, judges every run by
-the ground truth, prints a Markdown table. Runs that are there already are not made again.
+the ground truth, prints a Markdown table. Runs that are there already are made again only when the program, the settings
+or the sequence have changed.
 
     python3 tools/benchmarks/ablation.py --haustra build/release/tools/haustra --out OUT --seeds 10 --jobs 2 SEQUENCE...
 
@@ -8,11 +9,11 @@ A sequence is a folder with a groundtruth.txt (or groundtruth_*.txt). Needs only
 """
 
 import argparse
-import concurrent.futures
-import json
+import functools
 import pathlib
-import subprocess
 import sys
+
+import runs
 
 # Name, what it switches off or exchanges, and the settings that do it.
 VARIANTS = {
@@ -34,74 +35,59 @@ def truth_of(sequence):
 
 def run_one(arguments, variant, sequence, seed):
     """Runs and judges; returns the figures, or the reason why there are none."""
-    out = arguments.out / variant / sequence.name / f"seed_{seed}"
-    figures = out / "evaluation.json"
-    if not figures.exists():
-        settings = list(VARIANTS[variant][1])
-        if variant == "vocabulary":
-            settings.append(f"retrieval.vocabulary={arguments.vocabulary}")
-        command = [arguments.haustra, "run", sequence, "--out", out, "--mode", "sequential", "--seed", str(seed),
-                   "--device", arguments.device, "--threads", "1"]
-        for setting in settings:
-            command += ["--set", setting]
-        if arguments.config:
-            command += ["--config", arguments.config]
-        ran = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        if ran.returncode != 0:
-            return f"run failed: {ran.stderr.strip()[-300:]}"
-        command = [arguments.haustra, "evaluate", out, "--groundtruth", truth_of(sequence), "--json", figures]
-        if sequence.name in arguments.positions_only:
-            command.append("--positions-only")
-        ran = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        if ran.returncode != 0:
-            return f"evaluation failed: {ran.stderr.strip()[-300:]}"
-    report = json.loads(figures.read_text())
-    return report["runs"][0] if "runs" in report else report
-
-
-def mean(values):
-    values = [v for v in values if v is not None]
-    return sum(values) / len(values) if values else None
-
-
-def text(value, digits):
-    return "-" if value is None else f"{value:.{digits}f}"
+    settings, files = list(VARIANTS[variant][1]), []
+    if variant == "vocabulary":
+        settings.append(f"retrieval.vocabulary={arguments.vocabulary}")
+        files.append(arguments.vocabulary)
+    options = ["--mode", "sequential", "--seed", str(seed), "--device", arguments.device, "--threads", "1"]
+    for setting in settings:
+        options += ["--set", setting]
+    if arguments.config:
+        options += ["--config", arguments.config]
+        files.append(arguments.config)
+    return runs.judged_run(
+        arguments.out / variant / sequence.name / f"seed_{seed}", arguments.haustra, sequence, options,
+        truth=truth_of(sequence), files=files,
+        judge_options=["--positions-only"] if sequence.name in arguments.positions_only else [])
 
 
 def coverage(run):
     return run["coverage"] if run["visible_coverage"] is None else run["visible_coverage"]
 
 
-def count_false(run):
-    return sum(run["join_counts"][kind]["false"] for kind in ("merges", "loops", "relocalisations"))
+def live_coverage(run):
+    return run["live_coverage"] if run["live_visible_coverage"] is None else run["live_visible_coverage"]
 
 
-def recall(runs, kind):
-    occasions = sum(r["recall"][kind]["occasions"] for r in runs if r["recall"][kind])
-    taken = sum(r["recall"][kind]["taken"] for r in runs if r["recall"][kind])
+def recall(reports, kind):
+    occasions, taken = runs.sum_recall(reports, kind)
     return None if occasions == 0 else 100 * taken / occasions
 
 
 def print_table(arguments, results):
-    print("Means over the seeds. Coverage: of the frames in which the scene can be seen, where that is known. Joins: merges,"
-          "\nloops and relocalisations of all seeds, and how many of them are false by the ground truth.\n")
-    print("| sequence | variant | runs | coverage % (worst) | maps | frames of the largest | merges | loops "
-          "| relocalisations | false "
-          "| merge recall % | relocalisation recall % | RMS ATE (worst) |")
-    print("|---" * 13 + "|")
+    print("Means over the seeds. Coverage: of the frames in which the scene can be seen, where that is known; live: answered"
+          "\nat the time of the frame. Joins: merges, loops, relocalisations and poses recovered by brute force of all seeds,"
+          "\nand how many of them are false by the ground truth.\n")
+    print("| sequence | variant | runs | live coverage % (worst) | coverage % (worst) | maps | frames of the largest | merges "
+          "| loops | relocalisations | false | merge recall % | relocalisation recall % | RMS ATE (worst) |")
+    print("|---" * 14 + "|")
+    text, mean = runs.text, runs.mean
     for sequence in arguments.sequences:
         for variant in arguments.variants:
-            runs = [r for r in results[variant, sequence] if isinstance(r, dict)]
-            if not runs:
+            reports = [r for r in results[variant, sequence] if isinstance(r, dict)]
+            if not reports:
                 continue
-            covers = [coverage(r) for r in runs]
-            errors = [r["rms_ate"] for r in runs if r["rms_ate"] is not None]
-            print(f"| {sequence.name} | {variant} | {len(runs)} | {text(mean(covers), 1)} ({text(min(covers), 1)}) "
-                  f"| {text(mean([r['maps'] for r in runs]), 1)} | {text(mean([r['largest_map_frames'] for r in runs]), 0)} "
-                  f"| {text(mean([r['merges'] for r in runs]), 1)} | {text(mean([r['loops'] for r in runs]), 1)} "
-                  f"| {text(mean([r['relocalisations'] for r in runs]), 1)} "
-                  f"| {sum(map(count_false, runs))} "
-                  f"| {text(recall(runs, 'merges'), 0)} | {text(recall(runs, 'relocalisations'), 0)} "
+            live = [live_coverage(r) for r in reports]
+            covers = [coverage(r) for r in reports]
+            errors = runs.known(r["rms_ate"] for r in reports)
+            print(f"| {sequence.name} | {variant} | {len(reports)} | {text(mean(live), 1)} ({text(min(live), 1)}) "
+                  f"| {text(mean(covers), 1)} ({text(min(covers), 1)}) "
+                  f"| {text(mean(r['maps'] for r in reports), 1)} "
+                  f"| {text(mean(r['largest_map_frames'] for r in reports), 0)} "
+                  f"| {text(mean(r['merges'] for r in reports), 1)} | {text(mean(r['loops'] for r in reports), 1)} "
+                  f"| {text(mean(r['relocalisations'] for r in reports), 1)} "
+                  f"| {sum(map(runs.count_false, reports))} "
+                  f"| {text(recall(reports, 'merges'), 0)} | {text(recall(reports, 'relocalisations'), 0)} "
                   f"| {text(mean(errors), 2)} ({text(max(errors, default=None), 2)}) |")
     print()
     for variant in arguments.variants:
@@ -130,21 +116,16 @@ def main():
         sys.exit("variant vocabulary: --vocabulary must name a file made by haustra vocabulary")
 
     # Seeds first: a series that is broken off has every variant.
+    tasks = {(variant, sequence, seed): functools.partial(run_one, arguments, variant, sequence, seed)
+             for seed in range(1, arguments.seeds + 1) for sequence in arguments.sequences
+             for variant in arguments.variants}
     results = {(variant, sequence): [] for variant in arguments.variants for sequence in arguments.sequences}
     failed = 0
-    with concurrent.futures.ThreadPoolExecutor(arguments.jobs) as pool:
-        tasks = {}
-        for seed in range(1, arguments.seeds + 1):
-            for sequence in arguments.sequences:
-                for variant in arguments.variants:
-                    tasks[pool.submit(run_one, arguments, variant, sequence, seed)] = (variant, sequence, seed)
-        for task in concurrent.futures.as_completed(tasks):
-            variant, sequence, seed = tasks[task]
-            result = task.result()
-            results[variant, sequence].append(result)
-            if isinstance(result, str):
-                failed += 1
-                print(f"{variant} {sequence.name} seed {seed}: {result}", file=sys.stderr)
+    for (variant, sequence, seed), result in runs.run_all(arguments.jobs, tasks):
+        results[variant, sequence].append(result)
+        if isinstance(result, str):
+            failed += 1
+            print(f"{variant} {sequence.name} seed {seed}: {result}", file=sys.stderr)
     print_table(arguments, results)
     return 1 if failed else 0
 

@@ -7,6 +7,7 @@
 
 #include "tools/atlas/atlas_command.h"
 #include "tools/bench/bench_command.h"
+#include "tools/calibrate/calibrate_command.h"
 #include "tools/capture/capture_command.h"
 #include "tools/evaluate/evaluate_command.h"
 #include "tools/exit_codes.h"
@@ -35,6 +36,7 @@ int RunCommandLine(int argc, char** argv) {
   AddVocabularyCommand(app, action);
   AddBenchCommand(app, action);
   AddCaptureCommand(app, action);
+  AddCalibrateCommand(app, action);
   AddPlanCommand(app, action);
   AddLatencyCommand(app, action);
   AddSoakCommand(app, action);

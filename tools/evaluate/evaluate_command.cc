@@ -96,10 +96,9 @@ void AddEvaluateCommand(CLI::App& app, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("evaluate", "Compare runs with the ground truth");
   command->add_option("out", arguments->runs, "Output folders of haustra run; several: mean and spread are added")
       ->required();
-  command
-      ->add_option("--groundtruth", arguments->groundtruth,
-                   "True poses: TUM (world_from_cam), EuRoC or C3VD file; matched by nearest time stamp")
-      ->required();
+  command->add_option("--groundtruth", arguments->groundtruth,
+                      "True poses: TUM (world_from_cam), EuRoC or C3VD file; matched by nearest time stamp "
+                      "(default: none, errors, precision and recall are not known)");
   command->add_option("--events", arguments->events,
                       "When the scene cannot be seen: first_frame,last_frame,kind,visible "
                       "(default: events.csv beside the ground truth)");

@@ -20,15 +20,59 @@ std::vector<EvaluatedFrame> JoinWithReference(const RunOutput& run, const Refere
   for (std::size_t i = 0; i < run.frames.size(); ++i) {
     const RunFrame& frame = run.frames[i];
     frames.push_back({frame.frame_idx, frame.live_map_id, frame.map_id, frame.keyframe_id, is_clear[i], truth[i],
-                      frame.world_from_cam, 0.0});
+                      frame.world_from_cam, 0.0, frame.reason == "recovered"});
   }
   return frames;
 }
 
+// Maps that exist at the end, and those that have become part of one.
+std::set<int> FindLastingMaps(const RunOutput& run) {
+  MapGroups groups;
+  for (const RunMap& map : run.maps) {
+    if (map.merged_into >= 0) groups.Merge(map.merged_into, map.map_id);
+  }
+  // maps.csv does not keep a merged map for ever.
+  for (const RunEventRow& event : run.events) {
+    if (event.event == "merged") groups.Merge(event.map_id, event.other_map_id);
+  }
+  std::set<int> lasting;
+  for (const RunMap& map : run.maps) {
+    if (map.status == "active" || map.status == "stored") lasting.merge(std::set<int>(groups.Of(map.map_id)));
+  }
+  return lasting;
+}
+
+// Frames of the sequence that the run's output does not have, with the times that they must have had.
+std::vector<RunFrame> FindUnansweredFrames(const RunOutput& run, const Reference& reference) {
+  if (run.frames.empty()) return {};
+  const RunFrame& last = run.frames.back();
+  const std::int64_t num_frames = std::max(last.frame_idx + 1, run.figures.sequence_frames.value_or(0));
+  const std::int64_t period_ns = FramePeriodNs(run.frames);
+  const bool are_stamps_known = reference.frame_stamps_ns.size() == static_cast<std::size_t>(num_frames);
+  std::vector<RunFrame> unanswered;
+  auto next = run.frames.begin();
+  for (std::int64_t i = 0; i < num_frames; ++i) {
+    if (next != run.frames.end() && next->frame_idx == i) {
+      ++next;
+      continue;
+    }
+    const RunFrame& neighbour = next == run.frames.end() ? last : *next;
+    RunFrame frame;
+    frame.frame_idx = i;
+    frame.timestamp_ns = are_stamps_known ? reference.frame_stamps_ns[static_cast<std::size_t>(i)]
+                                          : neighbour.timestamp_ns + (i - neighbour.frame_idx) * period_ns;
+    unanswered.push_back(frame);
+  }
+  return unanswered;
+}
+
 void CountFrames(const RunOutput& run, const Reference& reference, const std::vector<EvaluatedFrame>& frames,
                  Evaluation* evaluation) {
-  std::size_t num_clear = 0, num_clear_localised = 0;
+  const std::set<int> lasting_maps = FindLastingMaps(run);
+  std::size_t num_clear = 0, num_clear_localised = 0, num_clear_live = 0;
   for (std::size_t i = 0; i < frames.size(); ++i) {
+    const bool is_live = lasting_maps.contains(frames[i].live_map_id);
+    evaluation->live_localised += is_live ? 1 : 0;
     evaluation->localised += frames[i].is_localised() ? 1 : 0;
     evaluation->frames_without_groundtruth += frames[i].truth ? 0 : 1;
     evaluation->dropped += run.frames[i].is_dropped ? 1 : 0;
@@ -36,11 +80,19 @@ void CountFrames(const RunOutput& run, const Reference& reference, const std::ve
     if (!frames[i].is_clear) continue;
     ++num_clear;
     num_clear_localised += frames[i].is_localised() ? 1 : 0;
+    num_clear_live += is_live ? 1 : 0;
   }
-  evaluation->frames = frames.size();
+  const std::vector<RunFrame> unanswered = FindUnansweredFrames(run, reference);
+  const std::vector<bool> is_unanswered_clear = FindClearFrames(unanswered, reference);
+  num_clear += static_cast<std::size_t>(std::count(is_unanswered_clear.begin(), is_unanswered_clear.end(), true));
+  evaluation->unanswered_frames = unanswered.size();
+  evaluation->frames = frames.size() + unanswered.size();
+  evaluation->live_coverage = Percent(evaluation->live_localised, evaluation->frames);
   evaluation->coverage = Percent(evaluation->localised, evaluation->frames);
   if (reference.events) {
     evaluation->visible_frames = num_clear;
+    evaluation->live_visible_localised = num_clear_live;
+    evaluation->live_visible_coverage = Percent(num_clear_live, num_clear);
     evaluation->visible_localised = num_clear_localised;
     evaluation->visible_coverage = Percent(num_clear_localised, num_clear);
   }
@@ -80,26 +132,35 @@ MapEvaluation EvaluateMap(int map_id, const RunOutput& run, const std::vector<Ev
   return map;
 }
 
+void SetDepth(double depth, MapEvaluation* map) {
+  map->scene_depth = depth;
+  if (map->rms_ate) map->rms_ate_percent_of_depth = 100.0 * *map->rms_ate / depth;
+}
+
 // Distance of the scene from each frame, in ground-truth units: of the keyframe that the frame belongs to, else typical
-// for its map, else typical for the run.
-std::optional<double> AssignDepths(const RunOutput& run, const Evaluation& evaluation, double given_depth,
+// for its map, else typical for the run. Maps get the median over their frames.
+std::optional<double> AssignDepths(const RunOutput& run, double given_depth, std::vector<MapEvaluation>* maps,
                                    std::vector<EvaluatedFrame>* frames) {
   if (given_depth > 0.0) {
     for (EvaluatedFrame& frame : *frames) frame.depth = given_depth;
+    for (MapEvaluation& map : *maps) SetDepth(given_depth, &map);
     return given_depth;
   }
   std::vector<double> depths;
-  for (const MapEvaluation& map : evaluation.per_map) {
+  for (MapEvaluation& map : *maps) {
     const auto geometry = run.geometry.find(map.map_id);
     if (!map.scale || geometry == run.geometry.end() || geometry->second.depth_mu <= 0.0) continue;
+    std::vector<double> depths_in_map;
     for (std::size_t i = 0; i < frames->size(); ++i) {
       EvaluatedFrame& frame = (*frames)[i];
       if (frame.map_id != map.map_id) continue;
       const auto keyframe = geometry->second.keyframe_depth_mu.find(run.frames[i].keyframe_id);
       const bool is_known = keyframe != geometry->second.keyframe_depth_mu.end();
       frame.depth = *map.scale * (is_known ? keyframe->second : geometry->second.depth_mu);
-      depths.push_back(frame.depth);
+      depths_in_map.push_back(frame.depth);
     }
+    depths.insert(depths.end(), depths_in_map.begin(), depths_in_map.end());
+    SetDepth(Median(std::move(depths_in_map)), &map);
   }
   if (depths.empty()) return std::nullopt;
   const double typical = Median(std::move(depths));
@@ -118,9 +179,10 @@ void CountEvents(const std::vector<RunEventRow>& events, Evaluation* evaluation)
 
 void CountJoins(Evaluation* evaluation) {
   for (const JoinEvaluation& join : evaluation->joins) {
-    JoinCount& count = join.kind == JoinKind::kMerge  ? evaluation->merges
-                       : join.kind == JoinKind::kLoop ? evaluation->loops
-                                                      : evaluation->relocalisations;
+    JoinCount& count = join.kind == JoinKind::kMerge            ? evaluation->merges
+                       : join.kind == JoinKind::kLoop           ? evaluation->loops
+                       : join.kind == JoinKind::kRelocalisation ? evaluation->relocalisations
+                                                                : evaluation->recoveries;
     ++count.made;
     if (join.verdict == Verdict::kUnjudged) continue;
     ++count.judged;
@@ -223,7 +285,7 @@ void FindStageTimes(const std::vector<StageTime>& times, Evaluation* evaluation)
   }
 }
 
-// A merge or a loop is the next one that the mapper timed; a relocalisation took as long as tracking did in its frame.
+// A merge or a loop is the next one that the mapper timed; finding a pose took as long as tracking did in its frame.
 void FindJoinTimes(const std::vector<StageTime>& times, std::vector<JoinEvaluation>* joins) {
   std::vector<double> joining_ms;
   std::map<std::int64_t, double> tracking_ms;
@@ -231,12 +293,14 @@ void FindJoinTimes(const std::vector<StageTime>& times, std::vector<JoinEvaluati
     if (time.stage == "merging/total") joining_ms.push_back(time.ms);
     if (time.stage == "tracking/total") tracking_ms[time.frame_idx] = time.ms;
   }
-  const auto num_joined = std::count_if(
-      joins->begin(), joins->end(), [](const JoinEvaluation& join) { return join.kind != JoinKind::kRelocalisation; });
+  const auto is_by_mapper = [](const JoinEvaluation& join) {
+    return join.kind == JoinKind::kMerge || join.kind == JoinKind::kLoop;
+  };
+  const auto num_joined = std::count_if(joins->begin(), joins->end(), is_by_mapper);
   const bool is_complete = joining_ms.size() == static_cast<std::size_t>(num_joined);
   std::size_t next = 0;
   for (JoinEvaluation& join : *joins) {
-    if (join.kind == JoinKind::kRelocalisation) {
+    if (!is_by_mapper(join)) {
       if (const auto found = tracking_ms.find(join.frame_idx); found != tracking_ms.end()) {
         join.duration_ms = found->second;
       }
@@ -271,6 +335,8 @@ void FillMapTables(Evaluation* evaluation) {
   evaluation->mean_map = mean;
   evaluation->largest_map = TableOf(*largest);
   evaluation->largest_map_frames = largest->frames;
+  evaluation->largest_map_rms_ate = largest->rms_ate;
+  evaluation->largest_map_rms_ate_percent_of_depth = largest->rms_ate_percent_of_depth;
 }
 
 // All maps, and their errors pooled.
@@ -317,8 +383,8 @@ Evaluation EvaluateRun(const RunOutput& run, const Reference& reference, const E
     evaluation.warnings.push_back("no frame of the run has a true pose: do the time stamps belong together?");
   }
   EvaluateMaps(run, frames, &evaluation);
+  evaluation.scene_depth = AssignDepths(run, options.scene_depth, &evaluation.per_map, &frames);
   FillMapTables(&evaluation);
-  evaluation.scene_depth = AssignDepths(run, evaluation, options.scene_depth, &frames);
   CountEvents(run.events, &evaluation);
   evaluation.joins = JudgeJoins(frames, run.events, options.joins);
   CountJoins(&evaluation);

@@ -21,6 +21,7 @@ struct EvaluatedFrame {
   std::optional<SE3> truth;       // world_from_cam
   SE3 estimated;                  // world_from_cam in the final map; when map_id >= 0
   double depth = 0.0;             // of the scene, ground-truth units; 0: not known
+  bool is_recovered = false;      // its pose was found by brute force while tracking
 
   bool is_localised() const { return map_id >= 0; }
   PosePair pair() const { return {estimated, *truth}; }

@@ -7,6 +7,7 @@ std::string_view ToString(JoinKind kind) {
     case JoinKind::kMerge: return "merge";
     case JoinKind::kLoop: return "loop";
     case JoinKind::kRelocalisation: return "relocalisation";
+    case JoinKind::kRecovery: return "recovery";
   }
   return "unknown";
 }

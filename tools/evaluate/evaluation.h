@@ -20,9 +20,11 @@ struct MapEvaluation {
   std::size_t ate_frames = 0;     // of these with a true pose
   std::optional<double> rms_ate;  // after its own Sim(3); nothing when left out (too few frames, all on a line)
   std::optional<double> max_error;
-  std::optional<double> scale;         // ground-truth units per map unit
-  std::optional<double> scale_drift;   // scale of the last quarter over that of the first; 1: none
-  std::optional<Sim3> truth_from_map;  // that gave the error
+  std::optional<double> scene_depth;               // median over its frames, ground-truth units; nothing: not known
+  std::optional<double> rms_ate_percent_of_depth;  // of its own depth
+  std::optional<double> scale;                     // ground-truth units per map unit
+  std::optional<double> scale_drift;               // scale of the last quarter over that of the first; 1: none
+  std::optional<Sim3> truth_from_map;              // that gave the error
   // The paper's table.
   int keyframes = 0;
   int map_points = 0;
@@ -32,13 +34,14 @@ struct MapEvaluation {
   double observations_per_point = 0.0;  // frames that observe a map point (#Obs(F)/MP)
 };
 
-enum class JoinKind { kMerge, kLoop, kRelocalisation };
+// Recovery: a pose found by brute force while tracking.
+enum class JoinKind { kMerge, kLoop, kRelocalisation, kRecovery };
 enum class Verdict { kTrue, kFalse, kUnjudged };
 
 std::string_view ToString(JoinKind kind);
 std::string_view ToString(Verdict verdict);
 
-// One merge, loop or relocalisation against the ground truth.
+// One merge, loop, relocalisation or recovery against the ground truth.
 struct JoinEvaluation {
   JoinKind kind = JoinKind::kMerge;
   std::int64_t frame_idx = 0;
@@ -50,11 +53,11 @@ struct JoinEvaluation {
   std::optional<double> ate_joined;                // both aligned by one Sim(3)
   std::optional<double> rotation_error_deg;        // of the relative pose of the two parts
   std::optional<double> translation_error_depths;  // the same, as a share of the scene depth
-  std::optional<double> ate_joined_depths;         // ate_joined as a share of the scene depth; not judged
-  std::optional<double> duration_ms;               // merge, loop: of joining; relocalisation: of tracking the frame
+  std::optional<double> ate_joined_depths;         // ate_joined as a share of the scene depth
+  std::optional<double> duration_ms;               // merge, loop: of joining; else: of tracking the frame
 };
 
-// Merges, loops or relocalisations in numbers.
+// Joins of one kind in numbers.
 struct JoinCount {
   std::size_t made = 0;
   std::size_t judged = 0;
@@ -102,18 +105,28 @@ struct Evaluation {
   std::string unit = "units";
   std::vector<std::string> warnings;
 
-  std::size_t frames = 0;
+  // Coverage, in percent of all frames of the sequence. Live: a pose was answered at the time of the frame, in a map
+  // that exists at the end, be it in one that it was merged into. Otherwise: the frame has a pose at the end.
+  std::size_t frames = 0;             // of the sequence
+  std::size_t unanswered_frames = 0;  // of these: not in the run's output (it was aborted); they are not localised
+  std::size_t live_localised = 0;
+  double live_coverage = 0.0;
   std::size_t localised = 0;
-  double coverage = 0.0;  // percent
-  std::size_t frames_without_groundtruth = 0;
+  double coverage = 0.0;
+  // The same of the frames in which the scene can be seen; nothing: not known.
   std::optional<std::size_t> visible_frames;
+  std::optional<std::size_t> live_visible_localised;
+  std::optional<double> live_visible_coverage;
   std::optional<std::size_t> visible_localised;
-  std::optional<double> visible_coverage;  // percent
+  std::optional<double> visible_coverage;
+  std::size_t frames_without_groundtruth = 0;
 
   std::size_t maps = 0;  // that have a localised frame at the end
   std::size_t maps_created = 0;
   std::size_t losses = 0;
   std::size_t largest_map_frames = 0;
+  std::optional<double> largest_map_rms_ate;
+  std::optional<double> largest_map_rms_ate_percent_of_depth;
   std::size_t keyframes = 0;
   std::size_t map_points = 0;
 
@@ -124,8 +137,8 @@ struct Evaluation {
   std::size_t left_out_frames = 0;    // localised, but not in the ATE
   std::optional<double> scene_depth;  // typical, in ground-truth units
 
-  JoinCount merges, loops, relocalisations;
-  std::size_t false_merges = 0;                 // of all three kinds: one of them is one too many
+  JoinCount merges, loops, relocalisations, recoveries;
+  std::size_t false_merges = 0;                 // of all four kinds: one of them is one too many
   std::optional<Recall> merge_recall;           // pairs of maps that share a view; nothing: cannot be known
   std::optional<Recall> relocalisation_recall;  // losses after which the lost map came into view again
 

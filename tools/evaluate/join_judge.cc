@@ -13,6 +13,7 @@ namespace {
 
 constexpr std::size_t kMaxPairViews = 300;  // of each part that are compared for nearness
 constexpr std::size_t kNumNearestPairs = 15;
+constexpr const char* kRecovered = "recovered";  // no event of a run: made of its frames
 
 using Part = std::vector<const EvaluatedFrame*>;
 
@@ -205,7 +206,9 @@ void Judge(Parts parts, const JoinOptions& options, JoinEvaluation* join) {
     return;
   }
   join->verdict = Verdict::kTrue;
-  if (join->ate_joined && *join->ate_joined > options.max_ate_ratio * *join->ate_parts + RoundingOf(both)) {
+  const bool is_small = join->ate_joined_depths && *join->ate_joined_depths <= options.min_ate_depths;
+  if (join->ate_joined && !is_small &&
+      *join->ate_joined > options.max_ate_ratio * *join->ate_parts + RoundingOf(both)) {
     Refuse("the parts do not fit one Sim(3)", join);
   }
   if (join->rotation_error_deg && *join->rotation_error_deg > options.max_rotation_deg) {
@@ -216,13 +219,32 @@ void Judge(Parts parts, const JoinOptions& options, JoinEvaluation* join) {
   }
 }
 
+// Events and recoveries, by frame; within a frame the events come first.
+std::vector<RunEventRow> WithRecoveries(const std::vector<EvaluatedFrame>& frames, std::vector<RunEventRow> events) {
+  bool was_recovered = false;
+  for (const EvaluatedFrame& frame : frames) {
+    const bool is_recovered = frame.is_recovered && frame.live_map_id >= 0;
+    if (is_recovered && !was_recovered) {
+      RunEventRow row;
+      row.frame_idx = frame.frame_idx;
+      row.event = kRecovered;
+      row.map_id = frame.live_map_id;
+      events.push_back(std::move(row));
+    }
+    was_recovered = is_recovered;
+  }
+  std::stable_sort(events.begin(), events.end(),
+                   [](const RunEventRow& a, const RunEventRow& b) { return a.frame_idx < b.frame_idx; });
+  return events;
+}
+
 }  // namespace
 
 std::vector<JoinEvaluation> JudgeJoins(const std::vector<EvaluatedFrame>& frames,
                                        const std::vector<RunEventRow>& events, const JoinOptions& options) {
   std::vector<JoinEvaluation> joins;
   MapGroups groups;
-  for (const RunEventRow& event : events) {
+  for (const RunEventRow& event : WithRecoveries(frames, events)) {
     JoinEvaluation join;
     join.frame_idx = event.frame_idx;
     join.map_id = event.map_id;
@@ -231,8 +253,8 @@ std::vector<JoinEvaluation> JudgeJoins(const std::vector<EvaluatedFrame>& frames
       join.kind = JoinKind::kMerge;
       Judge(MergeParts(frames, event, groups), options, &join);
       groups.Merge(event.map_id, event.other_map_id);
-    } else if (event.event == "relocalised") {
-      join.kind = JoinKind::kRelocalisation;
+    } else if (event.event == "relocalised" || event.event == kRecovered) {
+      join.kind = event.event == kRecovered ? JoinKind::kRecovery : JoinKind::kRelocalisation;
       Judge(RelocalisationParts(frames, event, groups), options, &join);
     } else if (event.event == "loop_closed") {
       join.kind = JoinKind::kLoop;

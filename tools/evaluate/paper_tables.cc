@@ -38,6 +38,7 @@ const PaperColumn kPaperColumns[] = {
     {"#Merges", 1, [](E e) { return Value(e.merges.made); }},
     {"#Relocations", 1, [](E e) { return Value(e.relocalisations.made); }},
     {"RMS ATE", 4, [](E e) { return e.rms_ate; }},
+    {"live coverage %", 2, [](E e) { return Value(e.live_coverage); }},
     {"coverage %", 2, [](E e) { return Value(e.coverage); }},
     {"#KF", 1, [](E e) { return Value(e.keyframes); }},
     {"#MP", 1, [](E e) { return Value(e.map_points); }},
@@ -134,6 +135,8 @@ TextTable MakeMapTable(const Evaluation& evaluation) {
                   "frames",
                   "RMS ATE " + evaluation.unit,
                   "max error " + evaluation.unit,
+                  "depth " + evaluation.unit,
+                  "ATE % of depth",
                   "scale",
                   "scale drift"};
   const auto paper_cells = [](double keyframes, double points, const auto& map) {
@@ -156,7 +159,12 @@ TextTable MakeMapTable(const Evaluation& evaluation) {
     std::vector<std::string> row{std::to_string(map.map_id)};
     for (std::string& cell : paper_cells(map.keyframes, map.map_points, map)) row.push_back(std::move(cell));
     row.push_back(std::to_string(map.frames));
-    for (const Value& value : {map.rms_ate, map.max_error, map.scale, map.scale_drift}) row.push_back(Fixed(value, 4));
+    row.push_back(Fixed(map.rms_ate, 4));
+    row.push_back(Fixed(map.max_error, 4));
+    row.push_back(Fixed(map.scene_depth, 2));
+    row.push_back(Fixed(map.rms_ate_percent_of_depth, 2));
+    row.push_back(Fixed(map.scale, 4));
+    row.push_back(Fixed(map.scale_drift, 4));
     table.rows.push_back(std::move(row));
   }
   return table;
@@ -187,7 +195,7 @@ TextTable MakeStageTable(std::span<const Evaluation> evaluations) {
 
 TextTable MakeJoinTable(std::span<const Evaluation> evaluations) {
   TextTable table;
-  table.title = "Merges, loops and relocalisations";
+  table.title = "Merges, loops, relocalisations and recoveries";
   table.num_left = 5;
   const std::string unit = evaluations.empty() ? std::string() : " " + evaluations[0].unit;
   table.header = {"run",
@@ -234,6 +242,7 @@ TextTable MakePrecisionTable(std::span<const Evaluation> evaluations) {
     add("merges", e.merges, e.merge_recall);
     add("loops", e.loops, std::nullopt);
     add("relocalisations", e.relocalisations, e.relocalisation_recall);
+    add("recoveries", e.recoveries, std::nullopt);
   }
   return table;
 }

@@ -19,7 +19,7 @@ TextTable MakeMapTable(const Evaluation& evaluation);
 // runs each figure is the mean of the runs' figures.
 TextTable MakeStageTable(std::span<const Evaluation> evaluations);
 
-// Every merge, loop and relocalisation against the ground truth.
+// Every merge, loop, relocalisation and recovery against the ground truth.
 TextTable MakeJoinTable(std::span<const Evaluation> evaluations);
 
 // How many were made, judged and false; precision; and how many of the occasions were taken.

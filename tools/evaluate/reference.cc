@@ -100,12 +100,14 @@ std::size_t Nearest(const std::vector<std::int64_t>& stamps, std::int64_t stamp_
 
 Result<Reference> ReadReference(const std::string& groundtruth_path, const std::string& events_path) {
   Reference reference;
-  HAUSTRA_ASSIGN(reference.poses, ReadGroundTruth(groundtruth_path));
-  HAUSTRA_ASSIGN(const std::string text, ReadText(groundtruth_path));
-  reference.unit = UnitOf(text);
-
-  const fs::path folder = fs::path(groundtruth_path).parent_path();
-  const std::string path = events_path.empty() ? (folder / "events.csv").string() : events_path;
+  std::string path = events_path;
+  if (!groundtruth_path.empty()) {
+    HAUSTRA_ASSIGN(reference.poses, ReadGroundTruth(groundtruth_path));
+    HAUSTRA_ASSIGN(const std::string text, ReadText(groundtruth_path));
+    reference.unit = UnitOf(text);
+    if (path.empty()) path = (fs::path(groundtruth_path).parent_path() / "events.csv").string();
+  }
+  if (path.empty()) return reference;
   if (!events_path.empty() || HasEventColumns(path)) {
     HAUSTRA_ASSIGN(reference.events, ReadSequenceEvents(path));
     const std::string times = (fs::path(path).parent_path() / "times.txt").string();

@@ -27,11 +27,11 @@ struct Reference {
   std::vector<std::int64_t> frame_stamps_ns;         // times.txt of the sequence, if it lies beside the events
 };
 
-// groundtruth: any trajectory that capture/ground_truth.h reads. events: file with first_frame, last_frame, kind,
-// visible (0 or 1); empty: events.csv beside the ground truth, if it is there and is such a file. The unit is taken
-// from the ground truth's comments ("millimetres", "mm", "metres"). times.txt beside the events says which frame of the
-// sequence has which time, for runs that use only some of them. kNotFound, kUnavailable, kInvalidArgument: with file
-// and line.
+// groundtruth: any trajectory that capture/ground_truth.h reads; empty: no poses. events: file with first_frame,
+// last_frame, kind, visible (0 or 1); empty: events.csv beside the ground truth, if it is there and is such a file. The
+// unit is taken from the ground truth's comments ("millimetres", "mm", "metres"). times.txt beside the events says
+// which frame of the sequence has which time, for runs that use only some of them. kNotFound, kUnavailable,
+// kInvalidArgument: with file and line.
 Result<Reference> ReadReference(const std::string& groundtruth_path, const std::string& events_path);
 
 // Median time between frames; 0 for fewer than two.

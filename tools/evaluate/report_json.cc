@@ -45,6 +45,8 @@ Json MapOf(const MapEvaluation& map) {
           {"ate_frames", map.ate_frames},
           {"rms_ate", OrNull(map.rms_ate)},
           {"max", OrNull(map.max_error)},
+          {"scene_depth", OrNull(map.scene_depth)},
+          {"rms_ate_percent_of_depth", OrNull(map.rms_ate_percent_of_depth)},
           {"scale", OrNull(map.scale)},
           {"scale_drift", OrNull(map.scale_drift)},
           {"keyframes", map.keyframes},
@@ -84,9 +86,14 @@ Json RunOf(const Evaluation& e) {
   json["seed"] = OrNull(e.seed);
   json["unit"] = e.unit;
   json["frames"] = e.frames;
+  json["unanswered_frames"] = e.unanswered_frames;
+  json["live_localised"] = e.live_localised;
+  json["live_coverage"] = e.live_coverage;
   json["localised"] = e.localised;
   json["coverage"] = e.coverage;
   json["visible_frames"] = OrNull(e.visible_frames);
+  json["live_visible_localised"] = OrNull(e.live_visible_localised);
+  json["live_visible_coverage"] = OrNull(e.live_visible_coverage);
   json["visible_localised"] = OrNull(e.visible_localised);
   json["visible_coverage"] = OrNull(e.visible_coverage);
   json["frames_without_groundtruth"] = e.frames_without_groundtruth;
@@ -96,6 +103,7 @@ Json RunOf(const Evaluation& e) {
   json["merges"] = e.merges.made;
   json["loops"] = e.loops.made;
   json["relocalisations"] = e.relocalisations.made;
+  json["recoveries"] = e.recoveries.made;
   json["false_merges"] = e.false_merges;
   json["rms_ate"] = OrNull(e.rms_ate);
   json["max_error"] = OrNull(e.max_error);
@@ -103,16 +111,21 @@ Json RunOf(const Evaluation& e) {
   json["left_out_maps"] = e.left_out_maps;
   json["left_out_frames"] = e.left_out_frames;
   json["largest_map_frames"] = e.largest_map_frames;
+  json["largest_map_rms_ate"] = OrNull(e.largest_map_rms_ate);
+  json["largest_map_rms_ate_percent_of_depth"] = OrNull(e.largest_map_rms_ate_percent_of_depth);
   json["keyframes"] = e.keyframes;
   json["map_points"] = e.map_points;
   json["scene_depth"] = OrNull(e.scene_depth);
   json["merge_precision"] = OrNull(e.merges.precision());
   json["loop_precision"] = OrNull(e.loops.precision());
   json["relocalisation_precision"] = OrNull(e.relocalisations.precision());
+  json["recovery_precision"] = OrNull(e.recoveries.precision());
   json["merge_recall"] = e.merge_recall ? OrNull(e.merge_recall->value()) : Json(nullptr);
   json["relocalisation_recall"] = e.relocalisation_recall ? OrNull(e.relocalisation_recall->value()) : Json(nullptr);
-  json["join_counts"] = {
-      {"merges", CountOf(e.merges)}, {"loops", CountOf(e.loops)}, {"relocalisations", CountOf(e.relocalisations)}};
+  json["join_counts"] = {{"merges", CountOf(e.merges)},
+                         {"loops", CountOf(e.loops)},
+                         {"relocalisations", CountOf(e.relocalisations)},
+                         {"recoveries", CountOf(e.recoveries)}};
   json["recall"] = {{"merges", RecallOf(e.merge_recall)}, {"relocalisations", RecallOf(e.relocalisation_recall)}};
   json["frame_ms"] = TimesOf(e.frame_ms);
   json["joining_frames"] = e.joining_frames;

@@ -19,14 +19,25 @@ std::string Count(std::size_t count, const char* singular, const char* plural) {
 }
 
 std::string CoverageLines(const Evaluation& e) {
-  std::string text = Line("coverage", Fixed(e.coverage, 2) + " %   (" + std::to_string(e.localised) + " of " +
-                                          Count(e.frames, "frame", "frames") + ")");
-  if (e.visible_coverage) {
-    text += Line("visible coverage", Fixed(e.visible_coverage, 2) + " %   (" + std::to_string(*e.visible_localised) +
-                                         " of " + Count(*e.visible_frames, "frame", "frames") +
-                                         " in which the scene can be seen)");
+  const auto line = [](std::string_view label, double coverage, std::size_t localised, std::size_t frames,
+                       const char* which) {
+    return Line(label, Fixed(coverage, 2) + " %   (" + std::to_string(localised) + " of " +
+                           Count(frames, "frame", "frames") + which + ")");
+  };
+  std::string text =
+      line("live coverage", e.live_coverage, e.live_localised, e.frames, ", answered at the time of the frame");
+  text += line("coverage", e.coverage, e.localised, e.frames, ", at the end");
+  if (e.visible_coverage && e.live_visible_coverage) {
+    text += line("live visible", *e.live_visible_coverage, *e.live_visible_localised, *e.visible_frames,
+                 " in which the scene can be seen");
+    text += line("visible coverage", *e.visible_coverage, *e.visible_localised, *e.visible_frames, ", at the end");
+  } else {
+    text += Line("visible coverage", "-   (it is not known when the scene can be seen)");
   }
-  if (!e.visible_coverage) text += Line("visible coverage", "-   (it is not known when the scene can be seen)");
+  if (e.unanswered_frames > 0) {
+    text +=
+        Line("", Count(e.unanswered_frames, "frame", "frames") + " of the sequence without an answer: not localised");
+  }
   if (e.frames_without_groundtruth > 0) {
     text += Line("no true pose", Count(e.frames_without_groundtruth, "frame", "frames"));
   }
@@ -47,6 +58,10 @@ std::string ErrorLines(const Evaluation& e) {
                          Count(e.left_out_frames, "localised frame", "localised frames") + " in all");
   }
   if (e.scene_depth) text += Line("scene depth", Fixed(e.scene_depth, 2) + " " + e.unit);
+  if (e.largest_map_rms_ate_percent_of_depth) {
+    text += Line("largest map", "RMS ATE " + Fixed(e.largest_map_rms_ate, 4) + " " + e.unit + ", " +
+                                    Fixed(e.largest_map_rms_ate_percent_of_depth, 2) + " % of its depth");
+  }
   return text;
 }
 
@@ -72,7 +87,8 @@ std::string JoinLines(const Evaluation& e) {
   text += Line("merges", JoinText(e.merges));
   text += Line("loops", JoinText(e.loops));
   text += Line("relocalisations", JoinText(e.relocalisations) + ", " + Count(e.losses, "loss", "losses"));
-  text += Line("false merges", std::to_string(e.false_merges) + "   (of all three kinds)");
+  text += Line("recoveries", JoinText(e.recoveries) + "   (by brute force while tracking)");
+  text += Line("false merges", std::to_string(e.false_merges) + "   (of all four kinds)");
   text += Line("merge recall", RecallText(e.merge_recall, "pairs of maps that share a view"));
   text += Line("relocal. recall", RecallText(e.relocalisation_recall, "losses with the lost map in view again"));
   for (const JoinEvaluation& join : e.joins) {

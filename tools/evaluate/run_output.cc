@@ -82,12 +82,14 @@ Status ReadFrames(const std::string& path, std::vector<RunFrame>* frames) {
 }
 
 Status ReadMaps(const std::string& path, std::vector<RunMap>* maps) {
-  HAUSTRA_ASSIGN(const CsvTable table, CsvTable::Read(path, {"map_id", "status", "num_keyframes", "num_points"}));
+  HAUSTRA_ASSIGN(const CsvTable table,
+                 CsvTable::Read(path, {"map_id", "status", "num_keyframes", "num_points", "merged_into"}));
   std::set<int> ids;
   for (std::size_t row = 0; row < table.num_rows(); ++row) {
     RunMap map;
     RowReader reader(table, row);
     reader.Integer(0, &map.map_id).Integer(2, &map.num_keyframes).Integer(3, &map.num_points);
+    reader.Integer(4, &map.merged_into);
     HAUSTRA_TRY(reader.status());
     map.status = table.Text(row, 1);
     if (!ids.insert(map.map_id).second) {
@@ -209,6 +211,7 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
   figures->device = TextAt(json, "device");
   figures->seed = NumberAt<std::int64_t>(json, "seed");
   figures->frames = NumberAt<std::int64_t>(json, "frames");
+  figures->sequence_frames = NumberAt<std::int64_t>(json, "sequence_frames");
   figures->dropped = NumberAt<std::int64_t>(json, "dropped");
   figures->deadline_misses = NumberAt<std::int64_t>(json, "deadline_misses");
   figures->peak_rss_mb = NumberAt<double>(json, "peak_rss_mb");

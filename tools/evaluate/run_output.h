@@ -35,6 +35,7 @@ struct RunMap {
   std::string status;  // active, stored, merged, dropped
   int num_keyframes = 0;
   int num_points = 0;
+  int merged_into = -1;  // another map, -1: none
 };
 
 struct RunEventRow {
@@ -73,6 +74,7 @@ struct RunFigures {
   std::string device;
   std::optional<std::int64_t> seed;
   std::optional<std::int64_t> frames;
+  std::optional<std::int64_t> sequence_frames;  // that an aborted run would have come to, too
   std::optional<Percentiles> frame_ms;
   std::optional<std::int64_t> dropped;
   std::optional<std::int64_t> deadline_misses;

@@ -167,13 +167,16 @@ Result<std::string> JoinPicturesHtml(const RunOutput& run, const evaluate::Evalu
     const RunEventRow* event;
     const evaluate::JoinEvaluation* join;
   };
-  // The evaluation has one entry for each of these events, in order.
+  // The evaluation has one entry for each of these events, in order, and others.
   std::vector<Join> joins;
-  std::size_t next = 0;
+  auto next = evaluation.joins.begin();
   for (const RunEventRow& event : run.events) {
-    if (event.event != "merged" && event.event != "loop_closed" && event.event != "relocalised") continue;
-    const evaluate::JoinEvaluation* join = &evaluation.joins.at(next++);
-    if (event.event != "relocalised") joins.push_back({&event, join});
+    if (event.event != "merged" && event.event != "loop_closed") continue;
+    next = std::find_if(next, evaluation.joins.end(), [](const evaluate::JoinEvaluation& join) {
+      return join.kind == evaluate::JoinKind::kMerge || join.kind == evaluate::JoinKind::kLoop;
+    });
+    HAUSTRA_CHECK(next != evaluation.joins.end());
+    joins.push_back({&event, &*next++});
   }
   const int camera_width_px = run.geometry.empty() ? 0 : run.geometry.begin()->second.camera.width_px;
   const std::size_t step = std::max<std::size_t>(1, (joins.size() + options.max_joins - 1) / options.max_joins);

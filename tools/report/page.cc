@@ -58,9 +58,17 @@ TextTable SummaryTable(const Evaluation& e) {
   const auto add = [&](std::string name, std::string value, std::string meaning) {
     table.rows.push_back({std::move(name), std::move(value), std::move(meaning)});
   };
+  add("live coverage", Fixed(e.live_coverage, 2) + " %",
+      std::to_string(e.live_localised) + " of " + std::to_string(e.frames) +
+          " frames were answered with a pose in a map that exists at the end");
   add("coverage", Fixed(e.coverage, 2) + " %",
       std::to_string(e.localised) + " of " + std::to_string(e.frames) +
           " frames have a pose in a map that exists at the end");
+  if (e.live_visible_coverage) {
+    add("live visible coverage", Fixed(e.live_visible_coverage, 2) + " %",
+        std::to_string(*e.live_visible_localised) + " of " + std::to_string(*e.visible_frames) +
+            " frames in which the scene can be seen");
+  }
   add("visible coverage", e.visible_coverage ? Fixed(e.visible_coverage, 2) + " %" : kNothing,
       e.visible_coverage ? std::to_string(*e.visible_localised) + " of " + std::to_string(*e.visible_frames) +
                                " frames in which the scene can be seen"
@@ -74,6 +82,7 @@ TextTable SummaryTable(const Evaluation& e) {
   add("merges", CountText(e.merges), "maps joined; false by the ground truth");
   add("loops", CountText(e.loops), "places met again inside one map");
   add("relocalisations", CountText(e.relocalisations), "after " + std::to_string(e.losses) + " losses");
+  add("recoveries", CountText(e.recoveries), "by brute force while tracking");
   add("merge recall", RecallText(e.merge_recall),
       "pairs of maps that share a view by the ground truth and are one map at the end");
   add("relocalisation recall", RecallText(e.relocalisation_recall),

@@ -5,10 +5,12 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
 #include <string>
 
+#include "capture/calibration_reader.h"
 #include "capture/open_sequence.h"
 #include "capture/v4l2/v4l2_options.h"
 #include "engine/engine.h"
@@ -21,6 +23,8 @@
 #include "platform/session/session.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
+#include "tools/calibrate/calibration_text.h"
+#include "tools/calibrate/clip_calibration.h"
 #include "tools/command/configuration_options.h"
 #include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
@@ -63,13 +67,13 @@ SequenceOptions OptionsOf(const RunArguments& arguments) {
 // Colours of the points of all maps, from a second reading of the frames that became keyframes.
 class ColourReader {
  public:
-  Status Read(const RunArguments& arguments, const Engine& engine) {
+  Status Read(const std::string& sequence, const SequenceOptions& options, const Engine& engine) {
     std::set<std::uint32_t> wanted;
     engine.atlas().keyframes().ForEach([&](KeyframeHandle, const Keyframe& k) {
       if (k.session == engine.atlas().session()) wanted.insert(k.frame_index);
     });
     if (wanted.empty()) return Status::Ok();
-    HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(arguments.sequence, OptionsOf(arguments)));
+    HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(sequence, options));
     while (true) {
       const Result<Frame> frame = source->Next(kNoDeadline);
       if (frame.code() == StatusCode::kDataLoss) continue;
@@ -115,6 +119,33 @@ class ColourReader {
   std::map<std::uint32_t, Small> images_;
 };
 
+// Whether `error` of opening the sequence goes away when somebody else brings the calibration.
+bool LacksCalibrationOnly(const Status& error, const RunArguments& arguments) {
+  if (error.code() != StatusCode::kNotFound || !arguments.calibration.empty()) return false;
+  if (IsV4l2Spec(arguments.sequence)) return false;
+  SequenceOptions options = OptionsOf(arguments);
+  options.calibration = CameraCalibration{};
+  return OpenSequence(arguments.sequence, options).ok();
+}
+
+Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::uint64_t seed, const Status& error) {
+  std::fprintf(stderr, "haustra run: %s; estimating it from the clip itself\n", error.message().c_str());
+  ClipCalibrationRequest request;
+  request.sequence = arguments.sequence;
+  request.options.mask_path = arguments.mask;
+  request.device = arguments.device;
+  request.threads = arguments.threads;
+  request.seed = seed;
+  Result<ClipCalibration> result = CalibrateFromClip(request);
+  if (result.ok()) {
+    std::fprintf(stderr, "%s", CalibrationText(*result).c_str());
+    return result;
+  }
+  // What is missing is still the calibration.
+  return Status(error.code(), error.message() + "; and it cannot be estimated (" + result.status().message() +
+                                  "): give one with --calibration FILE");
+}
+
 int Run(const RunArguments& arguments) {
   if (IsV4l2Spec(arguments.sequence) && (arguments.mode != "realtime" || arguments.rate != 1.0)) {
     std::fprintf(stderr, "haustra run: a camera does not wait: --mode realtime, and no --rate\n");
@@ -137,7 +168,16 @@ int Run(const RunArguments& arguments) {
   EngineConfig config = loaded->config();
   if (arguments.seed) config.seed = *arguments.seed;
 
-  Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, OptionsOf(arguments));
+  SequenceOptions sequence_options = OptionsOf(arguments);
+  std::optional<ClipCalibration> estimated;
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, sequence_options);
+  if (!source.ok() && LacksCalibrationOnly(source.status(), arguments)) {
+    Result<ClipCalibration> estimate = EstimateCalibration(arguments, config.seed, source.status());
+    if (!estimate.ok()) return FailRun(estimate.status());
+    estimated = std::move(estimate).value();
+    sequence_options.calibration = estimated->calibration;
+    source = OpenSequence(arguments.sequence, sequence_options);
+  }
   if (!source.ok()) return FailRun(source.status());
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
@@ -177,6 +217,11 @@ int Run(const RunArguments& arguments) {
     return kExitIo;
   }
 
+  if (estimated) {
+    const Status status = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);
+    if (!status.ok()) return FailRun(status);
+  }
+
   // Better now than after the procedure.
   if (!arguments.save_atlas.empty()) {
     if (const Status status = CheckAtlasFileCanBeSaved(arguments.save_atlas); !status.ok()) return FailRun(status);
@@ -201,14 +246,19 @@ int Run(const RunArguments& arguments) {
   if (!arguments.save_atlas.empty()) atlas_saved = SaveAtlasFile(engine, arguments.save_atlas);
   // Whatever ended the session, what was mapped until then is written.
   const std::vector<FinalPose> poses = ResolveAll(record, engine);
-  RunSummary summary = Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{});
+  // What a container says about its length is a guess: a sequence that was seen to its end is as long as that.
+  const bool is_aborted = !session.ok() || stop_requested;
+  RunSummary summary = Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{},
+                                 is_aborted ? (*source)->num_frames() : 0);
   summary.mode = arguments.mode;
   summary.device = arguments.device;
   summary.seed = config.seed;
   summary.rate = arguments.rate;
+  if (estimated) summary.calibration_json = CalibrationJson(*estimated).dump();
   ColourReader colours;
   // What a camera has shown cannot be looked at again.
-  if (const Status status = is_live ? Status::Ok() : colours.Read(arguments, engine); !status.ok()) {
+  if (const Status status = is_live ? Status::Ok() : colours.Read(arguments.sequence, sequence_options, engine);
+      !status.ok()) {
     std::fprintf(stderr, "haustra run: warning: the points of the maps stay grey: %s\n", status.message().c_str());
   }
   if (const Status status = WriteOutputs(arguments.out, record, poses, summary, engine, std::ref(colours));

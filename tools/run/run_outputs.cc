@@ -225,14 +225,15 @@ Status WriteMapExports(const fs::path& folder, const Engine& engine, const Point
   return status;
 }
 
-constexpr const char* kOwnEntries[] = {"trajectory", "maps",      "frames.csv",  "maps.csv",
-                                       "events.csv", "times.csv", "summary.json"};
+constexpr const char* kOwnEntries[] = {"trajectory", "maps",      "frames.csv",   "maps.csv",
+                                       "events.csv", "times.csv", "summary.json", "calib.yaml"};
 
 // Whether a run writes something of this name (relative to its folder); what FileSink leaves when it is killed is of a
 // run, too.
 bool IsOwnName(const std::string& name) {
-  static const std::regex kOwn(R"(((frames|maps|events|times)\.csv|summary\.json|trajectory(/(live|map_\d{4,})\.tum)?|)"
-                               R"(maps(/map_\d{4,}(\.ply|/(cameras|images|points3D)\.txt)?)?)(\.partial-\d+)?)");
+  static const std::regex kOwn(
+      R"(((frames|maps|events|times)\.csv|summary\.json|calib\.yaml|trajectory(/(live|map_\d{4,})\.tum)?|)"
+      R"(maps(/map_\d{4,}(\.ply|/(cameras|images|points3D)\.txt)?)?)(\.partial-\d+)?)");
   return std::regex_match(name, kOwn);
 }
 

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
 namespace haustra {
 namespace {
@@ -91,6 +92,34 @@ nlohmann::ordered_json ToJson(const ThreadUse& use, bool is_heap_watched) {
   return json;
 }
 
+// Maps that exist at the end, and those that have become part of one.
+class LastingMaps {
+ public:
+  LastingMaps(const RunRecord& record, const Engine& engine) {
+    engine.atlas().maps().ForEach([&](MapHandle, const Map& map) {
+      if (map.status == MapStatus::kActive || map.status == MapStatus::kStored) existing_.insert(map.id);
+    });
+    // The atlas does not keep a merged map for ever.
+    for (const RunEvent& event : record.events()) {
+      if (event.event != ToString(MapEventKind::kMerged)) continue;
+      merged_into_[static_cast<MapId>(event.other_map_id)] = static_cast<MapId>(event.map_id);
+    }
+  }
+  bool Contain(MapId id) const {
+    auto next = merged_into_.find(id);
+    for (; next != merged_into_.end() && !existing_.contains(id); next = merged_into_.find(id)) id = next->second;
+    return existing_.contains(id);
+  }
+
+ private:
+  std::set<MapId> existing_;
+  std::map<MapId, MapId> merged_into_;  // absorbed map to the one that it became part of; ids are not used again
+};
+
+double Percent(std::size_t part, std::size_t whole) {
+  return whole == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
 }  // namespace
 
 std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine) {
@@ -115,9 +144,10 @@ std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine)
 }
 
 RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, Engine& engine,
-                     const SessionSummary& session) {
+                     const SessionSummary& session, std::size_t sequence_frames) {
   RunSummary summary;
   summary.frames = record.frames().size();
+  summary.sequence_frames = std::max(summary.frames, sequence_frames);
   std::map<MapId, std::size_t> frames_in_map;
   for (const FinalPose& pose : poses) {
     if (!pose.is_localised) continue;
@@ -128,8 +158,13 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
     summary.largest_map_frames = std::max(summary.largest_map_frames, num_frames);
   }
   summary.maps = frames_in_map.size();
-  if (summary.frames > 0)
-    summary.coverage = 100.0 * static_cast<double>(summary.localised) / static_cast<double>(summary.frames);
+  const LastingMaps lasting_maps(record, engine);
+  for (const FrameOutcome& frame : record.frames()) {
+    const bool has_pose = frame.result.state == TrackingState::kTracking;
+    summary.live_localised += has_pose && lasting_maps.Contain(frame.result.map_id);
+  }
+  summary.live_coverage = Percent(summary.live_localised, summary.sequence_frames);
+  summary.coverage = Percent(summary.localised, summary.sequence_frames);
   for (const RunEvent& event : record.events()) {
     summary.maps_created += event.event == ToString(MapEventKind::kMapCreated);
     summary.merges += event.event == ToString(MapEventKind::kMerged);
@@ -173,8 +208,13 @@ std::string ToJson(const RunSummary& s) {
   nlohmann::ordered_json json;
   json["mode"] = s.mode;
   json["device"] = s.device;
+  json["calibration"] = s.calibration_json.empty() ? nlohmann::ordered_json{{"source", "given"}}
+                                                   : nlohmann::ordered_json::parse(s.calibration_json);
   json["seed"] = s.seed;
   json["frames"] = s.frames;
+  json["sequence_frames"] = s.sequence_frames;
+  json["live_localised"] = s.live_localised;
+  json["live_coverage"] = s.live_coverage;
   json["localised"] = s.localised;
   json["coverage"] = s.coverage;
   json["maps"] = s.maps;
@@ -263,7 +303,9 @@ std::string ToJson(const RunSummary& s) {
 
 std::string ToText(const RunSummary& s) {
   std::string text;
-  Append(&text, "  coverage      %5.1f %%   (%zu of %zu frames have a pose)\n", s.coverage, s.localised, s.frames);
+  Append(&text, "  live coverage %5.1f %%   (%zu of %zu frames were answered with a pose that lasts)\n",
+         s.live_coverage, s.live_localised, s.sequence_frames);
+  Append(&text, "  coverage      %5.1f %%   (%zu have a pose at the end)\n", s.coverage, s.localised);
   Append(&text, "  maps          %5zu     (%zu begun, %zu merged, %zu loops closed; largest: %zu frames)\n", s.maps,
          s.maps_created, s.merges, s.loops, s.largest_map_frames);
   Append(&text, "  losses        %5zu     (%zu relocalised)\n", s.losses, s.relocalisations);

@@ -40,11 +40,16 @@ struct TrackingThreadFigures {
 struct RunSummary {
   std::string mode;
   std::string device;
+  std::string calibration_json;  // how it was estimated from the clip; empty: it was given
   std::uint64_t seed = 0;
-  std::size_t frames = 0;
-  std::size_t localised = 0;
-  double coverage = 0.0;  // percent
-  std::size_t maps = 0;   // that exist at the end with at least one localised frame
+  std::size_t frames = 0;           // that were answered
+  std::size_t sequence_frames = 0;  // those that an aborted run did not come to among them
+  // Answered at the time with a pose in a map that exists at the end, be it in one that it was merged into.
+  std::size_t live_localised = 0;
+  double live_coverage = 0.0;  // percent of the sequence
+  std::size_t localised = 0;   // have a pose at the end
+  double coverage = 0.0;       // percent of the sequence
+  std::size_t maps = 0;        // that exist at the end with at least one localised frame
   std::size_t maps_created = 0;
   std::size_t merges = 0;
   std::size_t loops = 0;
@@ -80,8 +85,9 @@ struct RunSummary {
 // given.
 std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine);
 
+// `sequence_frames`: how many the sequence has; 0: not known, those that were answered.
 RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, Engine& engine,
-                     const SessionSummary& session);
+                     const SessionSummary& session, std::size_t sequence_frames);
 
 std::string ToJson(const RunSummary& summary);
 // A few lines for a person.

@@ -70,6 +70,8 @@ TEST_F(EvaluateCommandTest, OneRunIsPrintedAndWritten) {
   EXPECT_EQ(json["frames"], 100);
   EXPECT_EQ(json["localised"], 80);
   EXPECT_NEAR(json["rms_ate"].get<double>(), 0.3, 0.02);
+  EXPECT_EQ(json["live_coverage"], 80.0);
+  EXPECT_NEAR(json["live_visible_coverage"].get<double>(), 100.0 * 80 / 90, 1e-9);
   EXPECT_NEAR(json["visible_coverage"].get<double>(), 100.0 * 80 / 90, 1e-9);
   EXPECT_EQ(json["frame_ms"]["p50"], 21.5);
 }
@@ -98,8 +100,21 @@ TEST_F(EvaluateCommandTest, NamedEventsReplaceTheOnesBesideTheGroundTruth) {
   EXPECT_THAT(out_, HasSubstr("80 of 80 frames"));
 }
 
+TEST_F(EvaluateCommandTest, GroundTruthIsNotNeededForCoverage) {
+  ASSERT_EQ(Run({folder_.At("out"), "--json", folder_.At("e.json")}), kExitOk) << err_;
+  nlohmann::json json = nlohmann::json::parse(folder_.Read("e.json"));
+  EXPECT_EQ(json["live_coverage"], 80.0);
+  EXPECT_TRUE(json["rms_ate"].is_null());
+  EXPECT_TRUE(json["visible_coverage"].is_null());
+  ASSERT_EQ(Run({folder_.At("out"), "--events", folder_.At("colon/events.csv"), "--json", folder_.At("e.json")}),
+            kExitOk)
+      << err_;
+  json = nlohmann::json::parse(folder_.Read("e.json"));
+  EXPECT_NEAR(json["live_visible_coverage"].get<double>(), 100.0 * 80 / 90, 1e-9);
+}
+
 TEST_F(EvaluateCommandTest, ExitCodesTellWhatWasWrong) {
-  EXPECT_EQ(Run({folder_.At("out")}), kExitUsage);
+  EXPECT_EQ(Run({}), kExitUsage);
   EXPECT_EQ(Run({"--groundtruth", Truth()}), kExitUsage);
   EXPECT_EQ(Run({folder_.At("out"), "--groundtruth", Truth(), "--table", "t.pdf"}), kExitUsage);
   EXPECT_EQ(Run({folder_.At("none"), "--groundtruth", Truth()}), kExitNoInput);

@@ -56,6 +56,72 @@ TEST(EvaluateRun, LocalisedFramesThatCannotBeSeenDoNotRaiseTheVisibleCoverage) {
   EXPECT_EQ(e.localised, 205u);
 }
 
+TEST(EvaluateRun, LiveCoverageCountsOnlyWhatWasAnsweredAtTheTime) {
+  RunOutput run = ThreeMaps();
+  // The first five frames of map 1 were placed when it stood.
+  for (std::int64_t i = 10; i < 15; ++i) run.frames[static_cast<std::size_t>(i)].live_map_id = -1;
+  // Frames that were answered in a map that is gone, and one that has lost its final pose since.
+  for (std::int64_t i = 150; i < 160; ++i) run.frames[static_cast<std::size_t>(i)].live_map_id = 4;
+  run.frames[20].map_id = -1;
+  const Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_EQ(e.live_localised, 200u);
+  EXPECT_DOUBLE_EQ(e.live_coverage, 50.0);
+  EXPECT_EQ(e.localised, 204u);
+  EXPECT_FALSE(e.live_visible_coverage.has_value());
+}
+
+TEST(EvaluateRun, MapThatBecamePartOfAnotherLastsAsLongAsThatDoes) {
+  // Answered in map 5, which was merged into 6, and 6 into 2.
+  RunOutput run = ThreeMaps();
+  for (std::int64_t i = 200; i < 300; ++i) run.frames[static_cast<std::size_t>(i)].live_map_id = 5;
+  const auto live = [&] { return EvaluateRun(run, TrueReference(400), {}).live_localised; };
+  EXPECT_EQ(live(), 105u);
+  run.events.push_back(Event(300, "merged", 6, 5));
+  EXPECT_EQ(live(), 105u);
+  run.events.push_back(Event(310, "merged", 2, 6));
+  EXPECT_EQ(live(), 205u);
+  // The same by maps.csv alone.
+  run.events.clear();
+  run.maps.push_back({5, "merged", 0, 0, 6});
+  run.maps.push_back({6, "merged", 0, 0, 2});
+  EXPECT_EQ(live(), 205u);
+  run.maps[1].status = "dropped";
+  EXPECT_EQ(live(), 105u);
+}
+
+TEST(EvaluateRun, FramesThatTheRunNeverReachedAreNotLocalised) {
+  RunOutput run = ThreeMaps();
+  run.frames.erase(run.frames.begin() + 120, run.frames.begin() + 140);
+  run.figures.sequence_frames = 500;
+  Reference reference = TrueReference(500);
+  // 10 of those in the gap and 30 of those after the end cannot be seen.
+  reference.events = std::vector<SequenceEvent>{{130, 139, "redout", false}, {450, 479, "redout", false}};
+  const Evaluation e = EvaluateRun(run, reference, {});
+  EXPECT_EQ(e.frames, 500u);
+  EXPECT_EQ(e.unanswered_frames, 120u);
+  EXPECT_DOUBLE_EQ(e.live_coverage, 41.0);
+  EXPECT_DOUBLE_EQ(e.coverage, 41.0);
+  EXPECT_EQ(e.visible_frames, 460u);
+  EXPECT_DOUBLE_EQ(*e.live_visible_coverage, 100.0 * 205 / 460);
+  EXPECT_DOUBLE_EQ(*e.visible_coverage, 100.0 * 205 / 460);
+  // The same when the events are found by time, whether or not the run used every frame.
+  for (std::int64_t i = 0; i < 500; ++i) reference.frame_stamps_ns.push_back(i * kPeriodNs);
+  EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 460u);
+  for (std::int64_t i = 500; i < 510; ++i) reference.frame_stamps_ns.push_back(i * kPeriodNs);
+  EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 460u);
+}
+
+TEST(EvaluateRun, LiveVisibleCoverageLeavesOutWhatCannotBeSeen) {
+  RunOutput run = ThreeMaps();
+  for (std::int64_t i = 10; i < 30; ++i) run.frames[static_cast<std::size_t>(i)].live_map_id = -1;
+  Reference reference = TrueReference(400);
+  reference.events = std::vector<SequenceEvent>{{0, 19, "redout", false}};
+  const Evaluation e = EvaluateRun(run, reference, {});
+  EXPECT_EQ(e.visible_localised, 195u);
+  EXPECT_EQ(e.live_visible_localised, 185u);
+  EXPECT_DOUBLE_EQ(*e.live_visible_coverage, 100.0 * 185 / 380);
+}
+
 TEST(EvaluateRun, ErrorsArePooledOverFramesEachMapWithItsOwnSim3) {
   const Evaluation e = EvaluateRun(ThreeMaps(), TrueReference(400), {});
   ASSERT_EQ(e.per_map.size(), 3u);
@@ -262,6 +328,48 @@ TEST(EvaluateRun, JoinsHaveTheDurationsThatWereMeasuredForThem) {
   run.times.push_back({310, "merging/total", 99.0});
   e = EvaluateRun(run, TrueReference(400), {});
   EXPECT_FALSE(e.joins[0].duration_ms.has_value());
+}
+
+TEST(EvaluateRun, ErrorOfAMapIsAShareOfItsOwnDepth) {
+  RunOutput run = ThreeMaps();
+  for (const int map_id : {1, 2}) {
+    run.geometry[map_id].camera = WideCamera();
+    run.geometry[map_id].depth_mu = map_id * kDepth * MapFromWorld(map_id).scale;
+  }
+  run.frames[10].map_id = -1;  // map 2 is the largest
+  const Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_NEAR(*e.per_map[0].scene_depth, kDepth, 0.5);
+  EXPECT_NEAR(*e.per_map[0].rms_ate_percent_of_depth, 100.0 * 0.2 / kDepth, 0.05);
+  EXPECT_NEAR(*e.per_map[1].scene_depth, 2.0 * kDepth, 1.0);
+  EXPECT_NEAR(*e.per_map[1].rms_ate_percent_of_depth, 100.0 * 0.4 / (2.0 * kDepth), 0.05);
+  EXPECT_FALSE(e.per_map[2].rms_ate_percent_of_depth.has_value());
+  EXPECT_EQ(e.largest_map_rms_ate, e.per_map[1].rms_ate);
+  EXPECT_EQ(e.largest_map_rms_ate_percent_of_depth, e.per_map[1].rms_ate_percent_of_depth);
+  EvaluateOptions options;
+  options.scene_depth = 40.0;
+  const Evaluation given = EvaluateRun(run, TrueReference(400), options);
+  EXPECT_NEAR(*given.per_map[1].rms_ate_percent_of_depth, 1.0, 0.05);
+}
+
+TEST(EvaluateRun, PosesFoundByBruteForceAreJudged) {
+  RunOutput run = ThreeMaps();
+  run.frames[60].reason = "recovered";
+  run.times = {{60, "tracking/total", 33.0}, {70, "merging/total", 150.0}};
+  Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_EQ(e.recoveries.made, 1u);
+  EXPECT_EQ(e.recoveries.wrong, 0u);
+  EXPECT_EQ(e.relocalisations.made, 0u);
+  ASSERT_EQ(e.joins.size(), 1u);
+  EXPECT_EQ(e.joins[0].duration_ms, 33.0);
+  // From there on the map is displaced.
+  for (std::int64_t i = 60; i < 110; ++i) {
+    SE3 believed = TruePose(i);
+    believed.translation.z() += 20.0;
+    run.frames[static_cast<std::size_t>(i)].world_from_cam = Moved(MapFromWorld(1), believed);
+  }
+  e = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_EQ(e.recoveries.wrong, 1u);
+  EXPECT_EQ(e.false_merges, 1u);
 }
 
 TEST(EvaluateRun, FalseMergeIsFlagged) {

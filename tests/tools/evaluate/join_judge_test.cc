@@ -68,14 +68,24 @@ TEST(JudgeMerge, DisplacementBelowTheLimitsIsFalseByTheErrorAlone) {
   EXPECT_NEAR(*join.translation_error_depths, 0.05, 0.01);
 }
 
-TEST(JudgeMerge, SmallErrorsAreJudgedLikeLargeOnes) {
-  // The parts are nearly exact and the seam is off by 0.1 mm: false by the ratio, and the share of the depth says how
-  // little it is.
-  const JoinEvaluation join = JudgeOne(TwoRounds(Shift(0.0, 0.0, 0.1), 1e-6), Event(319, "merged", 1, 2));
-  EXPECT_EQ(join.verdict, Verdict::kFalse);
-  EXPECT_EQ(join.reason, "the parts do not fit one Sim(3)");
-  EXPECT_DOUBLE_EQ(*join.ate_joined_depths, *join.ate_joined / kDepth);
-  EXPECT_LT(*join.ate_joined_depths, 0.002);
+TEST(JudgeMerge, ErrorBelowAHundredthOfTheDepthIsNoFault) {
+  // The parts are nearly exact, so that any seam is thousands of times their error.
+  const auto merge = [](double shift) {
+    return JudgeOne(TwoRounds(Shift(0.0, 0.0, shift), 1e-6), Event(319, "merged", 1, 2));
+  };
+  const JoinEvaluation below = merge(0.55), above = merge(0.65);
+  EXPECT_EQ(below.verdict, Verdict::kTrue) << below.reason;
+  EXPECT_DOUBLE_EQ(*below.ate_joined_depths, *below.ate_joined / kDepth);
+  EXPECT_NEAR(*below.ate_joined_depths, 0.0092, 3e-4);
+  EXPECT_EQ(above.verdict, Verdict::kFalse);
+  EXPECT_EQ(above.reason, "the parts do not fit one Sim(3)");
+  EXPECT_NEAR(*above.ate_joined_depths, 0.0108, 3e-4);
+}
+
+TEST(JudgeMerge, SmallErrorsAreFaultsWhereTheDepthIsNotKnown) {
+  std::vector<EvaluatedFrame> frames = TwoRounds(Shift(0.0, 0.0, 0.1), 1e-6);
+  for (EvaluatedFrame& frame : frames) frame.depth = 0.0;
+  EXPECT_EQ(JudgeOne(frames, Event(319, "merged", 1, 2)).verdict, Verdict::kFalse);
 }
 
 TEST(JudgeMerge, RoundingIsNoError) {
@@ -85,19 +95,19 @@ TEST(JudgeMerge, RoundingIsNoError) {
 }
 
 TEST(JudgeMerge, ThreeTimesTheErrorOfThePartsIsTheLimit) {
-  // Both parts 0.1 mm off, alternately; the shift between them does the rest: joined = sqrt(parts^2 + (shift/2)^2) at
+  // Both parts 0.5 mm off, alternately; the shift between them does the rest: joined = sqrt(parts^2 + (shift/2)^2) at
   // most, so 2 x sqrt(8) x parts is what reaches the limit.
   const auto merge = [](double shift) {
     std::vector<EvaluatedFrame> frames;
     for (int i = 20; i < 320; ++i) {
       if (i >= 120 && i < 220) continue;
       SE3 believed = TruePose(i);
-      believed.translation.z() += (i % 2 == 0 ? 0.1 : -0.1) + (i < 120 ? 0.0 : shift);
+      believed.translation.z() += (i % 2 == 0 ? 0.5 : -0.5) + (i < 120 ? 0.0 : shift);
       frames.push_back(MakeFrame(i, i < 120 ? 1 : 2, 1, believed));
     }
     return JudgeOne(frames, Event(319, "merged", 1, 2));
   };
-  const JoinEvaluation below = merge(0.55), above = merge(0.60);
+  const JoinEvaluation below = merge(2.75), above = merge(3.00);
   EXPECT_EQ(below.verdict, Verdict::kTrue) << *below.ate_joined / *below.ate_parts;
   EXPECT_NEAR(*below.ate_joined / *below.ate_parts, 2.93, 0.05);
   EXPECT_EQ(above.verdict, Verdict::kFalse) << *above.ate_joined / *above.ate_parts;
@@ -223,6 +233,38 @@ TEST(JudgeRelocalisation, WhatComesAfterTheNextLossDoesNotCount) {
   ASSERT_EQ(joins.size(), 2u);
   EXPECT_EQ(joins[0].verdict, Verdict::kTrue) << joins[0].reason;
   EXPECT_EQ(joins[1].verdict, Verdict::kFalse);
+}
+
+// Map 1 over a round and a half without a loss; from frame 200 on it is displaced.
+std::vector<EvaluatedFrame> Recovered(const Sim3& displace, const std::vector<int>& recovered) {
+  Jitter jitter(0.1);
+  std::vector<EvaluatedFrame> frames;
+  for (int i = 0; i < 300; ++i) {
+    frames.push_back(MakeFrame(i, 1, 1, jitter(i < 200 ? TruePose(i) : Moved(displace, TruePose(i)))));
+  }
+  for (const int i : recovered) frames[static_cast<std::size_t>(i)].is_recovered = true;
+  return frames;
+}
+
+TEST(JudgeRecovery, IsJudgedLikeARelocalisation) {
+  const std::vector<JoinEvaluation> right = JudgeJoins(Recovered(Sim3(), {200}), {}, {});
+  ASSERT_EQ(right.size(), 1u);
+  EXPECT_EQ(right[0].kind, JoinKind::kRecovery);
+  EXPECT_EQ(right[0].frame_idx, 200);
+  EXPECT_EQ(right[0].map_id, 1);
+  EXPECT_EQ(right[0].verdict, Verdict::kTrue) << right[0].reason;
+  const std::vector<JoinEvaluation> wrong = JudgeJoins(Recovered(Shift(0, 0, 12), {200}), {}, {});
+  ASSERT_EQ(wrong.size(), 1u);
+  EXPECT_EQ(wrong[0].verdict, Verdict::kFalse);
+}
+
+TEST(JudgeRecovery, NeighbouringFramesAreOneAndStandInOrderWithTheEvents) {
+  const std::vector<JoinEvaluation> joins =
+      JudgeJoins(Recovered(Sim3(), {100, 101, 102, 250}), {Event(200, "relocalised", 1)}, {});
+  ASSERT_EQ(joins.size(), 3u);
+  EXPECT_EQ(joins[0].frame_idx, 100);
+  EXPECT_EQ(joins[1].kind, JoinKind::kRelocalisation);
+  EXPECT_EQ(joins[2].frame_idx, 250);
 }
 
 // One map over a round and a half; the half is displaced against the round.

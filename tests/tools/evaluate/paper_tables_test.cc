@@ -54,8 +54,9 @@ TEST(PaperTable, OneRunHasTheValuesReckonedByHand) {
   EXPECT_EQ(Row(row.begin() + 7, row.begin() + 11), (Row{"10", "500", "5.00", "2.00"}));
   EXPECT_EQ(Row(row.begin() + 11, row.begin() + 14), (Row{"2", "0", "1"}));  // maps, merges, relocations
   EXPECT_NEAR(std::stod(row[14]), 0.2, 0.02);
-  EXPECT_EQ(Row(row.begin() + 15, row.end()), (Row{"75.00", "14", "600", "1.500"}));
+  EXPECT_EQ(Row(row.begin() + 15, row.end()), (Row{"75.00", "75.00", "14", "600", "1.500"}));
   EXPECT_EQ(table.header[14], "RMS ATE mm");
+  EXPECT_EQ(table.header[15], "live coverage %");
 }
 
 TEST(PaperTable, SeveralRunsHaveMeanAndStandardDeviation) {

@@ -23,6 +23,8 @@ Evaluation Example(double coverage, double rms_ate) {
   e.mode = "realtime";
   e.unit = "mm";
   e.frames = 1000;
+  e.live_localised = static_cast<std::size_t>(10 * (coverage - 5));
+  e.live_coverage = coverage - 5;
   e.localised = static_cast<std::size_t>(10 * coverage);
   e.coverage = coverage;
   e.rms_ate = rms_ate;
@@ -35,6 +37,9 @@ Evaluation Example(double coverage, double rms_ate) {
   map.map_id = 3;
   map.frames = 700;
   map.rms_ate = rms_ate;
+  map.scene_depth = 35;
+  map.rms_ate_percent_of_depth = e.largest_map_rms_ate_percent_of_depth = 100 * rms_ate / 35;
+  e.largest_map_rms_ate = rms_ate;
   e.per_map = {map};
   e.mean_map = e.largest_map = MapTable{38, 2844, 4.61, 12.16, 311.3, 39.1};
   JoinEvaluation join;
@@ -74,6 +79,13 @@ TEST(ReportJson, HasTheTermsOfTheEvaluation) {
   }
   EXPECT_EQ(json["frames"], 1000);
   EXPECT_EQ(json["coverage"], 80.0);
+  EXPECT_EQ(json["live_coverage"], 75.0);
+  EXPECT_EQ(json["live_localised"], 750);
+  EXPECT_TRUE(json["live_visible_coverage"].is_null());
+  EXPECT_DOUBLE_EQ(json["largest_map_rms_ate_percent_of_depth"].get<double>(), 1.0);
+  EXPECT_EQ(json["per_map"][0]["scene_depth"], 35.0);
+  EXPECT_DOUBLE_EQ(json["per_map"][0]["rms_ate_percent_of_depth"].get<double>(), 1.0);
+  EXPECT_EQ(json["join_counts"]["recoveries"]["made"], 0);
   EXPECT_EQ(json["rms_ate"], 0.35);
   EXPECT_TRUE(json["visible_coverage"].is_null());
   EXPECT_EQ(json["frame_ms"]["p999"], 39.0);
@@ -95,6 +107,8 @@ TEST(ReportJson, SeveralRunsHaveMeanAndSpread) {
   const nlohmann::json json = nlohmann::json::parse(ToJson(std::span(runs)));
   EXPECT_EQ(json["runs"].size(), 2u);
   EXPECT_EQ(json["mean"]["coverage"], 85.0);
+  EXPECT_EQ(json["mean"]["live_coverage"], 80.0);
+  EXPECT_EQ(json["spread"]["live_coverage"]["min"], 75.0);
   EXPECT_EQ(json["spread"]["coverage"]["min"], 80.0);
   EXPECT_NEAR(json["spread"]["rms_ate"]["deviation"].get<double>(), std::sqrt(0.02), 1e-12);
   EXPECT_TRUE(json["mean"]["visible_coverage"].is_null());
@@ -102,7 +116,12 @@ TEST(ReportJson, SeveralRunsHaveMeanAndSpread) {
 
 TEST(ReportText, SaysWhatMatters) {
   const std::string text = ToText(Example(80, 0.35));
-  EXPECT_THAT(text, HasSubstr("80.00 %"));
+  const std::size_t live = text.find("live coverage     75.00 %   (750 of 1000 frames");
+  const std::size_t at_the_end = text.find("coverage          80.00 %   (800 of 1000 frames");
+  ASSERT_NE(live, std::string::npos) << text;
+  ASSERT_NE(at_the_end, std::string::npos) << text;
+  EXPECT_LT(live, at_the_end);
+  EXPECT_THAT(text, HasSubstr("1.00 % of its depth"));
   EXPECT_THAT(text, HasSubstr("0.3500 mm"));
   EXPECT_THAT(text, HasSubstr("FALSE relocalisation at frame 512: relative position is wrong"));
   EXPECT_THAT(text, HasSubstr("p99.9 39.0"));
@@ -115,6 +134,28 @@ TEST(ReportText, RunWithoutMapsSaysSo) {
   const std::string text = ToText(e);
   EXPECT_THAT(text, HasSubstr("no map has 10 localised frames"));
   EXPECT_THAT(text, Not(HasSubstr("#Obs/F")));
+}
+
+TEST(ReportText, FramesWithoutAnAnswerAreSaid) {
+  Evaluation e = Example(80, 0.35);
+  EXPECT_THAT(ToText(e), Not(HasSubstr("without an answer")));
+  e.unanswered_frames = 20;
+  e.visible_frames = 500;
+  e.live_visible_localised = 400;
+  e.live_visible_coverage = 80.0;
+  e.visible_localised = 450;
+  e.visible_coverage = 90.0;
+  EXPECT_THAT(ToText(e), HasSubstr("20 frames of the sequence without an answer"));
+  EXPECT_THAT(ToText(e), HasSubstr("live visible      80.00 %   (400 of 500 frames"));
+}
+
+TEST(RunTable, LiveCoverageStandsBeforeThatAtTheEnd) {
+  const std::vector<Evaluation> runs{Example(80, 0.3), Example(90, 0.5)};
+  const std::string text = FormatTable(MakeRunTable(runs), TableFormat::kCsv);
+  const std::size_t live = text.find("\nlive_coverage,80.00,7.07,75.00,85.00,75.00,85.00\n");
+  ASSERT_NE(live, std::string::npos) << text;
+  EXPECT_LT(live, text.find("\ncoverage,"));
+  EXPECT_THAT(text, HasSubstr("\nlargest_map_rms_ate_percent_of_depth,1.14,"));
 }
 
 TEST(RunTable, ValuesThatARunDoesNotHaveAreLeftOutOfTheMean) {

@@ -46,6 +46,8 @@ TEST_F(RunOutputTest, EverythingComesBack) {
   EXPECT_LT(RotationAngle(run->frames[10].world_from_cam.rotation, expected.rotation), 1e-7);
   ASSERT_EQ(run->maps.size(), 2u);
   EXPECT_EQ(run->maps[1].num_points, 120);
+  EXPECT_EQ(run->maps[1].merged_into, -1);
+  EXPECT_FALSE(run->figures.sequence_frames.has_value());
   ASSERT_EQ(run->events.size(), 2u);
   EXPECT_EQ(run->events[0].event, "map_created");
   EXPECT_EQ(run->events[1].other_keyframe_id, 3);
@@ -60,6 +62,16 @@ TEST_F(RunOutputTest, EverythingComesBack) {
   EXPECT_EQ(run->frames[4].state, "lost");
   EXPECT_TRUE(run->times.empty());
   EXPECT_TRUE(run->geometry.empty());
+  EXPECT_TRUE(run->warnings.empty());
+}
+
+TEST_F(RunOutputTest, LengthOfTheSequenceAndWhatMapsWereMergedIntoAreRead) {
+  Edit("summary.json", "\"frames\": 30", "\"frames\": 30, \"sequence_frames\": 45");
+  Edit("maps.csv", "1,stored,-1", "1,merged,2");
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  EXPECT_EQ(run->figures.sequence_frames, 45);
+  EXPECT_EQ(run->maps[0].merged_into, 2);
   EXPECT_TRUE(run->warnings.empty());
 }
 

@@ -88,6 +88,15 @@ TEST_F(JoinPicturesTest, FrameOfAnotherSessionIsNotShown) {
   EXPECT_THAT(*html, HasSubstr("is not one of this run"));
 }
 
+TEST_F(JoinPicturesTest, JoinsWithoutAPictureDoNotShiftTheOthers) {
+  run_.frames[10].reason = "recovered";  // before the merge
+  run_.events.insert(run_.events.begin() + 2, EventWith(30, "relocalised", 1, -1, "50 inliers"));
+  const Result<std::string> html = Html();
+  ASSERT_TRUE(html.ok()) << html.status().ToString();
+  EXPECT_THAT(*html, HasSubstr("merge at frame 49: map 0 and map 1"));
+  EXPECT_EQ(Count(*html, "<figure>"), 1u);
+}
+
 TEST_F(JoinPicturesTest, AnotherSequenceIsRefused) {
   run_.frames[49].timestamp_ns += 20000000;
   const Result<std::string> html = Html();

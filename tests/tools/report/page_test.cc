@@ -46,10 +46,13 @@ TEST_F(PageTest, FiguresInTheTextAreThoseOfTheJson) {
     return evaluate::Fixed(value.get<double>(), decimals);
   };
   EXPECT_EQ(json["coverage"], 75.0);
+  EXPECT_EQ(json["live_coverage"], 75.0);
+  EXPECT_THAT(page, HasSubstr(row("live coverage", fixed(json["live_coverage"], 2) + " %")));
   EXPECT_THAT(page, HasSubstr(row("coverage", fixed(json["coverage"], 2) + " %")));
   EXPECT_THAT(page, HasSubstr(row("RMS ATE", fixed(json["rms_ate"], 4) + " mm")));
   EXPECT_THAT(page, HasSubstr(row("maps", std::to_string(json["maps"].get<int>()))));
   EXPECT_THAT(page, HasSubstr(row("merges", "1, 0 false")));
+  EXPECT_THAT(page, HasSubstr(row("recoveries", "0")));
   EXPECT_THAT(page, HasSubstr(row("real-time ratio", fixed(json["realtime_ratio"], 2))));
   const std::span<const evaluate::Evaluation> one(&evaluation_, 1);
   EXPECT_THAT(page, HasSubstr(TableHtml(MakePaperTable(one))));

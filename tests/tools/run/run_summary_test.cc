@@ -27,7 +27,7 @@ FrameOutcome OutcomeWithLatency(std::uint32_t index, Duration latency) {
 RunSummary SummaryOf(const RunRecord& record, const SessionSummary& session = {}) {
   ScriptedColon colon;
   const auto engine = colon.MakeEngine();
-  return Summarise(record, ResolveAll(record, *engine), *engine, session);
+  return Summarise(record, ResolveAll(record, *engine), *engine, session, 0);
 }
 
 TEST(RunSummary, PercentilesAreByNearestRank) {
@@ -74,6 +74,31 @@ TEST(RunSummary, EmptyRunIsAllZero) {
   EXPECT_EQ(summary.frame_ms.max, 0.0);
 }
 
+TEST(RunSummary, CoverageIsOfTheWholeSequence) {
+  ScriptedColon colon;
+  const auto engine = colon.MakeEngine();
+  RunRecord record({});
+  for (int i = 0; i < 10; ++i) record.OnFrame(OutcomeWithLatency(i, milliseconds(1)));
+  std::vector<FinalPose> poses(10);
+  for (int i = 0; i < 5; ++i) poses[i].is_localised = true;
+  const RunSummary whole = Summarise(record, poses, *engine, {}, 0);
+  EXPECT_EQ(whole.sequence_frames, 10u);
+  EXPECT_EQ(whole.coverage, 50.0);
+  const RunSummary aborted = Summarise(record, poses, *engine, {}, 40);
+  EXPECT_EQ(aborted.frames, 10u);
+  EXPECT_EQ(aborted.sequence_frames, 40u);
+  EXPECT_EQ(aborted.coverage, 12.5);
+}
+
+TEST(RunSummary, PoseInAMapThatIsGoneIsNoneThatLasts) {
+  RunRecord record({});
+  FrameOutcome tracked = OutcomeWithLatency(0, milliseconds(1));
+  tracked.result.state = TrackingState::kTracking;
+  tracked.result.map_id = 7;
+  record.OnFrame(tracked);
+  EXPECT_EQ(SummaryOf(record).live_localised, 0u);
+}
+
 TEST(RunSummary, RealTimeRatioIsWallTimeOverVideoTime) {
   const RunSummary summary = SummaryOf(RunRecord({}), {milliseconds(3000), milliseconds(2000)});
   EXPECT_EQ(summary.video_s, 2.0);
@@ -88,7 +113,7 @@ class ScriptedRun {
     const auto session = RunSequential(colon.source(), *engine_, ManualClock(), record_, test::kNeverStop);
     EXPECT_TRUE(session.ok()) << session.status().ToString();
     poses_ = ResolveAll(record_, *engine_);
-    summary_ = Summarise(record_, poses_, *engine_, *session);
+    summary_ = Summarise(record_, poses_, *engine_, *session, 0);
   }
   const RunRecord& record() const { return record_; }
   const std::vector<FinalPose>& poses() const { return poses_; }
@@ -119,6 +144,10 @@ TEST(RunSummary, OccludedFramesAreNotLocalisedAndTheMapIsOne) {
   EXPECT_LE(summary.localised, 100u);
   EXPECT_DOUBLE_EQ(summary.coverage, 100.0 * static_cast<double>(summary.localised) / 115.0);
   for (int i = 75; i < 90; ++i) EXPECT_FALSE(run.poses()[i].is_localised) << i;
+  // Both views that founded the map, and those between them, were answered without a pose.
+  EXPECT_LE(summary.live_localised, summary.localised - 2);
+  EXPECT_GE(summary.live_localised, summary.localised / 2);
+  EXPECT_DOUBLE_EQ(summary.live_coverage, 100.0 * static_cast<double>(summary.live_localised) / 115.0);
 }
 
 // The views that founded the map were answered as initialising; they have poses all the same in the end.
@@ -183,8 +212,9 @@ TEST(RunSummary, JsonHasTheTermsOfTheEvaluation) {
   summary.coverage = 75.0;
   summary.frame_ms = {1.0, 2.0, 3.0, 4.0};
   const nlohmann::json json = nlohmann::json::parse(ToJson(summary));
-  for (const char* key : {"frames", "localised", "coverage", "maps", "merges", "loops", "relocalisations",
-                          "largest_map_frames", "frame_ms", "dropped", "peak_rss_mb", "realtime_ratio"}) {
+  for (const char* key :
+       {"sequence_frames", "live_localised", "live_coverage", "frames", "localised", "coverage", "maps", "merges",
+        "loops", "relocalisations", "largest_map_frames", "frame_ms", "dropped", "peak_rss_mb", "realtime_ratio"}) {
     EXPECT_TRUE(json.contains(key)) << key;
   }
   EXPECT_EQ(json["seed"].get<std::uint64_t>(), 18446744073709551615u);

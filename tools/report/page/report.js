@@ -14,6 +14,7 @@
     merge: {label: 'merge', pointStyle: 'triangle', colour: '#006400', radius: 7},
     loop: {label: 'loop closed', pointStyle: 'circle', colour: '#4b0082', radius: 6},
     relocalisation: {label: 'relocalisation', pointStyle: 'rectRot', colour: '#0050c8', radius: 6},
+    recovery: {label: 'recovery by brute force', pointStyle: 'rect', colour: '#8b6914', radius: 4},
     loss: {label: 'loss', pointStyle: 'crossRot', colour: INK, radius: 5},
   };
   const Y_AXIS_WIDTH = 96;  // the same for all plots over time, so that they can be compared by eye
@@ -127,7 +128,7 @@
           ctx.strokeStyle = '#999';
           ctx.setLineDash([2, 3]);
           for (const mark of data.marks) {
-            if (mark.kind === 'loss') continue;
+            if (mark.kind === 'loss' || mark.kind === 'recovery') continue;
             const x = scales.x.getPixelForValue(mark.t);
             ctx.beginPath();
             ctx.moveTo(x, chartArea.top);

@@ -1,0 +1,93 @@
+#include "engine/calibration/scope_window.h"
+
+#include <algorithm>
+
+namespace haustra::calibration {
+namespace {
+
+constexpr int kStep = 2;
+constexpr int kBright = 40;         // grey value that the surround, compressed or not, does not reach
+constexpr double kMinShare = 0.15;  // of a row or column that must have been bright: letters beside the window are less
+
+int GreyAt(const ImageView& image, int x, int y) {
+  const std::uint8_t* row = image.row(y);
+  switch (image.format) {
+    case PixelFormat::kBgr8: return row[3 * x + 1];  // green is most of the luma
+    case PixelFormat::kYuyv: return row[2 * x];
+    case PixelFormat::kUyvy: return row[2 * x + 1];
+    case PixelFormat::kGrey8:
+    case PixelFormat::kNv12: break;
+  }
+  return row[x];
+}
+
+ScopeWindow WindowOf(int left, int right, int top, int bottom) {
+  return {0.5 * (left + right), 0.5 * (top + bottom), right - left + 1.0, bottom - top + 1.0};
+}
+
+}  // namespace
+
+ScopeWindowFinder::ScopeWindowFinder(int width_px, int height_px)
+    : width_px_(width_px),
+      height_px_(height_px),
+      num_columns_((width_px + kStep - 1) / kStep),
+      num_rows_((height_px + kStep - 1) / kStep),
+      brightest_(static_cast<std::size_t>(num_columns_) * static_cast<std::size_t>(num_rows_), 0) {}
+
+void ScopeWindowFinder::Add(const ImageView& image) {
+  std::size_t i = 0;
+  for (int y = 0; y < num_rows_; ++y) {
+    for (int x = 0; x < num_columns_; ++x, ++i) {
+      // Red is what tissue has most of.
+      const int grey = GreyAt(image, kStep * x, kStep * y);
+      const int red = image.format == PixelFormat::kBgr8 ? image.row(kStep * y)[3 * kStep * x + 2] : 0;
+      brightest_[i] = std::max(brightest_[i], static_cast<std::uint8_t>(std::max(grey, red)));
+    }
+  }
+}
+
+ScopeWindow ScopeWindowFinder::Find() const {
+  std::vector<int> in_row(static_cast<std::size_t>(num_rows_), 0), in_column(static_cast<std::size_t>(num_columns_), 0);
+  std::size_t i = 0;
+  for (int y = 0; y < num_rows_; ++y) {
+    for (int x = 0; x < num_columns_; ++x, ++i) {
+      if (brightest_[i] < kBright) continue;
+      ++in_row[y];
+      ++in_column[x];
+    }
+  }
+  const auto ends = [](const std::vector<int>& counts, int full, int* first, int* last) {
+    *first = -1;
+    for (int k = 0; k < static_cast<int>(counts.size()); ++k) {
+      if (counts[k] < kMinShare * full) continue;
+      if (*first < 0) *first = k;
+      *last = k;
+    }
+    return *first >= 0;
+  };
+  int left = 0, right = 0, top = 0, bottom = 0;
+  if (!ends(in_column, num_rows_, &left, &right) || !ends(in_row, num_columns_, &top, &bottom)) {
+    return WindowOf(0, width_px_ - 1, 0, height_px_ - 1);
+  }
+  return WindowOf(kStep * left, std::min(width_px_ - 1, kStep * right + kStep - 1), kStep * top,
+                  std::min(height_px_ - 1, kStep * bottom + kStep - 1));
+}
+
+ScopeWindow ScopeWindowFinder::OfMask(const ImageView& mask, int width_px, int height_px) {
+  int left = width_px, right = -1, top = height_px, bottom = -1;
+  if (!mask.is_empty()) {
+    for (int y = 0; y < mask.height; ++y) {
+      for (int x = 0; x < mask.width; ++x) {
+        if (mask.row(y)[x] < 128) continue;
+        left = std::min(left, x);
+        right = std::max(right, x);
+        top = std::min(top, y);
+        bottom = std::max(bottom, y);
+      }
+    }
+  }
+  if (right < 0) return WindowOf(0, width_px - 1, 0, height_px - 1);
+  return WindowOf(left, right, top, bottom);
+}
+
+}  // namespace haustra::calibration

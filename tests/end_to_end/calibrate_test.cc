@@ -1,0 +1,117 @@
+// `haustra calibrate` and runs without a calibration, on a colon that the program renders itself.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "capture/calibration_reader.h"
+#include "capture/codec/image_codec.h"
+#include "tests/end_to_end/command.h"
+#include "tests/end_to_end/result_files.h"
+#include "tools/exit_codes.h"
+
+namespace haustra::end_to_end {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kTrueFocalPx = 197.3;  // of the renderer at 360x270
+
+class Calibrate : public testing::Test {
+ protected:
+  void SetUp() override {
+    scratch_ = ScratchFolder();
+    out_ = scratch_ + "/calib.yaml";
+  }
+  CommandResult Run(const std::string& sequence, const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments = {"calibrate", sequence, "--out", out_};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Haustra(arguments);
+  }
+  void ExpectRefusal(const CommandResult& result, int exit_code, const std::string& word) const {
+    EXPECT_EQ(result.exit_code, exit_code) << result.ToString();
+    EXPECT_NE(result.err.find(word), std::string::npos) << result.ToString();
+    EXPECT_FALSE(Exists(out_));
+  }
+
+  std::string scratch_, out_;
+};
+
+void ExpectFocalLength(const std::string& path, double true_focal_px) {
+  const Result<CameraCalibration> calibration = ReadCalibration(path);
+  ASSERT_TRUE(calibration.ok()) << calibration.status().ToString();
+  EXPECT_NEAR(std::log(calibration->fx / true_focal_px), 0.0, 0.03);
+  EXPECT_EQ(calibration->width_px, 360);
+  EXPECT_EQ(calibration->height_px, 270);
+}
+
+TEST_F(Calibrate, FindsTheFocalLengthOfARenderedClipAndRepeatsToTheByte) {
+  const std::string picture = scratch_ + "/residuals.png";
+  const CommandResult first = Run(SequenceFolder("losses"), {"--picture", picture});
+  ASSERT_EQ(first.exit_code, kExitOk) << first.ToString();
+  EXPECT_NE(first.out.find("focal length"), std::string::npos);
+  ExpectFocalLength(out_, kTrueFocalPx);
+  const Result<Image> image = ReadImage(picture, ChannelChoice::kAsStored);
+  ASSERT_TRUE(image.ok()) << image.status().ToString();
+  EXPECT_EQ(image->width(), 360);
+
+  const std::string calibration = ReadBytes(out_), drawn = ReadBytes(picture);
+  ASSERT_EQ(Run(SequenceFolder("losses"), {"--picture", picture, "--threads", "1"}).exit_code, kExitOk);
+  EXPECT_EQ(ReadBytes(out_), calibration);
+  EXPECT_EQ(ReadBytes(picture), drawn);
+}
+
+TEST_F(Calibrate, ARunWithoutCalibrationEstimatesItAndSaysSo) {
+  const std::string sequence = scratch_ + "/sequence", out = scratch_ + "/run";
+  fs::create_directories(sequence);
+  fs::create_directory_symlink(SequenceFolder("losses") + "/frames", sequence + "/frames");
+  for (const char* name : {"times.txt", "mask.png"}) {
+    fs::copy_file(SequenceFolder("losses") + "/" + name, sequence + "/" + name);
+  }
+  const CommandResult run = Haustra({"run", sequence, "--out", out});
+  ASSERT_EQ(run.exit_code, kExitOk) << run.ToString();
+  EXPECT_NE(run.err.find("estimating"), std::string::npos) << run.err;
+  ExpectFocalLength(out + "/calib.yaml", kTrueFocalPx);
+  const auto summary = ReadJson(out + "/summary.json");
+  EXPECT_EQ(summary.at("calibration").at("source"), "estimated");
+  EXPECT_NEAR(summary.at("calibration").at("focal_px").at("value").get<double>() / kTrueFocalPx, 1.0, 0.03);
+  EXPECT_GT(summary.at("coverage").get<double>(), 50.0);
+}
+
+TEST_F(Calibrate, ARunWithACalibrationSaysThatItWasGiven) {
+  EXPECT_EQ(ReadJson(ResultFolder("losses") + "/summary.json").at("calibration").at("source"), "given");
+  EXPECT_FALSE(Exists(ResultFolder("losses") + "/calib.yaml"));
+}
+
+TEST_F(Calibrate, ARunThatCannotEstimateAsksForACalibration) {
+  const std::string sequence = scratch_ + "/sequence", out = scratch_ + "/run";
+  CopySequence(SequenceFolder("losses"), sequence, 10);
+  fs::remove(sequence + "/calib.yaml");
+  const CommandResult run = Haustra({"run", sequence, "--out", out});
+  EXPECT_EQ(run.exit_code, kExitNoInput) << run.ToString();
+  for (const char* word : {"calib.yaml", "10 frames", "--calibration"}) {
+    EXPECT_NE(run.err.find(word), std::string::npos) << run.err;
+  }
+  EXPECT_FALSE(Exists(out));
+}
+
+TEST_F(Calibrate, RefusesWhatIsNotThereOrTooShort) {
+  ExpectRefusal(Run(scratch_ + "/none"), kExitNoInput, "none");
+  ExpectRefusal(Run(SequenceFolder("losses"), {"--last-frame", "9"}), kExitConfig, "10 frames are too few");
+  EXPECT_EQ(Haustra({"calibrate", SequenceFolder("losses")}).exit_code, kExitUsage);
+  EXPECT_EQ(Run("v4l2:/dev/video0").exit_code, kExitUsage);
+}
+
+TEST_F(Calibrate, RefusesAPictureThatStandsStill) {
+  const std::string sequence = scratch_ + "/sequence";
+  CopySequence(SequenceFolder("losses"), sequence, 40);
+  for (int i = 1; i < 40; ++i) {
+    fs::copy_file(FramePath(sequence, 0), FramePath(sequence, i), fs::copy_options::overwrite_existing);
+  }
+  ExpectRefusal(Run(sequence), kExitConfig, "does not move");
+}
+
+}  // namespace
+}  // namespace haustra::end_to_end

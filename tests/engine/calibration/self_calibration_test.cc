@@ -1,0 +1,116 @@
+// Clips of known cameras, with noise and false matches: what is estimated, how far it says it can be trusted, and what
+// is refused.
+#include "engine/calibration/self_calibration.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/engine/calibration/synthetic_clip.h"
+
+namespace haustra::calibration {
+namespace {
+
+// The window of the scope: its centre is a little off that of the camera.
+ScopeWindow ScopeOf(const SyntheticCamera& camera) {
+  return {0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1), static_cast<double>(camera.width_px),
+          static_cast<double>(camera.height_px)};
+}
+
+Result<CalibrationEstimate> Estimate(const SyntheticCamera& camera, const std::vector<FeatureWindow>& windows) {
+  return EstimateIntrinsics(windows, ScopeOf(camera), {});
+}
+
+double FocalError(const SyntheticCamera& camera, const CalibrationEstimate& estimate) {
+  return std::abs(std::log(estimate.intrinsics.focal_px / camera.intrinsics.focal_px));
+}
+
+TEST(SelfCalibration, FindsAFisheyeWithinOnePercent) {
+  const SyntheticCamera camera = ColonScope();
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const Result<CalibrationEstimate> estimate = Estimate(camera, MakeClip(camera, {}, 0.4, 8, seed));
+    ASSERT_TRUE(estimate.ok()) << estimate.status().ToString();
+    EXPECT_LT(FocalError(camera, *estimate), 0.01) << "seed " << seed;
+    EXPECT_NEAR(estimate->intrinsics.cx, camera.intrinsics.cx, 4.0);
+    EXPECT_NEAR(estimate->intrinsics.cy, camera.intrinsics.cy, 4.0);
+    EXPECT_NEAR(estimate->intrinsics.k1, camera.intrinsics.k1, 0.015);
+    EXPECT_EQ(estimate->num_windows, 8);
+  }
+}
+
+TEST(SelfCalibration, FindsARigidScopeWithoutFisheye) {
+  const SyntheticCamera camera = RigidScope();
+  const Result<CalibrationEstimate> estimate = Estimate(camera, MakeClip(camera, {}, 0.3, 12, 4));
+  ASSERT_TRUE(estimate.ok()) << estimate.status().ToString();
+  EXPECT_LT(FocalError(camera, *estimate), 0.02);
+}
+
+// Each intrinsic within four of its standard deviations, and those not inflated.
+TEST(SelfCalibration, SaysHowFarItCanBeTrusted) {
+  const SyntheticCamera camera = ColonScope();
+  const IntrinsicVector truth = camera.intrinsics.Vector();
+  for (std::uint64_t seed = 11; seed <= 14; ++seed) {
+    const Result<CalibrationEstimate> estimate = Estimate(camera, MakeClip(camera, {}, 0.5, 10, seed));
+    ASSERT_TRUE(estimate.ok()) << estimate.status().ToString();
+    const IntrinsicVector error = estimate->intrinsics.Vector() - truth;
+    for (int i = 0; i < kNumIntrinsics; ++i) {
+      EXPECT_LT(std::abs(error[i]), 4.0 * estimate->sigma[i]) << "seed " << seed << ", intrinsic " << i;
+    }
+    EXPECT_LT(estimate->sigma[kLogFocal], 0.01);
+  }
+}
+
+// Without strains in the adjustment it is 3.4 % short.
+TEST(SelfCalibration, ABreathingWallDoesNotBendTheFocalLength) {
+  const SyntheticCamera camera = ColonScope();
+  SyntheticMotion motion;
+  motion.breathing = 0.08;
+  const Result<CalibrationEstimate> estimate = Estimate(camera, MakeClip(camera, motion, 0.4, 8, 5));
+  ASSERT_TRUE(estimate.ok()) << estimate.status().ToString();
+  EXPECT_LT(FocalError(camera, *estimate), 0.02);
+}
+
+TEST(SelfCalibration, RepeatsToTheBit) {
+  const SyntheticCamera camera = ColonScope();
+  const std::vector<FeatureWindow> windows = MakeClip(camera, {}, 0.4, 6, 6);
+  const Result<CalibrationEstimate> first = Estimate(camera, windows), second = Estimate(camera, windows);
+  ASSERT_TRUE(first.ok() && second.ok());
+  EXPECT_EQ(first->intrinsics.Vector(), second->intrinsics.Vector());
+  EXPECT_EQ(first->sigma, second->sigma);
+}
+
+TEST(SelfCalibration, ResidualsCoverTheWindowAndAreThatOfTheNoise) {
+  const SyntheticCamera camera = ColonScope();
+  const Result<CalibrationEstimate> estimate = Estimate(camera, MakeClip(camera, {}, 0.4, 8, 7));
+  ASSERT_TRUE(estimate.ok()) << estimate.status().ToString();
+  EXPECT_GT(estimate->coverage, 0.7);
+  EXPECT_NEAR(estimate->rms_px, 0.4 * std::sqrt(2.0), 0.15);
+  EXPECT_GT(estimate->residuals.size(), 3000u);
+}
+
+void ExpectRefusal(const Result<CalibrationEstimate>& estimate, const std::string& word) {
+  ASSERT_FALSE(estimate.ok()) << estimate->intrinsics.Vector().transpose() << " +- " << estimate->sigma.transpose();
+  EXPECT_EQ(estimate.code(), StatusCode::kFailedPrecondition);
+  EXPECT_NE(estimate.status().message().find(word), std::string::npos) << estimate.status().message();
+}
+
+TEST(SelfCalibration, RefusesTooFewWindows) {
+  const SyntheticCamera camera = ColonScope();
+  ExpectRefusal(Estimate(camera, MakeClip(camera, {}, 0.4, 3, 8)), "only 3");
+  ExpectRefusal(Estimate(camera, {}), "only 0");
+}
+
+TEST(SelfCalibration, RefusesAScopeThatOnlyTurns) {
+  const SyntheticCamera camera = ColonScope();
+  const SyntheticMotion turning = {.forward = 0.0, .sideways = 0.0, .turn_rad = 0.3};
+  ExpectRefusal(Estimate(camera, MakeClip(camera, turning, 0.4, 8, 9)), "reconstructed");
+}
+
+TEST(SelfCalibration, RefusesASmallStraightAdvance) {
+  const SyntheticCamera camera = ColonScope();
+  const SyntheticMotion straight = {.forward = 0.25, .sideways = 0.0, .turn_rad = 0.0};
+  ExpectRefusal(Estimate(camera, MakeClip(camera, straight, 0.8, 8, 10)), "focal length");
+}
+
+}  // namespace
+}  // namespace haustra::calibration

@@ -1,0 +1,133 @@
+"""Runs of haustra that are made and judged once, for the benchmarks beside this file.
+
+A run's folder holds `run/` (what `haustra run` wrote), `evaluation.json`, and two records of what these were made with:
+digests of the program and of every input, and the settings. A run is made again when its record differs, and judged again
+when only the judge or the ground truth do. Needs only the standard library.
+"""
+
+import concurrent.futures
+import functools
+import hashlib
+import json
+import shutil
+import statistics
+import subprocess
+import threading
+
+TEXT_SUFFIXES = {".yaml", ".yml", ".txt", ".csv", ".xml", ".json"}
+TRUTH_PATTERNS = ("groundtruth*", "reference.txt", "events.csv")  # of the judge, not of the run
+_digest_lock = threading.Lock()  # the cache below would let two threads read the same file
+
+
+@functools.lru_cache(maxsize=None)
+def _read_digest(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def digest_of_file(path):
+    """Digest of a file, read once a process."""
+    with _digest_lock:
+        return _read_digest(path.resolve())
+
+
+def digest_of_sequence(sequence):
+    """Of a folder: names and sizes of all files, contents of the small ones. Pictures are known by their sizes."""
+    if sequence.is_file():
+        return digest_of_file(sequence)
+    digest = hashlib.sha256()
+    for path in sorted(p for p in sequence.rglob("*") if p.is_file()):
+        if any(path.match(pattern) for pattern in TRUTH_PATTERNS):
+            continue
+        digest.update(f"{path.relative_to(sequence)} {path.stat().st_size}\n".encode())
+        if path.suffix in TEXT_SUFFIXES or path.name == "mask.png":
+            digest.update(digest_of_file(path).encode())
+    return digest.hexdigest()
+
+
+def _is_made(record, made_with, product):
+    """Whether a record says that the product was made with just this."""
+    try:
+        return product.exists() and json.loads(record.read_text(encoding="utf-8")) == made_with
+    except (OSError, ValueError):
+        return False
+
+
+def _call(command):
+    """Nothing when it went well, else the end of what the command said."""
+    done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",
+                          check=False)
+    return None if done.returncode == 0 else done.stderr.strip()[-300:] or f"exit code {done.returncode}"
+
+
+def judged_run(folder, haustra, sequence, run_options, judge=None, truth=None, judge_options=(), files=()):
+    """Makes a run and judges it, unless both are there already.
+
+    folder         of this run alone
+    haustra        the program; `judge`: the program that evaluates, if it is another
+    run_options    of `haustra run`, without sequence and --out
+    truth          file for --groundtruth; None: there is none
+    files          that the options name: their contents count, too
+    Returns what `haustra evaluate` found, a dictionary, or a text: the reason why there is none.
+    """
+    judge = judge or haustra
+    out, figures = folder / "run", folder / "evaluation.json"
+    run_record, judge_record = folder / "run_made_with.json", folder / "evaluation_made_with.json"
+    run_with = {"program": digest_of_file(haustra), "sequence": digest_of_sequence(sequence),
+                "options": [str(o) for o in run_options], "files": [digest_of_file(f) for f in files]}
+    if not _is_made(run_record, run_with, out / "summary.json"):
+        for old in (run_record, judge_record, figures):
+            old.unlink(missing_ok=True)
+        shutil.rmtree(out, ignore_errors=True)
+        folder.mkdir(parents=True, exist_ok=True)
+        if (failure := _call([haustra, "run", sequence, "--out", out, *run_options])) is not None:
+            return f"run failed: {failure}"
+        run_record.write_text(json.dumps(run_with, indent=2), encoding="utf-8")
+
+    events = truth.parent / "events.csv" if truth else None
+    judge_with = {"program": digest_of_file(judge), "run": run_with, "options": [str(o) for o in judge_options],
+                  "truth": [digest_of_file(f) for f in (truth, events) if f and f.is_file()]}
+    if not _is_made(judge_record, judge_with, figures):
+        command = [judge, "evaluate", out, "--json", figures, *judge_options]
+        if truth:
+            command += ["--groundtruth", truth]
+        if (failure := _call(command)) is not None:
+            return f"evaluation failed: {failure}"
+        judge_record.write_text(json.dumps(judge_with, indent=2), encoding="utf-8")
+    return json.loads(figures.read_text(encoding="utf-8"))
+
+
+def run_all(jobs, tasks):
+    """Calls each of `tasks` (key to function), `jobs` at a time, in their order. Yields (key, result) as they end."""
+    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
+        keys = {pool.submit(task): key for key, task in tasks.items()}
+        for done in concurrent.futures.as_completed(keys):
+            yield keys[done], done.result()
+
+
+def known(values):
+    return [v for v in values if v is not None]
+
+
+def mean(values):
+    values = known(values)
+    return statistics.fmean(values) if values else None
+
+
+def median(values):
+    values = known(values)
+    return statistics.median(values) if values else None
+
+
+def text(value, digits):
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def count_false(run):
+    """Joins of all kinds that are false by the ground truth."""
+    return sum(count["false"] for count in run["join_counts"].values())
+
+
+def sum_recall(evaluations, kind):
+    """Occasions and how many were taken, of all runs that know."""
+    recalls = known(e["recall"][kind] for e in evaluations)
+    return sum(r["occasions"] for r in recalls), sum(r["taken"] for r in recalls)

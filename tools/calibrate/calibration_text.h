@@ -1,0 +1,15 @@
+// An estimated calibration in words and as JSON. reentrant.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+
+#include "tools/calibrate/clip_calibration.h"
+
+namespace haustra {
+
+// A few lines for a person.
+std::string CalibrationText(const ClipCalibration& result);
+nlohmann::ordered_json CalibrationJson(const ClipCalibration& result);
+
+}  // namespace haustra

@@ -1,0 +1,39 @@
+// The calibration of a camera from a clip of its own: reads the frames, lets engine/calibration follow features through
+// short windows and estimate. thread-bound(the caller).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "capture/sequence_options.h"
+#include "engine/calibration/scope_window.h"
+#include "engine/calibration/self_calibration.h"
+#include "engine/calibration/window_collector.h"
+#include "hal/camera_calibration.h"
+#include "hal/core/status.h"
+
+namespace haustra {
+
+struct ClipCalibrationRequest {
+  std::string sequence;     // as for OpenSequence; not a live camera
+  SequenceOptions options;  // part and mask; its calibrations and halve are not used
+  double rate_hz = 0.0;     // of the frames, where neither times nor the recording say it; 0: unknown
+  std::string device = "cpu";
+  int threads = 0;
+  std::uint64_t seed = 1;
+  std::function<void(std::uint32_t frame_index, std::uint32_t num_frames)> on_frame;  // may be empty
+};
+
+struct ClipCalibration {
+  CameraCalibration calibration;  // Kannala-Brandt, of the frames as they are stored
+  calibration::CalibrationEstimate estimate;
+  calibration::ScopeWindow scope;
+  calibration::CollectorCounters counters;
+  int width_px = 0, height_px = 0;
+};
+
+// kFailedPrecondition: refused, and what the clip lacks. Errors of OpenSequence and CreateVisionDevice.
+Result<ClipCalibration> CalibrateFromClip(const ClipCalibrationRequest& request);
+
+}  // namespace haustra

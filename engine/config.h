@@ -33,7 +33,8 @@ struct FeatureConfig {
 struct NoiseConfig {
   double k = 0.15;          // [0, 10]
   double sigma_0_px = 0.9;  // [0, 20]
-  double SigmaPx(double scale_px) const { return k * scale_px + sigma_0_px; }
+  // Both are the start and the bounds of what is measured on the running map (tracking/noise_meter.h). Off: they stay.
+  bool is_measured = true;
 };
 
 // Ratios are of angles (hal/vision_device.h).
@@ -46,11 +47,12 @@ struct MatchingConfig {
 };
 
 struct InitialisationConfig {
-  double brute_force_ratio = 0.8;     // [0.1, 1]
-  double max_disparity_x_px = 120.0;  // the baseline is short (paper, Section III-D) [1, 4000]
-  double max_disparity_y_px = 120.0;
+  double brute_force_ratio = 0.8;  // [0.1, 1]
+  // Between the two views; the baseline is short (paper, Section III-D) [0.1, 180].
+  double max_disparity_deg = 18.0;
   int min_matches = 35;  // below it the reference frame is renewed [10, 8000]
-  int min_points = 25;   // triangulated points [10, 8000]
+  // Triangulated points [10, 8000]. Maps that begin with fewer on real tissue are lost within seconds, or drift.
+  int min_points = 50;
   // The two views are near in time: nothing has deformed between them, and only the localisation of the features is
   // noise (sigma = noise_k * scale + noise_sigma_0_px). With the noise of mapping, small motions would vanish in the
   // tolerance. Without the constant part, half of the true matches of a real, compressed video fall outside it: fine
@@ -58,27 +60,30 @@ struct InitialisationConfig {
   // founded late or never.
   double noise_k = 0.35;          // [0.05, 10]
   double noise_sigma_0_px = 0.3;  // [0, 10]
-  // What the best pure rotation leaves of the matches' motion, median: the share that only depth can explain [0.05, 30]
-  double min_parallax_deg = 0.7;
-  int min_gap_frames = 4;         // between the two views: one step of a trembling hand is no baseline [1, 100]
-  double min_inlier_share = 0.5;  // inliers of the epipolar geometry over matches [0, 1]
+  // What the best pure rotation leaves of the matches' motion, median: the share that only depth can explain. Either is
+  // enough: an angle at which living walls are seen to be deep, or so many sigmas of the noise above, which sharp and
+  // large pictures reach sooner.
+  double min_parallax_deg = 0.7;     // [0.05, 30]
+  double min_parallax_sigmas = 6.0;  // [1, 100]
+  double min_gap_ms = 140.0;         // between the two views: one step of a trembling hand is no baseline [0, 10000]
+  double min_inlier_share = 0.5;     // inliers of the epipolar geometry over matches [0, 1]
   // Area of the ellipse fitted to the points over that of the scope's window [0, 1]. The paper accepts 0.59 and rejects
   // 0.35 of the image; texture that covers a part of the window only must do, too.
   double min_spread = 0.30;
-  // In a row without a motion that explains the matches: the reference is no good (blur, bubbles) and is renewed
-  // [1, 1000].
-  int max_unexplained_frames = 8;
-  int max_reference_age_frames = 40;  // a reference older than this is renewed [1, 1000]
+  // Without a motion that explains the matches: the reference is no good (blur, bubbles) and is renewed [0, 60000].
+  double max_unexplained_ms = 320.0;
+  // Views after the reference that are kept: they are placed when the map stands, and the next reference is one of
+  // them. When there is no room for more, every second one goes [2, 1000].
+  int kept_views = 40;
 };
 
 struct TrackingConfig {
-  double motion_radius_px = 16.0;    // search radius around the constant-velocity prediction [2, 200]
+  double motion_radius_deg = 2.4;    // search radius around the constant-velocity prediction [0.1, 45]
   double wide_radius_factor = 3.0;   // second try when the first finds too few [1, 10]
   int min_motion_matches = 15;       // below it: second try, then brute force [5, 1000]
   int min_inliers = 15;              // a pose with fewer is not a pose [6, 1000]
-  int min_recovery_inliers = 20;     // a pose found by brute force needs more [6, 1000]
+  int min_recovery_inliers = 20;     // found by brute force while tracking; when lost, as a relocalisation [6, 1000]
   bool brute_force_recovery = true;  // off: a frame that guided search cannot place is lost (for comparison)
-  int max_unclear_frames = 12;       // in a row with much less in sight than usual, then lost [1, 1000]
   double max_jump_depth_ratio =
       0.5;                     // tracked motion in one frame over the median depth: more is inconsistent [0.01, 10]
   double max_jump_deg = 25.0;  // rotation in one frame [1, 180]
@@ -86,9 +91,9 @@ struct TrackingConfig {
 
 struct KeyframeConfig {
   double min_tracked_ratio =
-      0.80;                     // tracked points over those of the reference keyframe: fewer asks for a keyframe [0, 1]
-  int min_spacing_frames = 3;   // [1, 1000]
-  int max_spacing_frames = 25;  // one second: a keyframe if the scope moved at all [1, 10000]
+      0.80;  // tracked points over those of the reference keyframe: fewer asks for a keyframe [0, 1]
+  double min_spacing_ms = 100.0;   // [0, 60000]
+  double max_spacing_ms = 1000.0;  // a keyframe if the scope moved at all [1, 600000]
   double min_parallax_deg = 3.0;  // motion since the last keyframe seen from the median point that asks for one [0, 90]
   int low_inliers = 60;           // fewer tracked points than this ask for a keyframe at once [0, 10000]
 };
@@ -96,16 +101,22 @@ struct KeyframeConfig {
 struct MappingConfig {
   int triangulation_neighbours = 8;   // best covisible keyframes a new one is matched with [1, 40]
   double triangulation_ratio = 0.85;  // [0.1, 1]
-  double min_parallax_deg = 0.5;      // of a new point [0.01, 30]
+  // Of a new point, in sigmas of its observations. Of points with less, those are taken whose noise happens to widen
+  // the angle: they come out too near, each generation nearer than the last, and the scale of the map collapses [0.5,
+  // 20].
+  double min_parallax_sigmas = 3.0;
+  double min_parallax_deg = 0.5;  // never less: beyond noise there is motion of the wall [0.01, 30]
   double min_baseline_depth_ratio = 0.01;
-  int fuse_neighbours = 12;          // keyframes whose points are searched in the new one and back [1, 60]
-  int window_keyframes = 35;         // optimised by local bundle adjustment [2, 60]
-  int fixed_keyframes = 20;          // older ring that holds the gauge [0, 60]
-  int min_shared_points = 15;        // to be a covisible neighbour [1, 1000]
-  int bundle_iterations = 10;        // [1, 100]
-  int max_bundle_ms = 150;           // real-time mode only; sequential mode counts iterations [1, 10000]
-  int point_trial_keyframes = 20;    // made after a point, before it is judged by its observations [1, 1000]
-  int min_lasting_observations = 4;  // a point with fewer after its trial is culled [2, 40]
+  int fuse_neighbours = 12;    // keyframes whose points are searched in the new one and back [1, 60]
+  int window_keyframes = 35;   // optimised by local bundle adjustment [2, 60]
+  int fixed_keyframes = 20;    // older ring that holds the gauge [0, 60]
+  int min_shared_points = 15;  // to be a covisible neighbour [1, 1000]
+  int bundle_iterations = 10;  // [1, 100]
+  int max_bundle_ms = 150;     // real-time mode only; sequential mode counts iterations [1, 10000]
+  // A point of two views only has no witness for its depth, and living walls give many false ones: it has to be found
+  // again soon.
+  int point_trial_keyframes = 3;     // made after a point, before it is judged by its observations [1, 1000]
+  int min_lasting_observations = 3;  // a point with fewer after its trial is culled [2, 40]
   double redundant_share = 0.90;     // a keyframe whose points are seen so much elsewhere is culled [0.5, 1]
   int min_map_keyframes = 4;         // a map with fewer is dropped when it is lost [2, 100]
 };

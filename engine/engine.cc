@@ -16,7 +16,7 @@ VisionPlan Engine::PlanFor(const EngineConfig& config, const CameraCalibration& 
   plan.max_height_px = calibration.height_px;
   plan.max_features = config.features.max;
   plan.max_feature_sets = config.memory.max_keyframes + config.memory.spare_feature_sets +
-                          kInitialisations * config.initialisation.max_reference_age_frames;
+                          kInitialisations * config.initialisation.kept_views;
   plan.max_match_list = std::max(config.memory.max_local_points, config.features.max);
   plan.extracts_in_background = false;
   return plan;
@@ -37,7 +37,7 @@ ExtractOptions Engine::ExtractOptionsFor(const EngineConfig& config) {
 MemoryPlan Engine::PlanMemory(const EngineConfig& config) {
   MemoryPlan plan = Mapper::PlanMemory(config);
   plan.Append(TrackingLink::PlanMemory(config.memory.max_proposals, config.features.max,
-                                       config.initialisation.max_reference_age_frames, config.memory.max_local_points));
+                                       config.initialisation.kept_views, config.memory.max_local_points));
   plan.Append(Tracker::PlanMemory(config));
   plan.Add(MemoryPlace::kHostArena, "place recognition", static_cast<std::uint64_t>(PlaceTask::MaxCandidates(config)),
            PlaceTask::BytesFor(config),
@@ -52,7 +52,7 @@ Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevi
       camera_(camera),
       clock_(clock),
       arena_(PlanMemory(config).bytes(MemoryPlace::kHostArena)),
-      link_(config.memory.max_proposals, config.features.max, config.initialisation.max_reference_age_frames,
+      link_(config.memory.max_proposals, config.features.max, config.initialisation.kept_views,
             config.memory.max_local_points, &arena_),
       places_(config_, &arena_),
       background_device_(BackgroundDevice(device, mode)),

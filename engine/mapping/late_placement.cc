@@ -1,9 +1,12 @@
 #include "engine/mapping/late_placement.h"
 
+#include "engine/geometry/constants.h"
+
 namespace haustra {
 
-LatePlacement::LatePlacement(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
-    : config_(config), camera_(camera), device_(device) {}
+LatePlacement::LatePlacement(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera,
+                             VisionDevice& device)
+    : config_(config), noise_(noise), camera_(camera), device_(device) {}
 
 bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHandle handle, const Atlas& atlas,
                           PlacedView* out) {
@@ -11,6 +14,7 @@ bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHa
   query_points_.clear();
   const Keyframe& keyframe = atlas.keyframe(handle);
   const auto tolerance = static_cast<float>(config_.matching.scale_tolerance);
+  const auto radius_px = static_cast<float>(config_.tracking.motion_radius_deg * kDegree * camera_.focal_px());
   for (int i = 0; i < keyframe.features.num; ++i) {
     if (!keyframe.points[i]) continue;
     Eigen::Vector2d pixel;
@@ -20,7 +24,7 @@ bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHa
     queries_.push_back({{keyframe.features.set, i},
                         static_cast<float>(pixel.x()),
                         static_cast<float>(pixel.y()),
-                        static_cast<float>(config_.tracking.motion_radius_px),
+                        radius_px,
                         scale / tolerance,
                         scale * tolerance});
     query_points_.push_back(keyframe.points[i]);
@@ -40,7 +44,7 @@ bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHa
   for (int m = 0; m < num_matches; ++m) {
     observations_.push_back({atlas.point(query_points_[matches_[m].query]).position,
                              view.features.pixel(matches_[m].train),
-                             config_.noise.SigmaPx(view.features.keypoints[matches_[m].train].scale_px)});
+                             noise_.SigmaPx(view.features.keypoints[matches_[m].train].scale_px)});
   }
   inliers_.resize(observations_.size());
   PoseOptimizerResult pose;

@@ -8,6 +8,7 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/noise_model.h"
 #include "engine/optim/pose_optimizer.h"
 #include "engine/tracking/keyframe_proposal.h"
 #include "hal/vision_device.h"
@@ -36,13 +37,14 @@ struct PlacedView {
 
 class LatePlacement {
  public:
-  LatePlacement(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
+  LatePlacement(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera, VisionDevice& device);
 
   // Finds the view in the points of `keyframe`, starting from `guess`. False when too few agree.
   bool Place(const ProposedView& view, const SE3& guess, KeyframeHandle keyframe, const Atlas& atlas, PlacedView* out);
 
  private:
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const CameraModel& camera_;
   VisionDevice& device_;
   std::vector<GuidedQuery> queries_;

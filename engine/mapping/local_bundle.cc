@@ -4,8 +4,10 @@
 
 namespace haustra {
 
-LocalBundle::LocalBundle(const EngineConfig& config, const CameraModel& camera, SchurBundleAdjuster& adjuster)
+LocalBundle::LocalBundle(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera,
+                         SchurBundleAdjuster& adjuster)
     : config_(config),
+      noise_(noise),
       camera_(camera),
       adjuster_(adjuster),
       pose_slots_(static_cast<std::size_t>(config.memory.max_keyframes), -1),
@@ -110,8 +112,7 @@ void LocalBundle::FillProblem(const Atlas& atlas) {
       if (pose < 0) continue;
       const FrameFeatures& features = atlas.keyframe(observation.keyframe).features;
       problem_.observations.push_back({pose, static_cast<std::int32_t>(i), features.pixel(observation.feature_idx),
-                                       config_.noise.SigmaPx(features.keypoints[observation.feature_idx].scale_px),
-                                       false});
+                                       noise_.SigmaPx(features.keypoints[observation.feature_idx].scale_px), false});
     }
   }
 }

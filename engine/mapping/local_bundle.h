@@ -8,6 +8,7 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/noise_model.h"
 #include "engine/optim/schur_bundle_adjustment.h"
 
 namespace haustra {
@@ -15,7 +16,8 @@ namespace haustra {
 class LocalBundle {
  public:
   // Everything named outlives it; the adjuster may have other users between calls.
-  LocalBundle(const EngineConfig& config, const CameraModel& camera, SchurBundleAdjuster& adjuster);
+  LocalBundle(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera,
+              SchurBundleAdjuster& adjuster);
 
   struct Extent {
     int max_keyframes = 1;    // that move
@@ -34,6 +36,7 @@ class LocalBundle {
   void WriteBack(Atlas* atlas);
 
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const CameraModel& camera_;
   SchurBundleAdjuster& adjuster_;
   BundleProblem problem_;

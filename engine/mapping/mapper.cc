@@ -39,16 +39,17 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       places_(places),
       clock_(clock),
       is_time_boxed_(is_time_boxed && clock != nullptr),
+      noise_(config.noise),
       atlas_(CapacityOf(config), memory),
       builder_(config.memory.max_keyframes, config.memory.max_map_points),
-      creator_(config, camera, device),
-      fuser_(config, camera, device),
-      bundle_(config, camera, adjuster_),
-      late_placement_(config, camera, device),
+      creator_(config, noise_, camera, device),
+      fuser_(config, noise_, camera, device),
+      bundle_(config, noise_, camera, adjuster_),
+      late_placement_(config, noise_, camera, device),
       retrieval_(MakeRetrieval(config, device, vocabulary)),
-      relocaliser_(config, config.place.relocalisation, config.place.retrieval, camera, device, *retrieval_),
+      relocaliser_(config, config.place.relocalisation, noise_, config.place.retrieval, camera, device, *retrieval_),
       scout_(config, *retrieval_),
-      merger_(config, config.merging, camera, device, adjuster_),
+      merger_(config, config.merging, noise_, camera, device, adjuster_),
       evictor_(
           config, atlas_, *retrieval_, [this](FeatureSetHandle set) { Retire(set); },
           [this](MapHandle map) { ReportEviction(map); }),
@@ -85,6 +86,7 @@ bool Mapper::Step() {
   const KeyframeProposal* proposal = link_.proposals.Front();
   if (proposal == nullptr) return AskForSkipped() || Settle();
   current_view_ = &proposal->view;
+  noise_ = proposal->noise;
   switch (proposal->kind) {
     case ProposalKind::kKeyframe: InsertKeyframe(*proposal); break;
     case ProposalKind::kFounding: FoundMap(*proposal); break;
@@ -235,7 +237,7 @@ void Mapper::RefineFounding(KeyframeHandle reference) {
       const FrameFeatures& features = atlas_.keyframe(keyframes[k]).features;
       const std::int32_t feature = atlas_.FeatureOf(point, keyframes[k]);
       founding_.observations.push_back(
-          {k, idx, features.pixel(feature), config_.noise.SigmaPx(features.keypoints[feature].scale_px), false});
+          {k, idx, features.pixel(feature), noise_.SigmaPx(features.keypoints[feature].scale_px), false});
     }
   }
   for (const PlacedView& placed : placed_) {
@@ -272,8 +274,8 @@ bool Mapper::MakeFoundingBundle(const KeyframeProposal& proposal) {
     founding_.points.push_back({pair.point_in_reference, false});
     const Keypoint& a = proposal.reference.features.keypoints[pair.reference_feature];
     const Keypoint& b = proposal.view.features.keypoints[pair.feature];
-    founding_.observations.push_back({0, i, {a.x_px, a.y_px}, config_.noise.SigmaPx(a.scale_px), false});
-    founding_.observations.push_back({1, i, {b.x_px, b.y_px}, config_.noise.SigmaPx(b.scale_px), false});
+    founding_.observations.push_back({0, i, {a.x_px, a.y_px}, noise_.SigmaPx(a.scale_px), false});
+    founding_.observations.push_back({1, i, {b.x_px, b.y_px}, noise_.SigmaPx(b.scale_px), false});
   }
   BundleOptions options;
   options.max_iterations = kFoundingIterations;
@@ -504,6 +506,7 @@ void Mapper::AskForPlace(KeyframeHandle keyframe) {
   skipped_ = task == nullptr ? keyframe : KeyframeHandle{};
   if (task == nullptr) return;
   const TimePoint start = Now();
+  task->noise = noise_;
   const bool is_question = scout_.Begin(atlas_, keyframe, task);
   task->mapping_duration = Now() - start;
   counters_.asking_time += task->mapping_duration;

@@ -27,6 +27,7 @@
 #include "engine/mapping/point_creation.h"
 #include "engine/mapping/point_fusion.h"
 #include "engine/merging/merger.h"
+#include "engine/noise_model.h"
 #include "engine/place/place_mailbox.h"
 #include "engine/place/place_scout.h"
 #include "engine/place/relocaliser.h"
@@ -137,6 +138,7 @@ class Mapper {
   PlaceMailbox& places_;
   const Clock* clock_;
   bool is_time_boxed_;
+  NoiseModel noise_;  // of the last proposal
   Atlas atlas_;
   LocalMapBuilder builder_;
   PointCreator creator_;

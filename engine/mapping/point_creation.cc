@@ -9,21 +9,29 @@
 namespace haustra {
 namespace {
 
+constexpr double kGateOneDof = 1.96;  // 95 %
+
 // Features without a point, and for every feature how far from its epipolar plane it may lie.
-void ListUnmatched(const Keyframe& keyframe, const NoiseConfig& noise, double focal_px, std::vector<std::int32_t>* list,
+void ListUnmatched(const Keyframe& keyframe, const NoiseModel& noise, double focal_px, std::vector<std::int32_t>* list,
                    std::vector<float>* tolerance) {
   list->clear();
   tolerance->resize(static_cast<std::size_t>(keyframe.features.num));
   for (int i = 0; i < keyframe.features.num; ++i) {
     if (!keyframe.points[i]) list->push_back(i);
-    (*tolerance)[i] = static_cast<float>(1.96 * noise.SigmaPx(keyframe.features.keypoints[i].scale_px) / focal_px);
+    (*tolerance)[i] =
+        static_cast<float>(kGateOneDof * noise.SigmaPx(keyframe.features.keypoints[i].scale_px) / focal_px);
   }
 }
 
 }  // namespace
 
-PointCreator::PointCreator(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
-    : config_(config), camera_(camera), device_(device), matches_(static_cast<std::size_t>(config.features.max)) {}
+PointCreator::PointCreator(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera,
+                           VisionDevice& device)
+    : config_(config),
+      noise_(noise),
+      camera_(camera),
+      device_(device),
+      matches_(static_cast<std::size_t>(config.features.max)) {}
 
 void PointCreator::Create(KeyframeHandle handle, std::span<const Covisible> neighbours, Atlas* atlas,
                           std::vector<MapPointHandle>* created) {
@@ -52,8 +60,8 @@ void PointCreator::CreateWith(KeyframeHandle handle, KeyframeHandle neighbour, A
                               std::vector<MapPointHandle>* created) {
   const Keyframe& a = atlas->keyframe(handle);
   const Keyframe& b = atlas->keyframe(neighbour);
-  ListUnmatched(a, config_.noise, camera_.focal_px(), &unmatched_a_, &tolerance_a_);
-  ListUnmatched(b, config_.noise, camera_.focal_px(), &unmatched_b_, &tolerance_b_);
+  ListUnmatched(a, noise_, camera_.focal_px(), &unmatched_a_, &tolerance_a_);
+  ListUnmatched(b, noise_, camera_.focal_px(), &unmatched_b_, &tolerance_b_);
   if (unmatched_a_.empty() || unmatched_b_.empty()) return;
 
   const SE3 b_from_a = b.cam_from_map * a.cam_from_map.Inverse();
@@ -78,7 +86,6 @@ void PointCreator::CreateWith(KeyframeHandle handle, KeyframeHandle neighbour, A
   request.num_matches = &num_matches;
   if (!MatchAndWait(device_, Lane::kBackground, request).ok()) return;
 
-  const double max_cos = std::cos(config_.mapping.min_parallax_deg * kDegree);
   const SE3 map_from_a = a.cam_from_map.Inverse();
   for (int m = 0; m < num_matches; ++m) {
     const int feature_a = unmatched_a_[matches_[m].query];
@@ -87,7 +94,11 @@ void PointCreator::CreateWith(KeyframeHandle handle, KeyframeHandle neighbour, A
     if (!TriangulateBearings(b_from_a, a.features.bearing(feature_a), b.features.bearing(feature_b), &triangulated)) {
       continue;
     }
-    if (triangulated.cos_parallax > max_cos) continue;
+    // Tolerances are 1.96 sigma, as angles.
+    const double sigma_rad = std::max(tolerance_a_[feature_a], tolerance_b_[feature_b]) / kGateOneDof;
+    const double min_parallax_rad =
+        std::max(config_.mapping.min_parallax_deg * kDegree, config_.mapping.min_parallax_sigmas * sigma_rad);
+    if (triangulated.cos_parallax > std::cos(min_parallax_rad)) continue;
     const Eigen::Vector3d in_map = map_from_a * triangulated.point_in_a;
     if (!IsConsistent(a, feature_a, b, feature_b, in_map)) continue;
     const MapPointHandle point = atlas->AddPoint(a.map, in_map, a.id);
@@ -109,7 +120,7 @@ bool PointCreator::IsConsistent(const Keyframe& a, int feature_a, const Keyframe
     Eigen::Vector2d pixel;
     if (!camera_.Project(in_cam, &pixel)) return false;
     const double scale = keyframe->features.keypoints[feature].scale_px;
-    const double sigma = config_.noise.SigmaPx(scale);
+    const double sigma = noise_.SigmaPx(scale);
     if ((pixel - keyframe->features.pixel(feature)).squaredNorm() > kChi2TwoDof * sigma * sigma) return false;
     size[side++] = scale * in_cam.norm();
   }

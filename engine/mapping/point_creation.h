@@ -9,13 +9,14 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/noise_model.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
 
 class PointCreator {
  public:
-  PointCreator(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
+  PointCreator(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera, VisionDevice& device);
 
   // Appends the points made to `created`.
   void Create(KeyframeHandle handle, std::span<const Covisible> neighbours, Atlas* atlas,
@@ -27,6 +28,7 @@ class PointCreator {
                     const Eigen::Vector3d& in_map) const;
 
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const CameraModel& camera_;
   VisionDevice& device_;
   std::vector<std::int32_t> unmatched_a_;

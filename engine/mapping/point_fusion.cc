@@ -8,8 +8,9 @@
 namespace haustra {
 namespace {}  // namespace
 
-PointFuser::PointFuser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
-    : config_(config), camera_(camera), device_(device) {}
+PointFuser::PointFuser(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera,
+                       VisionDevice& device)
+    : config_(config), noise_(noise), camera_(camera), device_(device) {}
 
 int PointFuser::SearchInto(KeyframeHandle handle, std::span<const MapPointHandle> candidates, Atlas* atlas) {
   queries_.clear();
@@ -31,7 +32,7 @@ int PointFuser::SearchInto(KeyframeHandle handle, std::span<const MapPointHandle
     if (atlas->FeatureOf(*point, handle) >= 0) continue;
     const double scale = point->scale_times_distance / distance;
     queries_.push_back({point->descriptor, static_cast<float>(pixel.x()), static_cast<float>(pixel.y()),
-                        static_cast<float>(gate * config_.noise.SigmaPx(scale)), static_cast<float>(scale / tolerance),
+                        static_cast<float>(gate * noise_.SigmaPx(scale)), static_cast<float>(scale / tolerance),
                         static_cast<float>(scale * tolerance)});
     query_points_.push_back(candidate);
   }

@@ -9,13 +9,14 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/noise_model.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
 
 class PointFuser {
  public:
-  PointFuser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
+  PointFuser(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera, VisionDevice& device);
 
   // Searches `candidates` (stale handles are skipped) in the keyframe. Returns the number of observations gained plus
   // points fused.
@@ -23,6 +24,7 @@ class PointFuser {
 
  private:
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const CameraModel& camera_;
   VisionDevice& device_;
   std::vector<GuidedQuery> queries_;

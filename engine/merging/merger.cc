@@ -42,12 +42,13 @@ Sim3 UpToDate(const MergePlan& plan, const Atlas& atlas) {
 
 }  // namespace
 
-Merger::Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera,
-               VisionDevice& device, SchurBundleAdjuster& adjuster)
+Merger::Merger(const EngineConfig& config, const MergingConfig& options, const NoiseModel& noise,
+               const CameraModel& camera, VisionDevice& device, SchurBundleAdjuster& adjuster)
     : config_(config),
+      noise_(noise),
       options_(options),
-      fuser_(config, camera, device),
-      weld_(config, options, camera, adjuster),
+      fuser_(config, noise, camera, device),
+      weld_(config, options, noise, camera, adjuster),
       graph_(options, config.memory.max_keyframes),
       collector_(config.memory.max_map_points) {}
 

@@ -18,6 +18,7 @@
 #include "engine/merging/merge_plan.h"
 #include "engine/merging/merging_config.h"
 #include "engine/merging/weld.h"
+#include "engine/noise_model.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
@@ -25,8 +26,8 @@ namespace haustra {
 class Merger {
  public:
   // Everything named outlives it; the adjuster may have other users between calls.
-  Merger(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera, VisionDevice& device,
-         SchurBundleAdjuster& adjuster);
+  Merger(const EngineConfig& config, const MergingConfig& options, const NoiseModel& noise, const CameraModel& camera,
+         VisionDevice& device, SchurBundleAdjuster& adjuster);
 
   // kFailedPrecondition: a keyframe of the plan is gone, or tracking in another map; nothing was touched.
   // kInvalidArgument: the similarity is not one. `clock` may be null with kNoDeadline: then only iterations bound the
@@ -40,6 +41,7 @@ class Merger {
   void WeldSeam(const Weld::Sides& sides, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
 
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const MergingConfig& options_;
   PointFuser fuser_;
   Weld weld_;

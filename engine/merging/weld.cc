@@ -10,9 +10,10 @@ constexpr std::size_t kMinRing = 2;
 
 }  // namespace
 
-Weld::Weld(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera,
+Weld::Weld(const EngineConfig& config, const MergingConfig& options, const NoiseModel& noise, const CameraModel& camera,
            SchurBundleAdjuster& adjuster)
     : config_(config),
+      noise_(noise),
       options_(options),
       camera_(camera),
       adjuster_(adjuster),
@@ -97,8 +98,7 @@ void Weld::FillProblem(const Sides& sides, const Atlas& atlas) {
       if (pose < 0) continue;
       const FrameFeatures& features = atlas.keyframe(observation.keyframe).features;
       problem_.observations.push_back({pose, static_cast<std::int32_t>(i), features.pixel(observation.feature_idx),
-                                       config_.noise.SigmaPx(features.keypoints[observation.feature_idx].scale_px),
-                                       false});
+                                       noise_.SigmaPx(features.keypoints[observation.feature_idx].scale_px), false});
     }
   }
 }

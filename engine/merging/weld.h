@@ -11,6 +11,7 @@
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
 #include "engine/merging/merging_config.h"
+#include "engine/noise_model.h"
 #include "engine/optim/schur_bundle_adjustment.h"
 
 namespace haustra {
@@ -18,7 +19,7 @@ namespace haustra {
 class Weld {
  public:
   // Everything named outlives it; the adjuster may have other users between calls.
-  Weld(const EngineConfig& config, const MergingConfig& options, const CameraModel& camera,
+  Weld(const EngineConfig& config, const MergingConfig& options, const NoiseModel& noise, const CameraModel& camera,
        SchurBundleAdjuster& adjuster);
 
   struct Sides {
@@ -43,6 +44,7 @@ class Weld {
   double MedianDistance(std::size_t num_moving) const;
 
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const MergingConfig& options_;
   const CameraModel& camera_;
   SchurBundleAdjuster& adjuster_;

@@ -49,13 +49,14 @@ std::string_view ToString(CommonAreaVerdict verdict) {
 }
 
 CommonAreaVerifier::CommonAreaVerifier(const EngineConfig& config, const CommonAreaConfig& options,
-                                       const CameraModel& camera, VisionDevice& device)
+                                       const NoiseModel& noise, const CameraModel& camera, VisionDevice& device)
     : config_(config),
+      noise_(noise),
       options_(options),
       camera_(camera),
       device_(device),
       ransac_(config.features.max),
-      search_(config, camera, device),
+      search_(config, noise, camera, device),
       found_matches_(static_cast<std::size_t>(config.features.max)) {}
 
 bool CommonAreaVerifier::Verify(const GroupExcerpt& a, const GroupExcerpt& b, Rng& rng, CommonArea* out) {
@@ -254,8 +255,8 @@ void CommonAreaVerifier::FillMatches(const Sides& sides) {
     match.point_in_b = sides.b.points[pair.point_b].position;
     match.pixel_in_a = a.pixel(pair.feature_a);
     match.pixel_in_b = b.pixel(pair.feature_b);
-    match.sigma_a_px = config_.noise.SigmaPx(a.keypoints[pair.feature_a].scale_px);
-    match.sigma_b_px = config_.noise.SigmaPx(b.keypoints[pair.feature_b].scale_px);
+    match.sigma_a_px = noise_.SigmaPx(a.keypoints[pair.feature_a].scale_px);
+    match.sigma_b_px = noise_.SigmaPx(b.keypoints[pair.feature_b].scale_px);
     match.view_b = pair.view_b;
     matches_.push_back(match);
   }
@@ -349,7 +350,7 @@ CommonAreaVerdict CommonAreaVerifier::CheckNeighbours(const Sides& sides, Common
       const Eigen::Vector3d position = out->b_from_a * sides.a.points[point_a].position;
       Eigen::Vector2d pixel;
       if (!camera_.Project(sight.cam_from_map * position, &pixel)) continue;
-      const double sigma = config_.noise.SigmaPx(sight.scale_px);
+      const double sigma = noise_.SigmaPx(sight.scale_px);
       if ((pixel - sight.pixel).squaredNorm() <= kChi2TwoDof * sigma * sigma) ++num_inliers;
     }
     if (num_inliers >= options_.min_confirming_inliers) ++counts.num_confirming;

@@ -21,6 +21,7 @@
 #include "engine/geometry/sim3.h"
 #include "engine/geometry/sim3_match.h"
 #include "engine/geometry/sim3_ransac.h"
+#include "engine/noise_model.h"
 #include "engine/optim/sim3_optimizer.h"
 #include "engine/place/place_config.h"
 #include "engine/place/place_excerpt.h"
@@ -104,8 +105,8 @@ struct CommonArea {
 class CommonAreaVerifier {
  public:
   // Everything named outlives it.
-  CommonAreaVerifier(const EngineConfig& config, const CommonAreaConfig& options, const CameraModel& camera,
-                     VisionDevice& device);
+  CommonAreaVerifier(const EngineConfig& config, const CommonAreaConfig& options, const NoiseModel& noise,
+                     const CameraModel& camera, VisionDevice& device);
 
   // True when accepted. K_a and its neighbours, K_b and its group: two keyframes.
   bool Verify(const GroupExcerpt& a, const GroupExcerpt& b, Rng& rng, CommonArea* out);
@@ -140,6 +141,7 @@ class CommonAreaVerifier {
   void MarkFeaturesWithPoint(const KeyframeExcerpt& keyframe);
 
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const CommonAreaConfig& options_;
   const CameraModel& camera_;
   VisionDevice& device_;

@@ -9,11 +9,13 @@ constexpr std::uint64_t kRecogniserStream = 11;
 
 PlaceRecogniser::PlaceRecogniser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
     : config_(config),
+      noise_(config.noise),
       vote_(config, config.place.retrieval, device),
-      verifier_(config, config.place.common_area, camera, device),
+      verifier_(config, config.place.common_area, noise_, camera, device),
       rng_(config.seed, kRecogniserStream) {}
 
 void PlaceRecogniser::Recognise(PlaceTask* task) {
+  noise_ = task->noise;
   switch (task->stage) {
     case PlaceTask::Stage::kRetrieve: task->has_failed = !vote_.Count(task->votes, &task->retrieved).ok(); break;
     case PlaceTask::Stage::kVerify: Verify(task); break;

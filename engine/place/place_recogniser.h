@@ -5,6 +5,7 @@
 // thread-bound(merging), deterministic for one seed.
 #pragma once
 
+#include "engine/noise_model.h"
 #include "engine/place/common_area.h"
 #include "engine/place/place_task.h"
 
@@ -24,6 +25,7 @@ class PlaceRecogniser {
   bool HasRival(PlaceTask* task, const PlaceCandidate& accepted);
 
   const EngineConfig& config_;
+  NoiseModel noise_;  // as of the task
   DescriptorVote vote_;
   CommonAreaVerifier verifier_;
   Rng rng_;

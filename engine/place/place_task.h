@@ -8,6 +8,7 @@
 #include <memory_resource>
 #include <vector>
 
+#include "engine/noise_model.h"
 #include "engine/place/common_area.h"
 #include "engine/place/descriptor_vote.h"
 #include "engine/place/place_excerpt.h"
@@ -62,6 +63,7 @@ struct PlaceTask {
   KeyframeHandle keyframe;  // the new one
   std::uint32_t frame_index = 0;
   TimePoint timestamp;
+  NoiseModel noise;       // when the question was put
   bool is_known = false;  // in the end: `area` is accepted and says where
   CommonArea area;
   PlaceReport report;

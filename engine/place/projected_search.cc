@@ -6,8 +6,9 @@
 
 namespace haustra {
 
-ProjectedSearch::ProjectedSearch(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
-    : config_(config), camera_(camera), device_(device) {}
+ProjectedSearch::ProjectedSearch(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera,
+                                 VisionDevice& device)
+    : config_(config), noise_(noise), camera_(camera), device_(device) {}
 
 Status ProjectedSearch::Search(std::span<const SearchedPoint> points, const Sim3& view_map_from_map,
                                const SearchedView& view, std::vector<FoundPoint>* found, int* num_visible) {
@@ -31,7 +32,7 @@ Status ProjectedSearch::Search(std::span<const SearchedPoint> points, const Sim3
     if (!camera_.Project(view.cam_from_view_map * position, &pixel) || !camera_.IsInImage(pixel)) continue;
     const double scale = view_map_from_map.scale * point.scale_times_distance / distance;
     queries_.push_back({point.descriptor, static_cast<float>(pixel.x()), static_cast<float>(pixel.y()),
-                        static_cast<float>(gate * config_.noise.SigmaPx(scale)), static_cast<float>(scale / tolerance),
+                        static_cast<float>(gate * noise_.SigmaPx(scale)), static_cast<float>(scale / tolerance),
                         static_cast<float>(scale * tolerance)});
     query_points_.push_back(static_cast<std::int32_t>(i));
   }

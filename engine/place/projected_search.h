@@ -10,6 +10,7 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/noise_model.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
@@ -40,7 +41,7 @@ struct SearchedView {
 
 class ProjectedSearch {
  public:
-  ProjectedSearch(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
+  ProjectedSearch(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera, VisionDevice& device);
 
   // `view_map_from_map` takes the points' map into that of the view. Replaces `found` (at most one entry a point and a
   // feature). `num_visible`: points that should be seen in the view. Points beyond the longest list that the device
@@ -50,6 +51,7 @@ class ProjectedSearch {
 
  private:
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const CameraModel& camera_;
   VisionDevice& device_;
   std::vector<GuidedQuery> queries_;

@@ -34,17 +34,18 @@ std::string_view ToString(RelocalisationVerdict verdict) {
   return "unknown";
 }
 
-Relocaliser::Relocaliser(const EngineConfig& config, const RelocalisationConfig& options,
+Relocaliser::Relocaliser(const EngineConfig& config, const RelocalisationConfig& options, const NoiseModel& noise,
                          const RetrievalConfig& retrieval_options, const CameraModel& camera, VisionDevice& device,
                          KeyframeRetrieval& retrieval)
     : config_(config),
+      noise_(noise),
       options_(options),
       retrieval_options_(retrieval_options),
       camera_(camera),
       device_(device),
       retrieval_(retrieval),
       ransac_(config.features.max),
-      search_(config, camera, device),
+      search_(config, noise, camera, device),
       collector_(config.memory.max_map_points),
       rng_(config.seed, kRelocaliserStream),
       matches_(static_cast<std::size_t>(config.features.max)) {}
@@ -116,7 +117,7 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
     pairs_.push_back(pair);
     bearings_.push_back(features.bearing(pair.feature_idx));
     positions_.push_back(atlas.point(pair.point).position);
-    const double sigma = config_.noise.SigmaPx(features.keypoints[pair.feature_idx].scale_px);
+    const double sigma = noise_.SigmaPx(features.keypoints[pair.feature_idx].scale_px);
     tolerance_.push_back(gate * sigma / camera_.focal_px());
   }
   AbsolutePoseRansac::Options ransac;
@@ -170,7 +171,7 @@ bool Relocaliser::Optimise(const Atlas& atlas, const FrameFeatures& features, co
   observations_.clear();
   for (const Pair& pair : pairs_) {
     observations_.push_back({atlas.point(pair.point).position, features.pixel(pair.feature_idx),
-                             config_.noise.SigmaPx(features.keypoints[pair.feature_idx].scale_px)});
+                             noise_.SigmaPx(features.keypoints[pair.feature_idx].scale_px)});
   }
   inliers_.resize(observations_.size());
   PoseOptimizerOptions options;

@@ -14,6 +14,7 @@
 #include "engine/config.h"
 #include "engine/geometry/absolute_pose.h"
 #include "engine/geometry/rng.h"
+#include "engine/noise_model.h"
 #include "engine/optim/pose_optimizer.h"
 #include "engine/place/place_config.h"
 #include "engine/place/projected_search.h"
@@ -68,8 +69,9 @@ struct Relocalisation {
 class Relocaliser {
  public:
   // Everything named outlives it.
-  Relocaliser(const EngineConfig& config, const RelocalisationConfig& options, const RetrievalConfig& retrieval_options,
-              const CameraModel& camera, VisionDevice& device, KeyframeRetrieval& retrieval);
+  Relocaliser(const EngineConfig& config, const RelocalisationConfig& options, const NoiseModel& noise,
+              const RetrievalConfig& retrieval_options, const CameraModel& camera, VisionDevice& device,
+              KeyframeRetrieval& retrieval);
 
   // Keyframes for which `is_excluded` is true are not looked at (other maps than the last one, say); may be empty.
   // True when accepted; `out` then says where. `tried`, replaced, holds every candidate with its reason, or one entry
@@ -93,6 +95,7 @@ class Relocaliser {
   void ChooseReference(const Atlas& atlas, Relocalisation* out) const;
 
   const EngineConfig& config_;
+  const NoiseModel& noise_;
   const RelocalisationConfig& options_;
   const RetrievalConfig& retrieval_options_;
   const CameraModel& camera_;

@@ -21,7 +21,7 @@ std::string_view ToString(TrackingReason reason) {
     case TrackingReason::kFewFeatures: return "few_features";
     case TrackingReason::kFewMatches: return "few_matches";
     case TrackingReason::kFewInliers: return "few_inliers";
-    case TrackingReason::kUnclearView: return "unclear_view";
+    case TrackingReason::kWeakEvidence: return "weak_evidence";
     case TrackingReason::kInconsistentMotion: return "inconsistent_motion";
     case TrackingReason::kNoReference: return "no_reference";
     case TrackingReason::kLowParallax: return "low_parallax";

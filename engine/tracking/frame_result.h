@@ -23,7 +23,7 @@ enum class TrackingReason : std::uint8_t {
   kFewFeatures,         // the picture shows too little (occlusion, blur)
   kFewMatches,          // hardly anything of the map was found
   kFewInliers,          // no pose agrees with enough of what was found
-  kUnclearView,         // for too long, much less of the map was seen than there should be (film, bubbles, wrong place)
+  kWeakEvidence,        // no more of the map agrees with the pose than chance would give (film, bubbles, wrong place)
   kInconsistentMotion,  // the pose jumped further than a scope can move
   kNoReference,         // initialisation: this frame is the new reference
   kLowParallax,         // initialisation: the views are too near each other

@@ -23,14 +23,14 @@ Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, 
       camera_(camera),
       device_(device),
       lane_(lane),
-      window_{static_cast<float>(config.initialisation.max_disparity_x_px),
-              static_cast<float>(config.initialisation.max_disparity_y_px)},
+      window_{static_cast<float>(config.initialisation.max_disparity_deg * kDegree * camera.focal_px()),
+              static_cast<float>(config.initialisation.max_disparity_deg * kDegree * camera.focal_px())},
       scene_share_(scene_share),
       ransac_(config.features.max),
       rng_(config.seed, 1),
       reference_(config.features.max, memory),
       pairs_(static_cast<std::size_t>(config.features.max), memory),
-      between_(MakeViews(config.initialisation.max_reference_age_frames, config.features.max, memory)),
+      between_(MakeViews(config.initialisation.kept_views, config.features.max, memory)),
       matches_(static_cast<std::size_t>(config.features.max)) {
   ReserveTouched(&bearings_a_, matches_.size());
   ReserveTouched(&bearings_b_, matches_.size());
@@ -52,17 +52,40 @@ void Initialiser::Reset() {
   num_between_ = 0;
 }
 
-void Initialiser::SetReference(const ProposedView& view) {
-  Reset();
-  CopyView(view, &reference_);
-  has_reference_ = true;
-  num_unexplained_ = 0;
+void Initialiser::Keep(const ProposedView& view) {
+  if (!has_reference_) {
+    CopyView(view, &reference_);
+    has_reference_ = true;
+    is_unexplained_ = false;
+    return;
+  }
+  if (num_between_ == between_.size()) ThinOut();
+  CopyView(view, &between_[num_between_++]);
 }
 
-bool Initialiser::KeepBetween(const ProposedView& view) {
-  if (num_between_ == between_.size()) return false;
-  CopyView(view, &between_[num_between_++]);
-  return true;
+void Initialiser::ThinOut() {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < num_between_; ++i) {
+    if (i % 2 == 0) {
+      device_.ReleaseFeatureSet(between_[i].features.set);
+    } else {
+      std::swap(between_[kept++], between_[i]);
+    }
+  }
+  num_between_ = kept;
+}
+
+void Initialiser::RenewReference() {
+  device_.ReleaseFeatureSet(reference_.features.set);
+  has_reference_ = num_between_ > 0;
+  is_unexplained_ = false;
+  if (!has_reference_) return;
+  const std::size_t middle = num_between_ / 2;
+  for (std::size_t i = 0; i < middle; ++i) device_.ReleaseFeatureSet(between_[i].features.set);
+  std::swap(reference_, between_[middle]);
+  std::rotate(between_.begin(), between_.begin() + static_cast<std::ptrdiff_t>(middle) + 1,
+              between_.begin() + static_cast<std::ptrdiff_t>(num_between_));
+  num_between_ -= middle + 1;
 }
 
 void Initialiser::MoveInto(KeyframeProposal* proposal) {
@@ -78,9 +101,12 @@ void Initialiser::MoveInto(KeyframeProposal* proposal) {
 
 TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
   const TrackingReason reason = Compare(view, deadline);
-  num_unexplained_ = reason == TrackingReason::kNoEpipolarGeometry ? num_unexplained_ + 1 : 0;
-  is_worn_out_ =
-      reason == TrackingReason::kFewMatches || num_unexplained_ > config_.initialisation.max_unexplained_frames;
+  const bool was_unexplained = is_unexplained_;
+  is_unexplained_ = reason == TrackingReason::kNoEpipolarGeometry;
+  if (is_unexplained_ && !was_unexplained) unexplained_since_ = view.timestamp;
+  is_worn_out_ = reason == TrackingReason::kFewMatches ||
+                 (is_unexplained_ &&
+                  ToMilliseconds(view.timestamp - unexplained_since_) > config_.initialisation.max_unexplained_ms);
   return reason;
 }
 
@@ -98,11 +124,7 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
   request.num_matches = &num_matches_;
   if (!lane_.Match(request, deadline).ok()) return TrackingReason::kFewMatches;
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
-  if (view.frame_index - reference_.frame_index > static_cast<std::uint32_t>(options.max_reference_age_frames)) {
-    return TrackingReason::kFewMatches;
-  }
-
-  if (view.frame_index - reference_.frame_index < static_cast<std::uint32_t>(options.min_gap_frames)) {
+  if (ToMilliseconds(view.timestamp - reference_.timestamp) < options.min_gap_ms) {
     return TrackingReason::kLowParallax;
   }
 
@@ -134,13 +156,15 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
   pixels_.clear();
   for (int i = 0; i < num_matches_; ++i) {
     if (ransac_.inliers()[i] == 0) continue;
-    parallax_.push_back(residual_[i]);
+    const double sigma = tolerance_[i] / kGateOneDof;
+    const double enough = std::min(options.min_parallax_sigmas * sigma, options.min_parallax_deg * kDegree);
+    parallax_.push_back(residual_[i] / enough);
     if (ransac_.parallax_rad()[i] < kMinPointParallax) continue;
     pairs_[num_pairs_++] = {matches_[i].query, matches_[i].train, ransac_.points_in_a()[i]};
     pixels_.push_back(view.features.pixel(matches_[i].train));
   }
   std::nth_element(parallax_.begin(), parallax_.begin() + parallax_.size() / 2, parallax_.end());
-  if (parallax_[parallax_.size() / 2] < options.min_parallax_deg * kDegree) return TrackingReason::kLowParallax;
+  if (parallax_[parallax_.size() / 2] < 1.0) return TrackingReason::kLowParallax;
   if (num_pairs_ < options.min_points) return TrackingReason::kLowParallax;
   if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < options.min_spread * scene_share_) {
     return TrackingReason::kLowSpread;

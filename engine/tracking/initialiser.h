@@ -28,25 +28,26 @@ class Initialiser {
   // What construction takes from an arena.
   static std::size_t BytesFor(int max_features, int max_between);
 
-  // Forgets the reference view.
+  // Forgets all views.
   void Reset();
   bool has_reference() const { return has_reference_; }
 
-  // Takes the view as the new reference, with its feature set.
-  void SetReference(const ProposedView& view);
+  // Keeps the view, with its feature set: as the reference when there is none, else as one of those between the
+  // reference and the view that will found the map. When there is no room every second of them goes, so that a slow
+  // scope finds its baseline, however long that takes.
+  void Keep(const ProposedView& view);
+  // After Try, when the reference has little in common with what is seen now: the middle one of the kept views is the
+  // next one. A reference that shares less and less with the present still leaves half of the baseline behind.
+  void RenewReference();
 
   // Compares the view with the reference; means nothing when the lane has a request pending afterwards: then there was
   // no time. kMapProposed: MoveInto() gives what founds the map.
   TrackingReason Try(const ProposedView& view, TimePoint deadline);
-  // After Try: the reference has little in common with what is seen now, or is too old; the caller should renew it.
+  // After Try: the reference has little in common with what is seen now, or no motion explains it any more.
   bool is_worn_out() const { return is_worn_out_; }
 
   int num_matches() const { return num_matches_; }
   int num_inliers() const { return num_inliers_; }
-
-  // Keeps a view that came after the reference but did not found a map, with its feature set. False when there is no
-  // room left: the caller keeps the set then.
-  bool KeepBetween(const ProposedView& view);
 
   // Moves everything that founds the map into the proposal, with the feature sets of reference and kept views, and
   // forgets the reference. The proposal's own view is the caller's.
@@ -65,7 +66,9 @@ class Initialiser {
   Rng rng_;
   bool has_reference_ = false;
   bool is_worn_out_ = false;
-  int num_unexplained_ = 0;  // frames in a row
+  void ThinOut();
+  bool is_unexplained_ = false;  // the last view
+  TimePoint unexplained_since_;
   ProposedView reference_;
   SE3 cam_from_reference_;
   int num_matches_ = 0;

@@ -9,6 +9,7 @@
 #include "engine/atlas/frame_features.h"
 #include "engine/atlas/handles.h"
 #include "engine/geometry/se3.h"
+#include "engine/noise_model.h"
 #include "hal/core/time.h"
 
 namespace haustra {
@@ -61,6 +62,7 @@ struct KeyframeProposal {
 
   ProposalKind kind = ProposalKind::kKeyframe;
   ProposedView view;
+  NoiseModel noise;                       // as measured up to this frame
   std::uint64_t relocalisation_done = 0;  // the last relocalisation (local_map.h) that the tracker had heard of
 
   // A keyframe of an existing map: its pose and the points that its features were found to show.

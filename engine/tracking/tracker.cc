@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/geometry/constants.h"
+#include "engine/geometry/ellipse_spread.h"
 #include "engine/tracking/reserve_touched.h"
 
 namespace haustra {
@@ -13,22 +14,19 @@ namespace {
 // A pose from fewer points than this is not worth a search of the local map.
 constexpr int kMinSeedInliers = 8;
 constexpr int kMinFeatures = 30;
-// The share of expected points that is found changes slowly with the view, but falls at once when something comes
-// between scope and wall. Below this part of what is usual nothing that is seen may enter the map.
-constexpr double kDegradedShare = 0.35;
-// Below this part what still matches is as likely to be chance, blur or debris as the wall: no pose is better than
-// this.
-constexpr double kBlindShare = 0.15;
-constexpr double kUsualShareMemory = 0.95;  // per frame
-// Of what is usual for the other kind of frames (full, reduced) one kind finds at least so much.
-constexpr double kShareOfOtherKind = 0.5;
-constexpr int kMinExpected = 60;
+// Of the points searched one in so many is searched in a wrong place, too: what is found there is chance.
+constexpr int kDecoyStep = 4;
+constexpr double kChanceMemory = 0.7;  // per frame
+// A pose with less than this share of the last one's points is looked at again, in windows of this share of the first
+// ones.
+constexpr double kThinShare = 0.6;
+constexpr double kLookAroundShare = 0.5;
+// Inliers beyond chance have to be so many times the spread of chance itself.
+constexpr double kChanceSigmas = 3.0;
 // A frame with fewer inliers than so many times the least that make a pose is nearly lost.
 constexpr int kThinFactor = 2;
 // A prediction over more lost frames than this is worth nothing.
 constexpr int kMaxPredictedFrames = 3;
-
-std::size_t KindOf(const FrameFeatures& features) { return features.is_reduced ? 1 : 0; }
 
 }  // namespace
 
@@ -40,6 +38,8 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
       link_(link),
       budget_(config.scheduler, clock),
       lane_(device),
+      noise_meter_(config.noise),
+      motion_radius_px_(config.tracking.motion_radius_deg * kDegree * camera.focal_px()),
       initialiser_(config, camera, device, lane_, scene_share, memory),
       absolute_pose_(config.features.max),
       rng_(config.seed, 2),
@@ -48,8 +48,11 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
   const auto num_features = static_cast<std::size_t>(config.features.max);
   const auto num_points = static_cast<std::size_t>(config.memory.max_local_points);
   ReserveTouched(&matches_, num_features);
+  ReserveTouched(&seeds_, num_features);
+  ReserveTouched(&narrow_matches_, num_features);
   ReserveTouched(&last_matches_, num_features);
   ReserveTouched(&queries_, std::max(num_points, num_features));
+  ReserveTouched(&decoys_, num_points);
   ReserveTouched(&query_points_, std::max(num_points, num_features));
   found_.resize(std::max(num_points, num_features));
   allowed_.resize(num_features);
@@ -60,6 +63,7 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
   ReserveTouched(&bearings_, num_features);
   ReserveTouched(&points_, num_features);
   ReserveTouched(&tolerance_, num_features);
+  ReserveTouched(&pixels_, num_features);
   ReserveTouched(&depths_, num_features);
 }
 
@@ -67,20 +71,20 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto features = static_cast<std::size_t>(config.features.max);
   const auto points = static_cast<std::size_t>(config.memory.max_local_points);
   const std::size_t views = 2 * FrameFeatures::BytesFor(config.features.max) +
-                            Initialiser::BytesFor(config.features.max, config.initialisation.max_reference_age_frames);
-  // matches_, last_matches_, allowed_, observations_, inliers_, bearings_, points_, tolerance_, depths_; the robust
-  // estimators and what is compared in the initialiser.
-  const std::size_t of_feature = sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
-                                 2 * sizeof(Eigen::Vector3d) + 2 * sizeof(double) + AbsolutePoseRansac::kBytesPerMatch +
-                                 TwoViewRansac::kBytesPerMatch + sizeof(Match) + 2 * sizeof(Eigen::Vector3d) +
-                                 3 * sizeof(double) + sizeof(Eigen::Vector2d);
+                            Initialiser::BytesFor(config.features.max, config.initialisation.kept_views);
+  // matches_, seeds_, narrow_matches_, last_matches_, allowed_, observations_, inliers_, bearings_, points_,
+  // tolerance_, depths_; the robust estimators and what is compared in the initialiser.
+  const std::size_t of_feature = 3 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
+                                 2 * sizeof(Eigen::Vector3d) + sizeof(Eigen::Vector2d) + 2 * sizeof(double) +
+                                 AbsolutePoseRansac::kBytesPerMatch + TwoViewRansac::kBytesPerMatch + sizeof(Match) +
+                                 2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(Eigen::Vector2d);
   const std::size_t longest = std::max(features, points);
-  const std::size_t workspace = features * of_feature + points * (1 + sizeof(DescriptorRef)) +
+  const std::size_t workspace = features * of_feature + points * (1 + sizeof(DescriptorRef) + sizeof(GuidedQuery)) +
                                 longest * (sizeof(GuidedQuery) + sizeof(std::int32_t) + sizeof(Match));
   MemoryPlan plan;
   plan.Add(MemoryPlace::kHostArena, "frames of tracking",
-           static_cast<std::uint64_t>(3 + config.initialisation.max_reference_age_frames), views,
-           "features.max x initialisation.max_reference_age_frames");
+           static_cast<std::uint64_t>(3 + config.initialisation.kept_views), views,
+           "features.max x initialisation.kept_views");
   plan.Add(MemoryPlace::kHost, "tracking workspace", 1, workspace, "features.max, memory.max_local_points");
   return plan;
 }
@@ -91,7 +95,7 @@ MemoryPlan TrackingLink::PlanMemory(int num_proposals, int max_features, int max
   plan.Add(MemoryPlace::kHostArena, "proposals", ring,
            decltype(proposals)::BytesFor(ring) +
                decltype(proposals)::NumSlots(ring) * KeyframeProposal::BytesFor(max_features, max_between),
-           "memory.max_proposals x features.max x initialisation.max_reference_age_frames");
+           "memory.max_proposals x features.max x initialisation.kept_views");
   plan.Add(MemoryPlace::kHostArena, "snapshots", decltype(snapshots)::kNumSlots,
            decltype(snapshots)::BytesFor() + decltype(snapshots)::kNumSlots * LocalMap::BytesFor(max_local_points),
            "memory.max_local_points");
@@ -132,11 +136,8 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
     num_predicted_ = 0;
     if (state_ == TrackingState::kTracking) {
       FillPose(&result);
-      if (IsClearView()) {
-        LearnUsualShare();
-        num_unclear_ = 0;
-        ConsiderKeyframe(&result);
-      }
+      MeasureNoise();
+      ConsiderKeyframe(&result);
     }
     EndFrame();
   }
@@ -256,7 +257,6 @@ void Tracker::ReadSnapshot() {
 void Tracker::SetLost() {
   if (state_ == TrackingState::kTracking) state_ = TrackingState::kLost;
   has_velocity_ = false;
-  num_unclear_ = 0;
   matches_.clear();
 }
 
@@ -264,20 +264,28 @@ void Tracker::TrackMap(FrameResult* result) {
   const SE3 predicted = Predict();
   result->reason = TrackingReason::kTracked;
   bool has_pose = false;
+  seeds_.clear();
   if (has_last_) {
     has_pose = SearchAroundPrediction(predicted);
+    seeds_.assign(matches_.begin(), matches_.end());
   } else {
     pose_ = predicted;
     matches_.clear();
-    has_pose = FitLocalMap(config_.tracking.motion_radius_px * config_.tracking.wide_radius_factor);
+    has_pose = FitLocalMap(motion_radius_px_ * config_.tracking.wide_radius_factor);
   }
   if (has_pose) {
     KeepInliers();
     has_pose = FitLocalMap(0.0);
     result->num_matches = static_cast<int>(matches_.size());
     KeepInliers();
-    has_pose = has_pose && static_cast<int>(matches_.size()) >= config_.tracking.min_inliers;
-    if (!has_pose) result->reason = TrackingReason::kFewInliers;
+    if (has_pose && IsSuddenlyThin() && budget_.CanAfford(Stage::kLocalMap)) LookAround();
+    if (!has_pose || static_cast<int>(matches_.size()) < config_.tracking.min_inliers) {
+      has_pose = false;
+      result->reason = TrackingReason::kFewInliers;
+    } else if (!IsTrackedPoseEvident()) {
+      has_pose = false;
+      result->reason = TrackingReason::kWeakEvidence;
+    }
     if (has_pose && !IsPlausibleMotion(predicted)) {
       has_pose = false;
       result->reason = TrackingReason::kInconsistentMotion;
@@ -293,10 +301,6 @@ void Tracker::TrackMap(FrameResult* result) {
     result->num_matches = static_cast<int>(matches_.size());
   }
   if (lane_.has_pending()) return;
-  if (has_pose && !IsClearView() && (++num_unclear_ > config_.tracking.max_unclear_frames || !SeesShare(kBlindShare))) {
-    has_pose = false;
-    result->reason = TrackingReason::kUnclearView;
-  }
   if (!has_pose) SetLost();
 }
 
@@ -327,7 +331,7 @@ void Tracker::FindMap(FrameResult* result) {
   matches_.clear();
   AskForPlace();
   if (!initialiser_.has_reference()) {
-    initialiser_.SetReference(current_);
+    initialiser_.Keep(current_);
     current_is_proposed_ = true;
     result->reason = TrackingReason::kNoReference;
     return;
@@ -341,18 +345,16 @@ void Tracker::FindMap(FrameResult* result) {
   result->num_inliers = initialiser_.num_inliers();
   if (result->reason == TrackingReason::kMapProposed) {
     ProposeMap();
-  } else if (initialiser_.is_worn_out()) {
-    initialiser_.SetReference(current_);
-    current_is_proposed_ = true;
   } else {
-    current_is_proposed_ = initialiser_.KeepBetween(current_);
+    if (initialiser_.is_worn_out()) initialiser_.RenewReference();
+    initialiser_.Keep(current_);
+    current_is_proposed_ = true;
   }
 }
 
 // The mapper has made the map: continue from its second founding view.
 void Tracker::Adopt() {
   awaited_founding_ = 0;
-  usual_shares_ = {};
   ContinueFrom(local_map().keyframes[0].cam_from_map, founding_frame_);
 }
 
@@ -361,7 +363,6 @@ bool Tracker::AdoptFoundFrame(FrameResult* result) {
   const FoundFrame& found = local_map().found_frame;
   if (found.sequence == relocalisation_done_) return false;
   relocalisation_done_ = found.sequence;
-  // What is usual stays: a frame that was found through a film of water must not make a poor view the rule.
   ContinueFrom(found.cam_from_map, found.frame_index);
   TrackMap(result);
   if (state_ != TrackingState::kTracking) return false;
@@ -376,7 +377,8 @@ void Tracker::ContinueFrom(const SE3& pose, std::uint32_t frame_index) {
   had_map_ = true;
   map_id_ = local_map().map_id;
   last_pose_ = last_keyframe_pose_ = pose;
-  last_pose_frame_ = last_keyframe_frame_ = frame_index;
+  last_pose_frame_ = frame_index;
+  last_keyframe_time_ = current_.timestamp;
   has_velocity_ = false;
   if (has_last_ && owns_last_set_) device_.ReleaseFeatureSet(last_.set);
   has_last_ = owns_last_set_ = false;
@@ -385,7 +387,7 @@ void Tracker::ContinueFrom(const SE3& pose, std::uint32_t frame_index) {
 // Near the prediction first, then further away, then around the last pose, while there is time.
 bool Tracker::SearchAroundPrediction(const SE3& predicted) {
   const FrameBudget::Timer timer(budget_, Stage::kMotion);
-  const double radius_px = config_.tracking.motion_radius_px;
+  const double radius_px = motion_radius_px_;
   const double wide_px = radius_px * config_.tracking.wide_radius_factor;
   const std::pair<const SE3*, double> tries[] = {
       {&predicted, radius_px}, {&predicted, wide_px}, {&last_pose_, wide_px}};
@@ -427,15 +429,36 @@ bool Tracker::SearchLastFrame(const SE3& predicted, double radius_px) {
   return OptimiseMatches();
 }
 
+Stage Tracker::LocalMapStage() const { return budget_.has_fewer_points() ? Stage::kLocalMapReduced : Stage::kLocalMap; }
+
 bool Tracker::FitLocalMap(double min_radius_px) {
   budget_.ReconsiderPoints();
-  const FrameBudget::Timer timer(budget_, budget_.has_fewer_points() ? Stage::kLocalMapReduced : Stage::kLocalMap);
+  const FrameBudget::Timer timer(budget_, LocalMapStage());
   return SearchLocalMap(min_radius_px) && OptimiseMatches();
+}
+
+// Far less of the map agrees with the pose than with the last one.
+bool Tracker::IsSuddenlyThin() const { return matches_.size() < kThinShare * last_matches_.size(); }
+
+// What is seen far away, in the middle of the picture, agrees with poses that are off along the line of sight; the near
+// wall then lies outside every narrow window. So the window is widened once, and the better pose stays.
+void Tracker::LookAround() {
+  narrow_matches_.assign(matches_.begin(), matches_.end());
+  const SE3 narrow_pose = pose_;
+  for (const double min_radius_px : {kLookAroundShare * motion_radius_px_, 0.0}) {
+    if (!SearchLocalMap(min_radius_px) || !OptimiseMatches()) break;
+    KeepInliers();
+  }
+  if (matches_.size() > narrow_matches_.size()) return;
+  matches_.assign(narrow_matches_.begin(), narrow_matches_.end());
+  pose_ = narrow_pose;
+  CountMatches();
 }
 
 bool Tracker::SearchLocalMap(double min_radius_px) {
   queries_.clear();
   query_points_.clear();
+  decoys_.clear();
   std::fill_n(allowed_.begin(), current_.features.num, std::uint8_t{1});
   std::fill_n(is_matched_point_.begin(), local_map().num_points, std::uint8_t{0});
   for (const PointMatch& match : matches_) {
@@ -462,35 +485,85 @@ bool Tracker::SearchLocalMap(double min_radius_px) {
     if (!camera_.Project(pose_ * point.position, &pixel) || !camera_.IsInImage(pixel)) continue;
     const double scale = point.scale_times_distance / distance;
     num_expected_ += std::popcount(point.keyframe_mask) >= kEstablishedViews && scale >= min_expected_scale;
+    GuidedQuery query = {point.descriptor,
+                         static_cast<float>(pixel.x()),
+                         static_cast<float>(pixel.y()),
+                         static_cast<float>(gate * noise().SigmaPx(scale)),
+                         static_cast<float>(scale / tolerance),
+                         static_cast<float>(scale * tolerance)};
+    if (static_cast<std::uint32_t>(i) / step % kDecoyStep == current_.frame_index % kDecoyStep) {
+      decoys_.push_back(Displaced(query, i % 2 == 0));
+    }
     if (is_matched_point_[i] != 0) continue;
-    queries_.push_back({point.descriptor, static_cast<float>(pixel.x()), static_cast<float>(pixel.y()),
-                        static_cast<float>(std::max(min_radius_px, gate * config_.noise.SigmaPx(scale))),
-                        static_cast<float>(scale / tolerance), static_cast<float>(scale * tolerance)});
+    query.radius_px = std::max(static_cast<float>(min_radius_px), query.radius_px);
+    queries_.push_back(query);
     query_points_.push_back(i);
   }
   return RunGuided();
 }
 
+// The same search where the point certainly is not: as far from it as the widest window reaches and half as far again,
+// towards the middle of the picture.
+GuidedQuery Tracker::Displaced(GuidedQuery query, bool along_x) const {
+  const auto distance = static_cast<float>(1.5 * motion_radius_px_ * config_.tracking.wide_radius_factor);
+  float& coordinate = along_x ? query.x_px : query.y_px;
+  const float middle = 0.5f * static_cast<float>(along_x ? camera_.width_px() : camera_.height_px());
+  coordinate += coordinate < middle ? distance : -distance;
+  return query;
+}
+
+// How many of the local map's points would be found by chance. False: the device has not answered.
+bool Tracker::MeasureChance() {
+  num_searched_ = static_cast<double>(decoys_.size()) * kDecoyStep;
+  // Short of time the last rate has to do.
+  if (decoys_.empty() || (has_chance_rate_ && budget_.has_fewer_points())) return true;
+  std::fill_n(allowed_.begin(), current_.features.num, std::uint8_t{1});
+  if (!GuidedMatch(decoys_)) return false;
+  const double rate = static_cast<double>(num_found_) / static_cast<double>(decoys_.size());
+  chance_rate_ = has_chance_rate_ ? kChanceMemory * chance_rate_ + (1.0 - kChanceMemory) * rate : rate;
+  has_chance_rate_ = true;
+  return true;
+}
+
+double Tracker::NumByChance() const { return chance_rate_ * num_searched_; }
+
+bool Tracker::IsTrackedPoseEvident() {
+  const FrameBudget::Timer timer(budget_, LocalMapStage());
+  return MeasureChance() && HasEvidence(config_.tracking.min_inliers);
+}
+
+// A pose is known when more of the map agrees with it than chance would give, by a margin that chance does not reach.
+bool Tracker::HasEvidence(int min_inliers) const {
+  const double chance = NumByChance();
+  const double beyond = static_cast<double>(matches_.size()) - chance;
+  return beyond >= std::max(static_cast<double>(min_inliers), kChanceSigmas * std::sqrt(chance));
+}
+
 // Appends what the queries find to matches_.
 bool Tracker::RunGuided() {
+  if (!GuidedMatch(queries_)) return false;
+  for (int i = 0; i < num_found_; ++i) matches_.push_back({found_[i].train, query_points_[found_[i].query]});
+  return true;
+}
+
+// Fills found_ from the allowed features of the frame.
+bool Tracker::GuidedMatch(std::span<const GuidedQuery> queries) {
   GuidedMatchRequest request;
-  request.queries = queries_;
+  request.queries = queries;
   request.train = current_.features.set;
   request.train_allowed = {allowed_.data(), static_cast<std::size_t>(current_.features.num)};
   request.options = {static_cast<float>(config_.matching.min_similarity),
                      static_cast<float>(config_.matching.guided_ratio), false};
   request.matches = found_;
   request.num_matches = &num_found_;
-  if (!lane_.GuidedMatch(request, budget_.wait_deadline()).ok()) return false;
-  for (int i = 0; i < num_found_; ++i) matches_.push_back({found_[i].train, query_points_[found_[i].query]});
-  return true;
+  return lane_.GuidedMatch(request, budget_.wait_deadline()).ok();
 }
 
 bool Tracker::OptimiseMatches() {
   observations_.clear();
   for (const PointMatch& match : matches_) {
     observations_.push_back({local_map().points[match.point_idx].position, current_.features.pixel(match.feature_idx),
-                             config_.noise.SigmaPx(current_.features.keypoints[match.feature_idx].scale_px)});
+                             noise().SigmaPx(current_.features.keypoints[match.feature_idx].scale_px)});
   }
   PoseOptimizerResult optimised;
   const std::span<std::uint8_t> inliers(inliers_.data(), observations_.size());
@@ -504,15 +577,33 @@ bool Tracker::OptimiseMatches() {
   return optimised.num_inliers >= kMinSeedInliers;
 }
 
+// What the points of the last frame leave at the pose that was found.
+void Tracker::MeasureNoise() {
+  for (const PointMatch& seed : seeds_) {
+    Eigen::Vector2d pixel;
+    if (!camera_.Project(pose_ * local_map().points[seed.point_idx].position, &pixel)) continue;
+    noise_meter_.Add((pixel - current_.features.pixel(seed.feature_idx)).norm(),
+                     current_.features.keypoints[seed.feature_idx].scale_px);
+  }
+  noise_meter_.EndFrame(has_velocity_ ? ToSeconds(current_.timestamp - last_timestamp_) : 0.0);
+  last_timestamp_ = current_.timestamp;
+}
+
 void Tracker::KeepInliers() {
   std::size_t kept = 0;
-  depths_.clear();
   for (std::size_t i = 0; i < matches_.size(); ++i) {
-    if (inliers_[i] == 0) continue;
-    depths_.push_back((pose_ * local_map().points[matches_[i].point_idx].position).norm());
-    matches_[kept++] = matches_[i];
+    if (inliers_[i] != 0) matches_[kept++] = matches_[i];
   }
   matches_.resize(kept);
+  CountMatches();
+}
+
+// How many of the matches are of established points, and how far away their points are.
+void Tracker::CountMatches() {
+  depths_.clear();
+  for (const PointMatch& match : matches_) {
+    depths_.push_back((pose_ * local_map().points[match.point_idx].position).norm());
+  }
   num_established_ = static_cast<int>(std::count_if(matches_.begin(), matches_.end(), [&](const PointMatch& match) {
     return std::popcount(local_map().points[match.point_idx].keyframe_mask) >= kEstablishedViews;
   }));
@@ -556,7 +647,7 @@ bool Tracker::RecoverPose() {
   for (const PointMatch& match : matches_) {
     bearings_.push_back(current_.features.bearing(match.feature_idx));
     points_.push_back(local_map().points[match.point_idx].position);
-    const double sigma = config_.noise.SigmaPx(current_.features.keypoints[match.feature_idx].scale_px);
+    const double sigma = noise().SigmaPx(current_.features.keypoints[match.feature_idx].scale_px);
     tolerance_.push_back(gate * sigma / camera_.focal_px());
   }
   AbsolutePoseRansac::Options options;
@@ -565,12 +656,25 @@ bool Tracker::RecoverPose() {
   if (!absolute_pose_.Run(bearings_, points_, tolerance_, options, rng_, &estimate)) return false;
   pose_ = estimate.cam_from_world;
   std::copy(absolute_pose_.inliers().begin(), absolute_pose_.inliers().begin() + matches_.size(), inliers_.begin());
+  // When lost, the gates of relocalisation: a pose that was chosen as the best of many has to stand more than one that
+  // follows the frame before.
+  const bool is_lost = state_ != TrackingState::kTracking;
+  const RelocalisationConfig& gates = config_.place.relocalisation;
+  const auto num_compared = static_cast<double>(matches_.size());
   KeepInliers();
   if (!OptimiseMatches()) return false;
   KeepInliers();
+  if (is_lost && static_cast<double>(matches_.size()) < gates.min_match_share * num_compared) return false;
   if (!SearchLocalMap(0.0) || !OptimiseMatches()) return false;
+  const auto num_guided = static_cast<double>(matches_.size());
   KeepInliers();
-  return static_cast<int>(matches_.size()) >= config_.tracking.min_recovery_inliers && IsClearView();
+  if (is_lost && static_cast<double>(matches_.size()) < gates.min_inlier_share * num_guided) return false;
+  LookAround();
+  if (!is_lost) return MeasureChance() && HasEvidence(config_.tracking.min_recovery_inliers);
+  pixels_.clear();
+  for (const PointMatch& match : matches_) pixels_.push_back(current_.features.pixel(match.feature_idx));
+  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < gates.min_spread) return false;
+  return MeasureChance() && HasEvidence(gates.min_inliers);
 }
 
 // The keyframe of the window that shares most points with the frame.
@@ -597,38 +701,10 @@ void Tracker::FillPose(FrameResult* result) {
   result->num_established = num_established_;
 }
 
-// What is usual for frames like the current one. Full and reduced frames find different points, and how many each finds
-// depends on which the map was made of: so each kind is judged by its own past, or with care by the other's when there
-// was none of it for a while.
-double Tracker::UsualOfKind() const {
-  const UsualShare& own = usual_shares_[KindOf(current_.features)];
-  const UsualShare& other = usual_shares_[1 - KindOf(current_.features)];
-  return own.age <= kUsualShareLife ? own.value : kShareOfOtherKind * other.value;
-}
-
-// Whether the frame shows what the map says it should: so much of what is usual.
-bool Tracker::SeesShare(double share_of_usual) const {
-  return num_expected_ < kMinExpected || num_established_ >= share_of_usual * UsualOfKind() * num_expected_;
-}
-
-bool Tracker::IsClearView() const { return SeesShare(kDegradedShare); }
-
-void Tracker::LearnUsualShare() {
-  // With fewer points those that the prediction had found already count for more than their share.
-  if (num_expected_ < kMinExpected || budget_.has_fewer_points()) return;
-  const double share = static_cast<double>(num_established_) / num_expected_;
-  const double usual = UsualOfKind();
-  UsualShare& own = usual_shares_[KindOf(current_.features)];
-  const bool is_known = own.age <= kUsualShareLife;
-  own.value = is_known ? kUsualShareMemory * usual + (1.0 - kUsualShareMemory) * share : std::max(share, usual);
-  for (UsualShare& kind : usual_shares_) kind.age = std::min(kind.age + 1, kUsualShareLife + 1);
-  own.age = 0;
-}
-
 void Tracker::ConsiderKeyframe(FrameResult* result) {
   const KeyframeConfig& options = config_.keyframes;
-  const int spacing = static_cast<int>(current_.frame_index - last_keyframe_frame_);
-  if (spacing < options.min_spacing_frames) return;
+  const double spacing_ms = ToMilliseconds(current_.timestamp - last_keyframe_time_);
+  if (spacing_ms < options.min_spacing_ms) return;
   if (link_.num_pending.load(std::memory_order_acquire) > 0) return;  // the mapper is busy
   const int num_tracked = static_cast<int>(matches_.size());
   const LocalKeyframe& reference = local_map().keyframes[NearestKeyframe()];
@@ -641,7 +717,7 @@ void Tracker::ConsiderKeyframe(FrameResult* result) {
   const bool has_left_reference = num_established_ < options.min_tracked_ratio * share * reference.num_established;
   const bool is_thin = num_tracked < options.low_inliers;
   const bool has_moved = parallax_deg > options.min_parallax_deg;
-  const bool is_late = spacing >= options.max_spacing_frames && parallax_deg > 0.25 * options.min_parallax_deg;
+  const bool is_late = spacing_ms >= options.max_spacing_ms && parallax_deg > 0.25 * options.min_parallax_deg;
   if (has_left_reference || is_thin || has_moved || is_late) ProposeKeyframe(result);
 }
 
@@ -649,6 +725,7 @@ void Tracker::ProposeKeyframe(FrameResult* result) {
   KeyframeProposal* slot = link_.proposals.BeginPush();
   if (slot == nullptr) return;
   slot->kind = ProposalKind::kKeyframe;
+  slot->noise = noise();
   slot->map_id = map_id_;
   slot->cam_from_map = pose_;
   slot->reframing_done = reframing_done_;
@@ -660,7 +737,7 @@ void Tracker::ProposeKeyframe(FrameResult* result) {
   link_.num_pending.fetch_add(1, std::memory_order_acq_rel);
   link_.proposals.CommitPush();
   current_is_proposed_ = true;
-  last_keyframe_frame_ = current_.frame_index;
+  last_keyframe_time_ = current_.timestamp;
   last_keyframe_pose_ = pose_;
   result->is_keyframe = true;
 }
@@ -669,6 +746,7 @@ void Tracker::ProposeMap() {
   KeyframeProposal* slot = link_.proposals.BeginPush();
   if (slot == nullptr) return;
   slot->kind = ProposalKind::kFounding;
+  slot->noise = noise();
   slot->relocalisation_done = relocalisation_done_;
   slot->founding_id = awaited_founding_ = next_founding_id_++;
   CopyView(current_, &slot->view);
@@ -685,6 +763,7 @@ void Tracker::AskForPlace() {
   KeyframeProposal* slot = link_.proposals.BeginPush();
   if (slot == nullptr || !device_.RetainFeatureSet(current_.features.set)) return;
   slot->kind = ProposalKind::kPlaceless;
+  slot->noise = noise();
   ++num_placeless_;
   CopyView(current_, &slot->view);
   link_.num_pending.fetch_add(1, std::memory_order_acq_rel);

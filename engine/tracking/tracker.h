@@ -28,6 +28,7 @@
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/initialiser.h"
 #include "engine/tracking/keyframe_proposal.h"
+#include "engine/tracking/noise_meter.h"
 #include "hal/core/mailbox.h"
 #include "hal/core/spsc_ring.h"
 #include "hal/frame_source.h"
@@ -85,14 +86,6 @@ class Tracker {
     std::int32_t point_idx = -1;
   };
 
-  // What frames of one kind (full or reduced) usually see: of the established points that should be visible, the share
-  // that is found, in clear frames.
-  static constexpr int kUsualShareLife = 25;  // clear frames of the other kind, after which it is not known any more
-  struct UsualShare {
-    double value = 0.0;
-    int age = kUsualShareLife + 1;  // clear frames since the last one of this kind
-  };
-
   bool NeedsAllFeatures() const;
   void Measure(const Frame& frame, FrameResult* result);
   bool Extract(const Frame& frame);
@@ -107,19 +100,27 @@ class Tracker {
 
   bool SearchAroundPrediction(const SE3& predicted);
   bool SearchLastFrame(const SE3& predicted, double radius_px);
+  Stage LocalMapStage() const;
   bool FitLocalMap(double min_radius_px);
   bool SearchLocalMap(double min_radius_px);
+  bool IsSuddenlyThin() const;
+  void LookAround();
   bool SearchByBruteForce();
+  GuidedQuery Displaced(GuidedQuery query, bool along_x) const;
+  bool MeasureChance();
+  double NumByChance() const;
+  bool IsTrackedPoseEvident();
+  bool HasEvidence(int min_inliers) const;
   bool RunGuided();
+  bool GuidedMatch(std::span<const GuidedQuery> queries);
   bool OptimiseMatches();
+  const NoiseModel& noise() const { return noise_meter_.model(); }
+  void MeasureNoise();
   void KeepInliers();
+  void CountMatches();
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose();
 
-  double UsualOfKind() const;
-  bool SeesShare(double share_of_usual) const;
-  bool IsClearView() const;
-  void LearnUsualShare();
   void ConsiderKeyframe(FrameResult* result);
   void ProposeKeyframe(FrameResult* result);
   void ProposeMap();
@@ -138,7 +139,9 @@ class Tracker {
   TrackingLink& link_;
   FrameBudget budget_;
   LaneWait lane_;
+  NoiseMeter noise_meter_;
   bool has_no_time_ = false;  // the frame is answered without a measurement
+  double motion_radius_px_;
   Initialiser initialiser_;
   AbsolutePoseRansac absolute_pose_;
   Rng rng_;
@@ -157,6 +160,8 @@ class Tracker {
   ProposedView current_;
   SE3 pose_;  // of the current frame, cam_from_map
   std::vector<PointMatch> matches_;
+  std::vector<PointMatch> seeds_;           // found around the prediction, right or wrong
+  std::vector<PointMatch> narrow_matches_;  // before LookAround
 
   bool has_last_ = false;
   FrameFeatures last_;
@@ -168,7 +173,8 @@ class Tracker {
   SE3 velocity_;  // cam_now_from_cam_before, one frame
   bool has_velocity_ = false;
 
-  std::uint32_t last_keyframe_frame_ = 0;
+  TimePoint last_keyframe_time_;
+  TimePoint last_timestamp_;
   SE3 last_keyframe_pose_;
   KeyframeId last_reference_ = kNoId;  // keyframe that the last pose was given relative to
   int num_predicted_ = 0;              // frames in a row
@@ -176,6 +182,7 @@ class Tracker {
 
   // Workspaces.
   std::vector<GuidedQuery> queries_;
+  std::vector<GuidedQuery> decoys_;
   std::vector<std::int32_t> query_points_;
   std::vector<Match> found_;
   std::int32_t num_found_ = 0;
@@ -187,10 +194,12 @@ class Tracker {
   std::vector<Eigen::Vector3d> bearings_;
   std::vector<Eigen::Vector3d> points_;
   std::vector<double> tolerance_;
-  int num_expected_ = 0;                    // established points that should be visible from the pose
-  int num_established_ = 0;                 // established points among the matches
-  std::array<UsualShare, 2> usual_shares_;  // of full and of reduced frames
-  int num_unclear_ = 0;                     // frames in a row that were tracked without a clear view
+  std::vector<Eigen::Vector2d> pixels_;
+  int num_expected_ = 0;     // established points that should be visible from the pose
+  int num_established_ = 0;  // established points among the matches
+  bool has_chance_rate_ = false;
+  double chance_rate_ = 0.0;   // of the local map's points, those that are found where they are not
+  double num_searched_ = 0.0;  // points of the local map in view
   double median_depth_ = 1.0;
   std::vector<double> depths_;
 };

@@ -43,6 +43,7 @@ void AddNoise(Fields* out) {
   using C = NoiseConfig;
   out->push_back(Noise<&C::k>("k", {0, 10}, "px per px", "standard deviation of an observation by SIFT scale"));
   out->push_back(Noise<&C::sigma_0_px>("sigma_0_px", {0, 20}, "px", "standard deviation of an observation at scale 0"));
+  out->push_back(Noise<&C::is_measured>("measured", {}, "", "both are followed on the running map, near these values"));
 }
 
 template <auto kMember>
@@ -72,10 +73,8 @@ void AddInitialisation(Fields* out) {
   using C = InitialisationConfig;
   out->push_back(Initialisation<&C::brute_force_ratio>("brute_force_ratio", {0.1, 1}, "",
                                                        "ratio of angles between the two views"));
-  out->push_back(Initialisation<&C::max_disparity_x_px>("max_disparity_x_px", {1, 4000}, "px",
-                                                        "half width of the window that a match may move in"));
-  out->push_back(Initialisation<&C::max_disparity_y_px>("max_disparity_y_px", {1, 4000}, "px",
-                                                        "half height of the window that a match may move in"));
+  out->push_back(Initialisation<&C::max_disparity_deg>("max_disparity_deg", {0.1, 180}, "deg",
+                                                       "between the matches of the two views, along each axis"));
   out->push_back(
       Initialisation<&C::min_matches>("min_matches", {10, 8000}, "matches", "below it the reference frame is renewed"));
   out->push_back(
@@ -84,17 +83,19 @@ void AddInitialisation(Fields* out) {
                                              "sigma of a feature over its scale, between two views near in time"));
   out->push_back(Initialisation<&C::noise_sigma_0_px>("noise_sigma_0_px", {0, 10}, "px",
                                                       "sigma of the finest feature, between two views near in time"));
+  out->push_back(Initialisation<&C::min_parallax_sigmas>("min_parallax_sigmas", {1, 100}, "",
+                                                         "the same in sigmas of the noise above: either is enough"));
   out->push_back(Initialisation<&C::min_parallax_deg>("min_parallax_deg", {0.05, 30}, "deg", "median over the points"));
-  out->push_back(Initialisation<&C::min_gap_frames>("min_gap_frames", {1, 100}, "frames", "between the two views"));
+  out->push_back(Initialisation<&C::min_gap_ms>("min_gap_ms", {0, 10000}, "ms", "between the two views"));
   out->push_back(Initialisation<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",
                                                       "inliers of the epipolar geometry over matches"));
   out->push_back(Initialisation<&C::min_spread>("min_spread", {0, 1}, "",
                                                 "area of the ellipse fitted to the points over that of the image"));
-  out->push_back(Initialisation<&C::max_unexplained_frames>(
-      "max_unexplained_frames", {1, 1000}, "frames",
-      "in a row without a motion that explains the matches, then the reference is renewed"));
-  out->push_back(Initialisation<&C::max_reference_age_frames>("max_reference_age_frames", {1, 1000}, "frames",
-                                                              "an older reference frame is renewed"));
+  out->push_back(Initialisation<&C::max_unexplained_ms>(
+      "max_unexplained_ms", {0, 60000}, "ms",
+      "without a motion that explains the matches, then the reference is renewed"));
+  out->push_back(Initialisation<&C::kept_views>("kept_views", {2, 1000}, "views",
+                                                "after the reference: they are placed when the map stands"));
 }
 
 template <auto kMember>
@@ -104,8 +105,8 @@ ConfigField Tracking(const char* key, ConfigRange range, const char* unit, const
 }
 void AddTracking(Fields* out) {
   using C = TrackingConfig;
-  out->push_back(Tracking<&C::motion_radius_px>("motion_radius_px", {2, 200}, "px",
-                                                "search radius around the constant-velocity prediction"));
+  out->push_back(Tracking<&C::motion_radius_deg>("motion_radius_deg", {0.1, 45}, "deg",
+                                                 "search radius around the constant-velocity prediction"));
   out->push_back(Tracking<&C::wide_radius_factor>("wide_radius_factor", {1, 10}, "",
                                                   "radius of the second try when the first finds too few"));
   out->push_back(Tracking<&C::min_motion_matches>("min_motion_matches", {5, 1000}, "matches",
@@ -115,8 +116,6 @@ void AddTracking(Fields* out) {
                                                     "a pose found by brute force needs as many"));
   out->push_back(Tracking<&C::brute_force_recovery>("brute_force_recovery", {}, "",
                                                     "off: a frame that guided search cannot place is lost"));
-  out->push_back(Tracking<&C::max_unclear_frames>("max_unclear_frames", {1, 1000}, "frames",
-                                                  "in a row with much less in sight than usual, then lost"));
   out->push_back(
       Tracking<&C::max_jump_depth_ratio>("max_jump_depth_ratio", {0.01, 10}, "",
                                          "motion in one frame over the median depth above which it is inconsistent"));
@@ -134,9 +133,9 @@ void AddKeyframes(Fields* out) {
   out->push_back(Keyframe<&C::min_tracked_ratio>(
       "min_tracked_ratio", {0, 1}, "",
       "tracked points over those of the reference keyframe; fewer asks for a keyframe"));
-  out->push_back(Keyframe<&C::min_spacing_frames>("min_spacing_frames", {1, 1000}, "frames", "between two keyframes"));
-  out->push_back(Keyframe<&C::max_spacing_frames>("max_spacing_frames", {1, 10000}, "frames",
-                                                  "after these a keyframe is made if the scope moved at all"));
+  out->push_back(Keyframe<&C::min_spacing_ms>("min_spacing_ms", {0, 60000}, "ms", "between two keyframes"));
+  out->push_back(Keyframe<&C::max_spacing_ms>("max_spacing_ms", {1, 600000}, "ms",
+                                              "after these a keyframe is made if the scope moved at all"));
   out->push_back(
       Keyframe<&C::min_parallax_deg>("min_parallax_deg", {0, 90}, "deg",
                                      "motion since the last keyframe, seen from the median point, that asks for one"));
@@ -154,7 +153,9 @@ void AddMapping(Fields* out) {
                                                        "best covisible keyframes that a new one is matched with"));
   out->push_back(Mapping<&C::triangulation_ratio>("triangulation_ratio", {0.1, 1}, "",
                                                   "ratio of angles of a match that makes a new point"));
-  out->push_back(Mapping<&C::min_parallax_deg>("min_parallax_deg", {0.01, 30}, "deg", "of a new point"));
+  out->push_back(Mapping<&C::min_parallax_sigmas>("min_parallax_sigmas", {0.5, 20}, "",
+                                                  "of a new point, in sigmas of its observations"));
+  out->push_back(Mapping<&C::min_parallax_deg>("min_parallax_deg", {0.01, 30}, "deg", "of a new point, at least"));
   out->push_back(Mapping<&C::min_baseline_depth_ratio>("min_baseline_depth_ratio", {0, 1}, "",
                                                        "baseline over median depth of a pair that makes new points"));
   out->push_back(Mapping<&C::fuse_neighbours>("fuse_neighbours", {1, 60}, "keyframes",
@@ -427,10 +428,10 @@ std::vector<ConfigField> EngineConfigFields() {
 }
 
 Status CheckEngineConfig(const EngineConfig& config) {
-  if (config.keyframes.min_spacing_frames > config.keyframes.max_spacing_frames) {
-    return FailedPrecondition("keyframes.min_spacing_frames (" + std::to_string(config.keyframes.min_spacing_frames) +
-                              ") is above keyframes.max_spacing_frames (" +
-                              std::to_string(config.keyframes.max_spacing_frames) + ")");
+  if (config.keyframes.min_spacing_ms > config.keyframes.max_spacing_ms) {
+    return FailedPrecondition(
+        "keyframes.min_spacing_ms (" + std::to_string(std::lround(config.keyframes.min_spacing_ms)) +
+        ") is above keyframes.max_spacing_ms (" + std::to_string(std::lround(config.keyframes.max_spacing_ms)) + ")");
   }
   if (config.initialisation.min_points > config.features.max) {
     return FailedPrecondition("initialisation.min_points (" + std::to_string(config.initialisation.min_points) +

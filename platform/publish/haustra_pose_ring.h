@@ -455,9 +455,9 @@ static inline const char* haustra_state_name(uint32_t state) {
 
 static inline const char* haustra_reason_name(uint32_t reason) {
   static const char* const names[] = {
-      "tracked",     "recovered",    "relocalised",         "damaged_frame", "few_features", "few_matches",
-      "few_inliers", "unclear_view", "inconsistent_motion", "no_reference",  "low_parallax", "no_epipolar_geometry",
-      "low_spread",  "map_proposed", "awaiting_map",        "predicted",     "no_time"};
+      "tracked",     "recovered",     "relocalised",         "damaged_frame", "few_features", "few_matches",
+      "few_inliers", "weak_evidence", "inconsistent_motion", "no_reference",  "low_parallax", "no_epipolar_geometry",
+      "low_spread",  "map_proposed",  "awaiting_map",        "predicted",     "no_time"};
   return reason < sizeof names / sizeof names[0] ? names[reason] : "unknown";
 }
 

@@ -107,7 +107,7 @@ TEST(LoadEngineConfig, ContradictionsAreRefused) {
     std::vector<std::string> assignments;
     const char* message;
   } cases[] = {
-      {{"keyframes.min_spacing_frames=30"}, "above keyframes.max_spacing_frames (25)"},
+      {{"keyframes.min_spacing_ms=1200"}, "above keyframes.max_spacing_ms (1000)"},
       {{"initialisation.min_points=500", "features.max=400"}, "no map could ever start"},
       {{"noise.k=0", "noise.sigma_0_px=0"}, "must have some noise"},
       {{"retrieval.kind=vocabulary"}, "retrieval.vocabulary names no file"},

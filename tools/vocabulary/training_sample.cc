@@ -14,7 +14,7 @@ Status TrainingSample::BeginSource(const CameraCalibration& calibration, ImageVi
   // One picture at a time is all that it holds.
   EngineConfig config = config_;
   config.memory.max_keyframes = 1;
-  config.initialisation.max_reference_age_frames = 1;
+  config.initialisation.kept_views = 2;
   device_.reset();
   HAUSTRA_ASSIGN(device_, CreateVisionDevice("cpu", config, calibration, num_threads_));
   features_ = FrameFeatures(device_->plan().max_features);

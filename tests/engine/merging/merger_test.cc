@@ -21,7 +21,7 @@ class MergerTest : public testing::Test {
 
   // Proves the common area of two keyframes, as the mapper would.
   MergePlan Plan(int frame_a, int frame_b) {
-    CommonAreaVerifier verifier(colon_.config(), common_area_, colon_.camera(), colon_.device());
+    CommonAreaVerifier verifier(colon_.config(), common_area_, noise_, colon_.camera(), colon_.device());
     CommonArea area;
     EXPECT_TRUE(colon_.Verify(verifier, atlas_, keyframe(frame_a), keyframe(frame_b), rng_, &area))
         << ToString(area.counts.verdict);
@@ -30,7 +30,7 @@ class MergerTest : public testing::Test {
 
   Status Apply(const MergePlan& plan) {
     SchurBundleAdjuster adjuster;
-    Merger merger(colon_.config(), options_, colon_.camera(), colon_.device(), adjuster);
+    Merger merger(colon_.config(), options_, noise_, colon_.camera(), colon_.device(), adjuster);
     return merger.Apply(plan, &atlas_, nullptr, kNoDeadline, &outcome_);
   }
 
@@ -78,6 +78,7 @@ class MergerTest : public testing::Test {
   }
 
   SyntheticColon colon_;
+  NoiseModel noise_{colon_.config().noise};
   Atlas atlas_;
   Rng rng_;
   CommonAreaConfig common_area_;
@@ -196,13 +197,13 @@ TEST_F(MergerTest, SameMergeGivesTheSameBits) {
     colon.AddWall(0.0, 9.0, 3000);
     colon.AddMap(&atlas, 0.0, 3.0, 14, kOlderFromWorld);
     const int first = colon.AddMap(&atlas, 2.0, 5.0, 14, kYoungerFromWorld).first;
-    CommonAreaVerifier verifier(colon.config(), common_area_, colon.camera(), colon.device());
+    CommonAreaVerifier verifier(colon.config(), common_area_, noise_, colon.camera(), colon.device());
     CommonArea area;
     Rng rng(4);
     ASSERT_TRUE(
         colon.Verify(verifier, atlas, colon.frames()[first + 2].keyframe, colon.frames()[11].keyframe, rng, &area));
     SchurBundleAdjuster adjuster;
-    Merger merger(colon.config(), options_, colon.camera(), colon.device(), adjuster);
+    Merger merger(colon.config(), options_, noise_, colon.camera(), colon.device(), adjuster);
     ASSERT_TRUE(merger.Apply(MakeMergePlan(area), &atlas, nullptr, kNoDeadline, &outcome_).ok());
     atlas.points().ForEach([&](MapPointHandle, const MapPoint& point) { sum += point.position.sum(); });
     atlas.keyframes().ForEach([&](KeyframeHandle, const Keyframe& k) { sum += k.cam_from_map.translation.sum(); });

@@ -23,12 +23,13 @@ class RelocaliserTest : public testing::Test {
     ExhaustiveRetrieval retrieval(colon_.config(), place_.retrieval, colon_.device());
     atlas_.keyframes().ForEach(
         [&](KeyframeHandle handle, const Keyframe&) { EXPECT_TRUE(retrieval.Add(atlas_, handle).ok()); });
-    Relocaliser relocaliser(colon_.config(), place_.relocalisation, place_.retrieval, colon_.camera(), colon_.device(),
-                            retrieval);
+    Relocaliser relocaliser(colon_.config(), place_.relocalisation, noise_, place_.retrieval, colon_.camera(),
+                            colon_.device(), retrieval);
     return relocaliser.Relocalise(atlas_, features, is_excluded, &found_, &tried_);
   }
 
   SyntheticColon colon_;
+  NoiseModel noise_{colon_.config().noise};
   Atlas atlas_;
   Atlas elsewhere_;
   MapHandle other_map_;

@@ -59,7 +59,7 @@ class Parts {
       : colon_(colon),
         config_(colon.config()),
         device(colon.device()),
-        link_(config_.memory.max_proposals, config_.features.max, config_.initialisation.max_reference_age_frames,
+        link_(config_.memory.max_proposals, config_.features.max, config_.initialisation.kept_views,
               config_.memory.max_local_points),
         places(config_, std::pmr::get_default_resource()),
         mapper(config_, colon.camera(), device, link_, places, nullptr, false, nullptr),

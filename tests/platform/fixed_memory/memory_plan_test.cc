@@ -38,7 +38,7 @@ std::vector<EngineConfig> Configurations() {
   odd.memory.max_proposals = 5;
   odd.memory.max_map_events = 33;
   odd.memory.max_late_poses = 65;
-  odd.initialisation.max_reference_age_frames = 7;
+  odd.initialisation.kept_views = 7;
   return {small, odd, EngineConfig{}};
 }
 

@@ -82,7 +82,7 @@ struct TrackingConfig {
   double wide_radius_factor = 3.0;   // second try when the first finds too few [1, 10]
   int min_motion_matches = 15;       // below it: second try, then brute force [5, 1000]
   int min_inliers = 15;              // a pose with fewer is not a pose [6, 1000]
-  int min_recovery_inliers = 20;     // found by brute force while tracking; when lost, as a relocalisation [6, 1000]
+  int min_recovery_inliers = 20;     // a pose found by brute force needs more [6, 1000]
   bool brute_force_recovery = true;  // off: a frame that guided search cannot place is lost (for comparison)
   double max_jump_depth_ratio =
       0.5;                     // tracked motion in one frame over the median depth: more is inconsistent [0.01, 10]

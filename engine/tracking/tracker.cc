@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "engine/geometry/constants.h"
-#include "engine/geometry/ellipse_spread.h"
 #include "engine/tracking/reserve_touched.h"
 
 namespace haustra {
@@ -23,6 +22,9 @@ constexpr double kThinShare = 0.6;
 constexpr double kLookAroundShare = 0.5;
 // Inliers beyond chance have to be so many times the spread of chance itself.
 constexpr double kChanceSigmas = 3.0;
+// After a loss there is no prediction that bears witness: inliers over those by chance. A false pose that was the best
+// of many had 2, true ones had 8 and more.
+constexpr double kChosenFactor = 4.0;
 // A frame with fewer inliers than so many times the least that make a pose is nearly lost.
 constexpr int kThinFactor = 2;
 // A prediction over more lost frames than this is worth nothing.
@@ -63,7 +65,6 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
   ReserveTouched(&bearings_, num_features);
   ReserveTouched(&points_, num_features);
   ReserveTouched(&tolerance_, num_features);
-  ReserveTouched(&pixels_, num_features);
   ReserveTouched(&depths_, num_features);
 }
 
@@ -77,7 +78,7 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const std::size_t of_feature = 3 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
                                  2 * sizeof(Eigen::Vector3d) + sizeof(Eigen::Vector2d) + 2 * sizeof(double) +
                                  AbsolutePoseRansac::kBytesPerMatch + TwoViewRansac::kBytesPerMatch + sizeof(Match) +
-                                 2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(Eigen::Vector2d);
+                                 2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double);
   const std::size_t longest = std::max(features, points);
   const std::size_t workspace = features * of_feature + points * (1 + sizeof(DescriptorRef) + sizeof(GuidedQuery)) +
                                 longest * (sizeof(GuidedQuery) + sizeof(std::int32_t) + sizeof(Match));
@@ -656,25 +657,16 @@ bool Tracker::RecoverPose() {
   if (!absolute_pose_.Run(bearings_, points_, tolerance_, options, rng_, &estimate)) return false;
   pose_ = estimate.cam_from_world;
   std::copy(absolute_pose_.inliers().begin(), absolute_pose_.inliers().begin() + matches_.size(), inliers_.begin());
-  // When lost, the gates of relocalisation: a pose that was chosen as the best of many has to stand more than one that
-  // follows the frame before.
-  const bool is_lost = state_ != TrackingState::kTracking;
-  const RelocalisationConfig& gates = config_.place.relocalisation;
-  const auto num_compared = static_cast<double>(matches_.size());
   KeepInliers();
   if (!OptimiseMatches()) return false;
   KeepInliers();
-  if (is_lost && static_cast<double>(matches_.size()) < gates.min_match_share * num_compared) return false;
   if (!SearchLocalMap(0.0) || !OptimiseMatches()) return false;
-  const auto num_guided = static_cast<double>(matches_.size());
   KeepInliers();
-  if (is_lost && static_cast<double>(matches_.size()) < gates.min_inlier_share * num_guided) return false;
   LookAround();
-  if (!is_lost) return MeasureChance() && HasEvidence(config_.tracking.min_recovery_inliers);
-  pixels_.clear();
-  for (const PointMatch& match : matches_) pixels_.push_back(current_.features.pixel(match.feature_idx));
-  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < gates.min_spread) return false;
-  return MeasureChance() && HasEvidence(gates.min_inliers);
+  if (!MeasureChance() || !HasEvidence(config_.tracking.min_recovery_inliers)) return false;
+  if (state_ == TrackingState::kTracking) return true;
+  // A pose that was chosen as the best of many agrees with more than chance gives a single one.
+  return static_cast<double>(matches_.size()) >= kChosenFactor * NumByChance();
 }
 
 // The keyframe of the window that shares most points with the frame.

@@ -194,7 +194,6 @@ class Tracker {
   std::vector<Eigen::Vector3d> bearings_;
   std::vector<Eigen::Vector3d> points_;
   std::vector<double> tolerance_;
-  std::vector<Eigen::Vector2d> pixels_;
   int num_expected_ = 0;     // established points that should be visible from the pose
   int num_established_ = 0;  // established points among the matches
   bool has_chance_rate_ = false;

@@ -160,6 +160,7 @@ bool Tracker::NeedsAllFeatures() const {
 void Tracker::Measure(const Frame& frame, FrameResult* result) {
   ReadSnapshot();
   matches_.clear();
+  seeds_.clear();
   if (!Extract(frame)) {
     if (lane_.has_pending()) return;
     SetLost();
@@ -265,7 +266,6 @@ void Tracker::TrackMap(FrameResult* result) {
   const SE3 predicted = Predict();
   result->reason = TrackingReason::kTracked;
   bool has_pose = false;
-  seeds_.clear();
   if (has_last_) {
     has_pose = SearchAroundPrediction(predicted);
     seeds_.assign(matches_.begin(), matches_.end());
@@ -446,13 +446,17 @@ bool Tracker::IsSuddenlyThin() const { return matches_.size() < kThinShare * las
 void Tracker::LookAround() {
   narrow_matches_.assign(matches_.begin(), matches_.end());
   const SE3 narrow_pose = pose_;
+  const int narrow_expected = num_expected_;
+  bool has_pose = true;
   for (const double min_radius_px : {kLookAroundShare * motion_radius_px_, 0.0}) {
-    if (!SearchLocalMap(min_radius_px) || !OptimiseMatches()) break;
-    KeepInliers();
+    has_pose = has_pose && SearchLocalMap(min_radius_px) && OptimiseMatches();
+    if (has_pose) KeepInliers();
   }
-  if (matches_.size() > narrow_matches_.size()) return;
+  // Matches that no pose was fitted to count for nothing.
+  if (has_pose && matches_.size() > narrow_matches_.size()) return;
   matches_.assign(narrow_matches_.begin(), narrow_matches_.end());
   pose_ = narrow_pose;
+  num_expected_ = narrow_expected;
   CountMatches();
 }
 
@@ -586,6 +590,7 @@ void Tracker::MeasureNoise() {
     noise_meter_.Add((pixel - current_.features.pixel(seed.feature_idx)).norm(),
                      current_.features.keypoints[seed.feature_idx].scale_px);
   }
+  // The time without a pose does not age what was measured before: the video is the same.
   noise_meter_.EndFrame(has_velocity_ ? ToSeconds(current_.timestamp - last_timestamp_) : 0.0);
   last_timestamp_ = current_.timestamp;
 }

@@ -22,8 +22,9 @@ VARIANTS = {
     "no_brute_force": ("no brute-force recovery in tracking", ["tracking.brute_force_recovery=false"]),
     "one_to_one": ("a common area is proven by 1 keyframe, not by 3", ["common_area.group_size=1"]),
     "vocabulary": ("retrieval by visual words, not by descriptors", ["retrieval.kind=vocabulary"]),
-    "linear_noise": ("noise grows with scale, from 0 (paper's phantom: k 1)", ["noise.k=1", "noise.sigma_0_px=0"]),
-    "paper_noise": ("the paper's affine model (k 2, sigma_0 5 px)", ["noise.k=2", "noise.sigma_0_px=5"]),
+    "fixed_noise": ("noise as configured, not as measured", ["noise.measured=false"]),
+    "linear_noise": ("noise grows with scale, from 0 (paper's phantom: k 1)", ["noise.k=1", "noise.sigma_0_px=0", "noise.measured=false"]),
+    "paper_noise": ("the paper's affine model (k 2, sigma_0 5 px)", ["noise.k=2", "noise.sigma_0_px=5", "noise.measured=false"]),
     "exact_founding": ("no noise floor between the two views of a founding", ["initialisation.noise_sigma_0_px=0"]),
     "root_sift": ("RootSIFT descriptors", ["features.root_sift=true"]),
 }

@@ -107,6 +107,16 @@ struct MappingConfig {
   double min_parallax_sigmas = 3.0;
   double min_parallax_deg = 0.5;  // never less: beyond noise there is motion of the wall [0.01, 30]
   double min_baseline_depth_ratio = 0.01;
+  // Covisible keyframes a new one is matched with by appearance alone (mapping/track_linker.h); 0: off [0, 40].
+  // Without, the scale of a young map runs away on real tissue; beyond six little is gained.
+  int link_neighbours = 6;
+  // Adjusted before anything is searched where the poses put it [2, 60]. With ten, a map in three of a slow laparoscopy
+  // still loses its scale.
+  int link_window_keyframes = 20;
+  double link_ratio = 0.8;  // as in foundings: nothing but the epipolar geometry of the matches guards them [0.1, 1]
+  // Of the inverse depth of a point, relative, about that of the wall around it. In reconstructions of real colons all
+  // depths of a view differ by a third; steps of folds are wider [0.05, 5].
+  double surface_spread = 0.4;
   int fuse_neighbours = 12;    // keyframes whose points are searched in the new one and back [1, 60]
   int window_keyframes = 35;   // optimised by local bundle adjustment [2, 60]
   int fixed_keyframes = 20;    // older ring that holds the gauge [0, 60]

@@ -44,6 +44,7 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       builder_(config.memory.max_keyframes, config.memory.max_map_points),
       creator_(config, noise_, camera, device),
       fuser_(config, noise_, camera, device),
+      linker_(config, noise_, camera, device),
       bundle_(config, noise_, camera, adjuster_),
       late_placement_(config, noise_, camera, device),
       retrieval_(MakeRetrieval(config, device, vocabulary)),
@@ -340,13 +341,18 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
       atlas_.UpdatePoint(point);
   }
   atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
+  created_.clear();
+  linker_.Link(handle, covisible_, &atlas_, &created_);
+  // What is searched below is searched where the poses put it: first the tracks have their say.
+  const LocalBundle::Extent linked{config_.mapping.link_window_keyframes, true, config_.mapping.bundle_iterations};
+  if (config_.mapping.link_neighbours > 0) AdjustAround(handle, linked);
+  atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
   CollectPoints(covisible_, config_.mapping.fuse_neighbours, &candidates_);
   counters_.num_points_fused += fuser_.SearchInto(handle, candidates_, &atlas_);
   CullPoints();
   const TimePoint inserted = Now();
 
   atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
-  created_.clear();
   creator_.Create(handle, covisible_, &atlas_, &created_);
   counters_.num_points_created += created_.size();
   recent_points_.insert(recent_points_.end(), created_.begin(), created_.end());
@@ -363,13 +369,7 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   }
   const TimePoint fused = Now();
 
-  const TimePoint deadline =
-      is_time_boxed_ ? fused + std::chrono::milliseconds(config_.mapping.max_bundle_ms) : kNoDeadline;
-  // A failed adjustment leaves the map as it was; the next keyframe tries again.
-  const LocalBundle::Extent window{config_.mapping.window_keyframes, true, config_.mapping.bundle_iterations};
-  const Result<BundleSummary> bundle =
-      bundle_.Adjust(handle, window, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
-  (void)bundle;
+  AdjustAround(handle, {config_.mapping.window_keyframes, true, config_.mapping.bundle_iterations});
   const TimePoint adjusted = Now();
   CullKeyframes(handle);
   const TimePoint culled = Now();
@@ -382,6 +382,15 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   counters_.fuse_time += fused - made;
   counters_.bundle_time += adjusted - fused;
   counters_.cull_time += culled - adjusted;
+}
+
+// A failed adjustment leaves the map as it was; the next keyframe tries again.
+void Mapper::AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent) {
+  const TimePoint deadline =
+      is_time_boxed_ ? Now() + std::chrono::milliseconds(config_.mapping.max_bundle_ms) : kNoDeadline;
+  const Result<BundleSummary> bundle =
+      bundle_.Adjust(handle, extent, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
+  (void)bundle;
 }
 
 void Mapper::CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out) {

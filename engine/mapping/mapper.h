@@ -26,6 +26,7 @@
 #include "engine/mapping/map_event.h"
 #include "engine/mapping/point_creation.h"
 #include "engine/mapping/point_fusion.h"
+#include "engine/mapping/track_linker.h"
 #include "engine/merging/merger.h"
 #include "engine/noise_model.h"
 #include "engine/place/place_mailbox.h"
@@ -110,6 +111,7 @@ class Mapper {
   void RetireActiveMap(const ProposedView& view);
   void FindPlace(const ProposedView& view);
   void InsertKeyframe(const KeyframeProposal& proposal);
+  void AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent);
   void CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out);
   void CullPoints();
   void CullKeyframes(KeyframeHandle newest);
@@ -143,6 +145,7 @@ class Mapper {
   LocalMapBuilder builder_;
   PointCreator creator_;
   PointFuser fuser_;
+  TrackLinker linker_;
   SchurBundleAdjuster adjuster_;  // of windows and seams: its memory is that of the largest of them
   LocalBundle bundle_;
   LatePlacement late_placement_;

@@ -158,6 +158,13 @@ void AddMapping(Fields* out) {
   out->push_back(Mapping<&C::min_parallax_deg>("min_parallax_deg", {0.01, 30}, "deg", "of a new point, at least"));
   out->push_back(Mapping<&C::min_baseline_depth_ratio>("min_baseline_depth_ratio", {0, 1}, "",
                                                        "baseline over median depth of a pair that makes new points"));
+  out->push_back(Mapping<&C::link_neighbours>("link_neighbours", {0, 40}, "keyframes",
+                                              "that a new one is matched with by appearance alone; 0: none"));
+  out->push_back(Mapping<&C::link_window_keyframes>("link_window_keyframes", {2, 60}, "keyframes",
+                                                    "adjusted when they are linked, before the guided search"));
+  out->push_back(Mapping<&C::link_ratio>("link_ratio", {0.1, 1}, "", "ratio of angles of such a match"));
+  out->push_back(Mapping<&C::surface_spread>(
+      "surface_spread", {0.05, 5}, "", "relative, of the inverse depth of a point about that of the wall near it"));
   out->push_back(Mapping<&C::fuse_neighbours>("fuse_neighbours", {1, 60}, "keyframes",
                                               "whose points are searched in the new one and back"));
   out->push_back(

@@ -80,19 +80,19 @@ def open_sequence(argument):
     return Colon(folder, truth) if truth else RealClip(argument)
 
 
-def spread(values):
+def spread(values, digits):
     """One value, or the range of several."""
-    low, high = min(values), max(values)
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+    low, high = (f"{value:.{digits}f}" for value in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"
 
 
 def peer_cell(peers, name):
     peer = peers["orb_slam3"]["sequences"].get(name)
     if peer is None:
         return "-"
-    cells = [spread(peer["coverage"]), spread(peer["maps"])]
+    cells = [spread(peer["coverage"], 1), spread(peer["maps"], 0)]
     if "error" in peer:
-        cells.append(f"{spread(peer['error'])} {peer['unit']}")
+        cells.append(f"{spread(peer['error'], 2)} {peer['unit']}")
     return ", ".join(cells)
 
 

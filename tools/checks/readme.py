@@ -9,8 +9,9 @@
 - Links to files of the tree resolve, in every .md file.
 - README.md has one block of results between its markers, with a link to a results file. Every number of its table occurs in
   that file or in tools/benchmarks/peers.json.
-- A table with decimal fractions in another README.md has, on the line before it, <!-- figures: FILE... -->: paths from the
-  README.md to results files or decision records. Every number of the table occurs in one of them.
+- Any other table of a README.md with decimal fractions outside inline code has, on the line before it,
+  <!-- figures: FILE... -->: paths from that README.md to results files or decision records. Every number of the table occurs
+  in one of them.
 
 One line a violation, "path:line: what is wrong"; exit code 0 clean, 1 violations, 64 usage.
 """

@@ -16,6 +16,7 @@
 One line a violation, "path:line: what is wrong"; exit code 0 clean, 1 violations, 64 usage.
 """
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -100,10 +101,13 @@ class Checker:
 
     def documents(self):
         """Every .md file of the tree; what is built and what is hidden are no part of it, .github is."""
-        for path in sorted(self.root.rglob("*.md")):
-            parts = path.relative_to(self.root).parts
-            if not any(p.startswith((".", "build", "out")) and p != ".github" for p in parts[:-1]):
-                yield path
+        for folder, folders, files in os.walk(self.root):
+            is_root = Path(folder) == self.root
+            folders[:] = sorted(f for f in folders if (not f.startswith(".") or f == ".github") and
+                                not (is_root and f.startswith(("build", "out"))))
+            for name in sorted(files):
+                if name.endswith(".md"):
+                    yield Path(folder) / name
 
     def check_sentences(self, path, text):
         for line, paragraph in paragraphs(text):

@@ -14,7 +14,6 @@ sequences is taken from peers.json. Needs only the standard library.
 
 import argparse
 import datetime
-import functools
 import json
 import os
 import pathlib
@@ -60,12 +59,6 @@ class Colon:
 
 class RealClip(real_clips.Clip):
     """A clip with a reference path for a part of its frames, or none."""
-
-    judge_options = []
-
-    @property
-    def truth(self):
-        return self.reference
 
     def error(self, report):
         return report["largest_map_rms_ate_percent_of_depth"]
@@ -187,25 +180,14 @@ def paste(readme, text):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("sequences", nargs="+", help="SEQUENCE, CLIP or CLIP:FIRST-LAST")
-    parser.add_argument("--haustra", type=pathlib.Path, required=True, help="the program")
-    parser.add_argument("--out", type=pathlib.Path, required=True, help="folder for the runs")
-    parser.add_argument("--seeds", type=int, default=5, help="seeds 1 to N")
-    parser.add_argument("--jobs", type=int, default=1, help="runs side by side")
-    parser.add_argument("--device", default="cpu", choices=["cpu", "cuda"])
-    parser.add_argument("--config", type=pathlib.Path, help="as for haustra run")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="as for haustra run")
+    runs.add_arguments(parser, seeds=5)
     parser.add_argument("--commit", help="of the program (default: that of this tree)")
     parser.add_argument("--results", type=pathlib.Path, default=ROOT / "tools/benchmarks/results")
     parser.add_argument("--readme", type=pathlib.Path, default=ROOT / "README.md")
     parser.add_argument("--keep-readme", action="store_true", help="write the results and leave README.md as it is")
     parser.add_argument("--overwrite", action="store_true", help="replace results of the same day and commit")
     arguments = parser.parse_args()
-    if not arguments.haustra.is_file():
-        sys.exit(f"{arguments.haustra}: no such program")
-    haustra, out = arguments.haustra.resolve(), arguments.out.resolve()
     sequences = [open_sequence(argument) for argument in arguments.sequences]
-    if len({sequence.name for sequence in sequences}) < len(sequences):
-        sys.exit("two sequences have the same name")
     date, commit = datetime.date.today().isoformat(), arguments.commit or present_commit()
     name = f"{date}-{commit}"
     target = arguments.results / f"{name}.md"
@@ -213,30 +195,11 @@ def main():
         sys.exit(f"{target} is there already (--overwrite replaces it)")
     peers = json.loads((ROOT / "tools/benchmarks/peers.json").read_text(encoding="utf-8"))
 
-    settings = [part for setting in arguments.set for part in ("--set", setting)]
-    if arguments.config:
-        settings += ["--config", arguments.config.resolve()]
-    folders = {sequence.name: sequence.sequence(out) for sequence in sequences}
-    tasks = {}
-    for seed in range(1, arguments.seeds + 1):
-        for sequence in sequences:
-            options = ["--mode", "sequential", "--seed", str(seed), "--device", arguments.device, "--threads", "1",
-                       *settings]
-            tasks[sequence.name, seed] = functools.partial(
-                runs.judged_run, out / sequence.name / f"seed_{seed}", haustra, folders[sequence.name], options,
-                truth=sequence.truth, judge_options=sequence.judge_options,
-                files=[arguments.config] if arguments.config else [])
-    reports = {sequence.name: {} for sequence in sequences}
-    failed = 0
-    for (sequence, seed), result in runs.run_all(arguments.jobs, tasks):
-        if isinstance(result, str):
-            failed += 1
-            print(f"{sequence} seed {seed}: {result}", file=sys.stderr)
-        else:
-            result.pop("run", None)  # a folder of this machine
-            reports[sequence][seed] = result
+    reports, failed = runs.run_seeds(arguments, sequences)
     if failed:
         sys.exit(f"{failed} runs failed: no results are written")
+    for report in (report for of_seed in reports.values() for report in of_seed.values()):
+        report.pop("run", None)  # a folder of this machine
 
     rows = [row(s, [reports[s.name][seed] for seed in sorted(reports[s.name])], peers) for s in sequences]
     markdown, machine_text = table(rows), machine(arguments.device)
@@ -244,9 +207,9 @@ def main():
     arguments.results.mkdir(parents=True, exist_ok=True)
     target.write_text(
         f"# Results of {date}, commit {commit}\n\n- machine: {machine_text}\n- program: sha256 "
-        f"{runs.digest_of_file(haustra)}\n- command: `{command_line(arguments)}`\n- of every run: "
+        f"{runs.digest_of_file(arguments.haustra)}\n- command: `{command_line(arguments)}`\n- of every run: "
         f"[{name}.json]({name}.json)\n- peers: [peers.json](../peers.json)\n\n{markdown}\n{LEGEND}", encoding="utf-8")
-    document = {"date": date, "commit": commit, "machine": machine_text, "program": runs.digest_of_file(haustra),
+    document = {"date": date, "commit": commit, "machine": machine_text, "program": runs.digest_of_file(arguments.haustra),
                 "command": command_line(arguments), "sequences": reports}
     target.with_suffix(".json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     print(markdown)

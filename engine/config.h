@@ -27,9 +27,9 @@ struct FeatureConfig {
 // Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint.
 // The form is the paper's (Section III-F; its values: rigid phantom k 1, sigma_0 0, living tissue k 2, sigma_0 5), the
 // values are measured: observations of map points against their true projections in a rendered colon have 0.9 px at
-// scale 1, 1.2 at 4, 1.7 at 10, so that coarse keypoints deserve far more weight than k 1 gives them. README.md has
-// what it is worth (tools/benchmarks/ablation.py, variants linear_noise and paper_noise): much where walls are rigid,
-// nothing where they breathe.
+// scale 1, 1.2 at 4, 1.7 at 10, so that coarse keypoints deserve far more weight than k 1 gives them. What it is
+// worth (engine/decisions; tools/benchmarks/ablation.py, variants linear_noise and paper_noise): much where walls are
+// rigid, nothing where they breathe.
 struct NoiseConfig {
   double k = 0.15;          // [0, 10]
   double sigma_0_px = 0.9;  // [0, 20]

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # The main job on input it makes itself: installs what is missing, builds, renders a colon of about 20 s, maps it and
-# compares the result with the ground truth. Results stay in build/demo.
+# compares the result with the ground truth. Results stay in build/demo, with the picture of the README.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 bash tools/setup.sh
@@ -12,3 +12,4 @@ mkdir -p "$out"
 "$haustra" render "$out/colon" --seconds 20 --overwrite
 "$haustra" run "$out/colon" --out "$out/result" --mode sequential
 "$haustra" evaluate "$out/result" --groundtruth "$out/colon/groundtruth.txt"
+python3 tools/report/picture.py "$out/colon" "$out/result" "$out/picture.svg"

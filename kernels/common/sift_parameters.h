@@ -27,8 +27,8 @@ inline constexpr float kDefaultContrastThreshold = 0.0015f;
 
 // Orientation (5): the pixels of a square of at most kOrientationReachPx (octave pixels) around the point, under a
 // Gaussian window in units of the keypoint's scale. The window is wider than Lowe's (1.5), and second orientations are
-// rarer (his share is 0.8): on endoscopic pictures both give more matches at different places (README.md has the
-// figures).
+// rarer (his share is 0.8): on endoscopic pictures both give more matches at different places (kernels/cpu/decisions
+// has the reasons).
 inline constexpr float kOrientationWindowSigma = 2.5f;
 inline constexpr float kOrientationReachSigmas = 2.0f;  // of the window
 inline constexpr int kOrientationReachPx = 16;

@@ -1,6 +1,6 @@
 // The vision device on an NVIDIA GPU: the same interface, masks, selection and order as the CPU device's, and the same
 // matches to the bit for the same descriptors. Keypoints and descriptors of an image agree with the CPU device's up to
-// rounding (kernels/README.md has the figures), and repeat to the bit from run to run.
+// rounding (kernels/cuda/decisions has the figures), and repeat to the bit from run to run.
 //
 // All memory is taken at construction: one block on the device, one pinned on the host. Work of the tracking lane runs
 // at the highest priority that the GPU has, that of the background lane at the lowest. Each lane holds kQueueLength

@@ -161,7 +161,7 @@ TEST_F(CudaTwin, FeaturesAgreeWithTheCpuDevice) {
     std::printf("%-24s cpu %4d cuda %4d, position agrees %.2f %%, angle too %.2f %%, mean cosine %.5f\n", name.c_str(),
                 expected.size(), features.size(), 100 * share_found, 100 * share_oriented, mean_similarity);
     // Not all: levels are kept in 16 bits, which moves what has little contrast or hardly a scale of its own; where the
-    // limit cuts, a point a hair stronger goes before (kernels/README.md has the figures).
+    // limit cuts, a point a hair stronger goes before (kernels/cuda/decisions has the figures).
     EXPECT_GT(share_found, 0.88 - at_threshold) << name;
     EXPECT_GT(share_oriented, 0.87 - at_threshold) << name;
     EXPECT_GT(mean_similarity, 0.998) << name;

@@ -11,7 +11,6 @@ included, by a folder of links under OUT. Needs only the standard library.
 """
 
 import argparse
-import functools
 import json
 import pathlib
 import re
@@ -43,6 +42,8 @@ COLUMNS = [
 class Clip:
     """One clip, or some frames of it."""
 
+    judge_options = ()
+
     def __init__(self, argument):
         found = re.fullmatch(r"(.+):(\d+)-(\d+)", argument)
         self.folder = pathlib.Path(found[1] if found else argument).resolve()
@@ -65,7 +66,7 @@ class Clip:
             self.name = f"{self.folder.name}_{first}-{last}"
             self.frames, self.times = self.frames[first:last + 1], self.times[first:last + 1]
         reference = self.folder / "reference.txt"
-        self.reference = reference if reference.is_file() else None
+        self.truth = reference if reference.is_file() else None
 
     def sequence(self, out):
         """The folder for `haustra run`. Of some frames: a new one of links, in `out`."""
@@ -84,9 +85,9 @@ class Clip:
 
     def reference_coverage(self):
         """Percent of the frames that the reference has, frames between two of its neighbouring images included."""
-        if self.reference is None:
+        if self.truth is None:
             return None
-        lines = self.reference.read_text(encoding="utf-8").splitlines()
+        lines = self.truth.read_text(encoding="utf-8").splitlines()
         stamps = sorted(float(line.split()[0]) for line in lines if line.strip() and not line.startswith("#"))
         gaps = [b - a for a, b in zip(stamps, stamps[1:])]
         step = statistics.median(gaps) if gaps else 0.0
@@ -148,55 +149,22 @@ side make it longer.
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clips", nargs="+", help="CLIP or CLIP:FIRST-LAST")
-    parser.add_argument("--haustra", type=pathlib.Path, required=True, help="the program")
     parser.add_argument("--judge", type=pathlib.Path, help="program that evaluates (default: the same)")
-    parser.add_argument("--out", type=pathlib.Path, required=True, help="folder for runs, table.md and figures.json")
-    parser.add_argument("--seeds", type=int, default=3, help="seeds 1 to N")
-    parser.add_argument("--jobs", type=int, default=1, help="runs side by side")
-    parser.add_argument("--device", default="cpu", choices=["cpu", "cuda"])
-    parser.add_argument("--config", type=pathlib.Path, help="as for haustra run")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="as for haustra run")
+    runs.add_arguments(parser, seeds=3)
     arguments = parser.parse_args()
-    for program in runs.known([arguments.haustra, arguments.judge]):
-        if not program.is_file():
-            sys.exit(f"{program}: no such program")
-    haustra = arguments.haustra.resolve()
-    judge = arguments.judge.resolve() if arguments.judge else haustra
-    out = arguments.out.resolve()
     clips = [Clip(argument) for argument in arguments.clips]
-    if len({clip.name for clip in clips}) < len(clips):
-        sys.exit("two clips have the same name")
-
-    settings = [part for setting in arguments.set for part in ("--set", setting)]
-    if arguments.config:
-        settings += ["--config", arguments.config.resolve()]
-    tasks = {}
-    sequences = {clip.name: clip.sequence(out) for clip in clips}
-    for seed in range(1, arguments.seeds + 1):
-        for clip in clips:
-            options = ["--mode", "sequential", "--seed", str(seed), "--device", arguments.device, "--threads", "1",
-                       *settings]
-            tasks[clip.name, seed] = functools.partial(
-                runs.judged_run, out / clip.name / f"seed_{seed}", haustra, sequences[clip.name], options, judge=judge,
-                truth=clip.reference, files=[arguments.config] if arguments.config else [])
-
-    figures = {clip.name: {} for clip in clips}
-    failed = 0
-    for (name, seed), result in runs.run_all(arguments.jobs, tasks):
-        if isinstance(result, str):
-            failed += 1
-            print(f"{name} seed {seed}: {result}", file=sys.stderr)
-        else:
-            figures[name][seed] = figures_of(result)
+    reports, failed = runs.run_seeds(arguments, clips, judge=arguments.judge)
+    figures = {name: {seed: figures_of(report) for seed, report in of_seed.items()} for name, of_seed in reports.items()}
     rows = [(clip.name, len(clip.frames), clip.reference_coverage(),
              [figures[clip.name][seed] for seed in sorted(figures[clip.name])]) for clip in clips]
     markdown = LEGEND + "\n" + table(rows)
     print(markdown, end="")
-    (out / "table.md").write_text(markdown, encoding="utf-8")
-    document = {"program": runs.digest_of_file(haustra), "settings": [str(s) for s in settings], "clips": [
+    (arguments.out / "table.md").write_text(markdown, encoding="utf-8")
+    settings = [str(s) for s in runs.settings_of(arguments)]
+    document = {"program": runs.digest_of_file(arguments.haustra), "settings": settings, "clips": [
         {"clip": name, "frames": frames, "reference_coverage": reference, "seeds": figures[name]}
         for name, frames, reference, _ in rows]}
-    (out / "figures.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    (arguments.out / "figures.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     return 1 if failed else 0
 
 

@@ -9,9 +9,11 @@ import concurrent.futures
 import functools
 import hashlib
 import json
+import pathlib
 import shutil
 import statistics
 import subprocess
+import sys
 import threading
 
 TEXT_SUFFIXES = {".yaml", ".yml", ".txt", ".csv", ".xml", ".json"}
@@ -102,6 +104,55 @@ def run_all(jobs, tasks):
         keys = {pool.submit(task): key for key, task in tasks.items()}
         for done in concurrent.futures.as_completed(keys):
             yield keys[done], done.result()
+
+
+def add_arguments(parser, seeds):
+    """What every script asks that makes runs of several sequences; `seeds`: the default."""
+    parser.add_argument("--haustra", type=pathlib.Path, required=True, help="the program")
+    parser.add_argument("--out", type=pathlib.Path, required=True, help="folder for the runs and what comes of them")
+    parser.add_argument("--seeds", type=int, default=seeds, help="seeds 1 to N")
+    parser.add_argument("--jobs", type=int, default=1, help="runs side by side")
+    parser.add_argument("--device", default="cpu", choices=["cpu", "cuda"])
+    parser.add_argument("--config", type=pathlib.Path, help="as for haustra run")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="as for haustra run")
+
+
+def settings_of(arguments):
+    settings = [part for setting in arguments.set for part in ("--set", setting)]
+    return settings + (["--config", arguments.config.resolve()] if arguments.config else [])
+
+
+def run_seeds(arguments, sequences, judge=None):
+    """Makes and judges the runs of several sequences; the reasons of those that fail go to standard error.
+
+    sequences    each with a name of its own, sequence(out): its folder for `haustra run`, truth: file or None, and
+                 judge_options
+    Returns {name: {seed: what `haustra evaluate` found}} and how many failed.
+    """
+    for program in known([arguments.haustra, judge]):
+        if not program.is_file():
+            sys.exit(f"{program}: no such program")
+    if len({sequence.name for sequence in sequences}) < len(sequences):
+        sys.exit("two sequences have the same name")
+    haustra, out = arguments.haustra.resolve(), arguments.out.resolve()
+    folders = {sequence.name: sequence.sequence(out) for sequence in sequences}
+    tasks = {}
+    for seed in range(1, arguments.seeds + 1):  # seeds first: a series that is broken off has every sequence
+        for sequence in sequences:
+            options = ["--mode", "sequential", "--seed", str(seed), "--device", arguments.device, "--threads", "1",
+                       *settings_of(arguments)]
+            tasks[sequence.name, seed] = functools.partial(
+                judged_run, out / sequence.name / f"seed_{seed}", haustra, folders[sequence.name], options,
+                judge=judge.resolve() if judge else None, truth=sequence.truth, judge_options=sequence.judge_options,
+                files=known([arguments.config]))
+    reports, failed = {sequence.name: {} for sequence in sequences}, 0
+    for (name, seed), result in run_all(arguments.jobs, tasks):
+        if isinstance(result, str):
+            failed += 1
+            print(f"{name} seed {seed}: {result}", file=sys.stderr)
+        else:
+            reports[name][seed] = result
+    return reports, failed
 
 
 def known(values):

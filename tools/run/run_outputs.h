@@ -1,4 +1,4 @@
-// The output folder of a run: trajectories, tables, map exports, summary.json. See README, "What a run writes".
+// The output folder of a run: trajectories, tables, map exports, summary.json. See README.md beside this file.
 #pragma once
 
 #include <string>

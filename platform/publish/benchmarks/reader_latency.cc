@@ -5,7 +5,7 @@
 //     haustra_reader_latency POSES [SECONDS]    of a running haustrad: latency from capture to publication, in
 //                                               windows of so many seconds (10), six of each kind
 //
-// What it says goes into ../README.md.
+// What it says goes into ../decisions.
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/wait.h>

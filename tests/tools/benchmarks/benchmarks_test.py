@@ -17,6 +17,7 @@ from pathlib import Path
 SCRIPTS = Path(__file__).resolve().parents[3] / "tools" / "benchmarks"
 sys.path.insert(0, str(SCRIPTS))
 import real_clips  # noqa: E402
+import results  # noqa: E402
 import runs  # noqa: E402
 
 HAUSTRA = Path(sys.argv.pop(1)).resolve() if len(sys.argv) > 1 and os.path.isfile(sys.argv[1]) else None
@@ -39,7 +40,7 @@ else:
     count = {{"made": 1, "judged": 1, "false": seed == 3, "precision": 1.0}}
     report = {{
         "live_coverage": 50.0 + 10 * seed, "coverage": 60.0 + 10 * seed, "live_visible_coverage": None,
-        "visible_coverage": None, "maps_created": seed, "maps": 1, "largest_map_frames": 4 * seed, "losses": 2,
+        "visible_coverage": None, "run": arguments[1], "unit": "mm", "maps_created": seed, "maps": 1, "largest_map_frames": 4 * seed, "losses": 2,
         "relocalisations": 1, "merges": 0, "loops": 0, "rms_ate": 0.5 if has_truth else None,
         "largest_map_rms_ate_percent_of_depth": 1.5 * seed if has_truth else None,
         "stages": [{{"stage": "frame/total", "mean": 30.25}}],
@@ -191,6 +192,72 @@ class AblationTest(ScriptTest):
         self.assertIn("| colon | no_merging | 2 | 65.0 (60.0) | 75.0 (70.0) | 1.0 | 6 | 0.0 |", output)
         self.assertIn("- `no_merging`: every loss leaves a map of its own; `--set merging.enabled=false`", output)
         self.assertEqual(self.call(*arguments), (0, output, []))
+
+
+class ResultsTest(ScriptTest):
+    def setUp(self):
+        super().setUp()
+        self.colon = self.make_clip("silicone", 4, "groundtruth.txt")
+        self.readme = self.write("README.md", f"before\n{results.BEGIN}\nold\n{results.END}\nbehind\n")
+        self.made = self.folder / "results"
+
+    def call_results(self, *arguments):
+        return self.call("results.py", "--seeds", "3", "--commit", "1234567", "--results", self.made, "--readme", self.readme,
+                         *arguments)
+
+    def test_table_machine_command_and_raw_figures_are_written_and_pasted(self):
+        code, output, asked = self.call_results(self.colon, f"{self.clip}:2-9")
+        self.assertEqual(code, 0, output)
+        self.assertEqual(sorted(asked), ["evaluate"] * 6 + ["run"] * 6)
+        files = sorted(self.made.iterdir())
+        self.assertEqual([f.suffix for f in files], [".json", ".md"])
+        self.assertRegex(files[1].name, r"^\d{4}-\d\d-\d\d-1234567\.md$")
+        text = files[1].read_text(encoding="utf-8")
+        # ORB-SLAM3's are those of peers.json.
+        row = "| silicone | 3 | 70.0 (60.0) | 80.0 (70.0) | 1 (1) | 8 (4) | 2 (2) | 1 | 0.50 mm (0.50) | 62.0, 1, 0.30 mm |"
+        self.assertIn(row, text)
+        self.assertIn("| clip_2-9 | 3 | 70.0 (60.0) | 80.0 (70.0) | 1 (1) | 8 (4) | 2 (2) | 1 | 3.00 % (4.50) | - |", text)
+        self.assertIn("--seeds 3 silicone clip:2-9`", text)
+        self.assertIn("- machine: ", text)
+        self.assertIn(runs.digest_of_file(self.program), text)
+        raw = json.loads(files[0].read_text(encoding="utf-8"))
+        self.assertEqual(raw["sequences"]["silicone"]["3"]["live_coverage"], 80.0)
+        self.assertEqual(raw["commit"], "1234567")
+        for file in files:
+            self.assertNotIn(str(self.folder), file.read_text(encoding="utf-8"))
+        readme = self.readme.read_text(encoding="utf-8")
+        self.assertTrue(readme.startswith(f"before\n{results.BEGIN}\n| sequence |"), readme)
+        self.assertTrue(readme.endswith(f"{results.END}\nbehind\n"), readme)
+        self.assertIn(row, readme)
+        self.assertIn(f"[{files[1].name}](tools/benchmarks/results/{files[1].name})", readme)
+        self.assertNotIn("old", readme)
+
+    def test_results_that_are_there_stay_unless_told(self):
+        self.assertEqual(self.call_results("--keep-readme", self.colon)[0], 0)
+        self.assertIn("old", self.readme.read_text(encoding="utf-8"))
+        code, output, asked = self.call_results(self.colon)
+        self.assertEqual((code, asked), (1, []))
+        self.assertIn("is there already (--overwrite replaces it)", output)
+        self.assertEqual(self.call_results("--overwrite", self.colon)[0], 0)
+
+    def test_failed_run_writes_nothing(self):
+        code, output, _ = self.call_results("--set", "fail=true", self.colon)
+        self.assertEqual(code, 1)
+        self.assertIn("no results are written", output)
+        self.assertFalse(self.made.exists())
+        self.assertIn("old", self.readme.read_text(encoding="utf-8"))
+
+    def test_readme_without_markers_is_left_alone(self):
+        self.readme.write_text(f"{results.END} {results.BEGIN}", encoding="utf-8")
+        code, output, _ = self.call_results(self.colon)
+        self.assertEqual(code, 1)
+        self.assertIn("needs one <!-- results: begin -->", output)
+        self.assertEqual(self.readme.read_text(encoding="utf-8"), f"{results.END} {results.BEGIN}")
+
+    def test_peers_of_several_runs_are_a_range(self):
+        peers = {"orb_slam3": {"sequences": {"a": {"coverage": [54.7, 61.8], "maps": [4, 4]}}}}
+        self.assertEqual(results.peer_cell(peers, "a"), "54.7 to 61.8, 4")
+        self.assertEqual(results.peer_cell(peers, "b"), "-")
 
 
 class RunsTest(unittest.TestCase):

@@ -1,0 +1,134 @@
+#!/usr/bin/env python3
+"""Proves that tools/checks/readme.py fails on a tree that breaks the rules, and only then."""
+
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+CHECKER = Path(__file__).resolve().parents[2] / "tools" / "checks" / "readme.py"
+
+BLOCK = """<!-- results: begin -->
+| sequence | live % | error | ORB-SLAM3: % |
+|---|---|---|---|
+| colon_1 | 96.5 (90.1) | 0.30 mm | 88.0 |
+
+Machine with 7 cores, [results](tools/benchmarks/results/2026-11-23-3e3d8e5.md).
+<!-- results: end -->
+"""
+LONG = " ".join(["word"] * 36)
+README = f"""# haustra
+
+![A run](tools/report/demo.svg) and a [folder](engine/) and a [place](engine/README.md#limits) and a
+[site](https://example.org/none). Short sentence with `a piece of code that has quite a lot of words` in it.
+
+    haustra run {LONG}
+
+```
+{LONG}
+```
+
+- {" ".join(["word"] * 20)}
+- {" ".join(["word"] * 20)}
+
+| folder | what |
+|---|---|
+| `hal` | 720x540 pictures of 2026-11-23, 12 of them |
+
+{BLOCK}"""
+
+GOOD_TREE = {
+    "README.md": README,
+    "tools/report/demo.svg": "<svg/>\n",
+    "tools/benchmarks/results/2026-11-23-3e3d8e5.md": "| colon_1 | 96.5 (90.1) | 0.30 mm |\n",
+    "tools/benchmarks/peers.json": '{"coverage": [88]}\n',
+    "kernels/cuda/decisions/2026-11-22-bands.md": f"# Bands\n\n{LONG}. Before 91.0 us.\n",
+    "build/README.md": f"{LONG}. [gone](gone.md)\n",
+    ".git/README.md": f"{LONG}.\n",
+    ".github/CONTRIBUTING.md": "See [README](../README.md).\n",
+}
+for folder in ("hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"):
+    GOOD_TREE[f"{folder}/README.md"] = f"# {folder}\n\nWhat it is.\n"
+GOOD_TREE["kernels/README.md"] = """# kernels
+
+<!-- figures: cuda/decisions/2026-11-22-bands.md -->
+| step | us |
+|---|---|
+| extraction | 91.0 |
+"""
+
+# What takes the place of a file of the good tree (nothing: the file is gone), and what the checker must say.
+BAD_FILES = [
+    ("README.md", README + "\n" * 120, "lines, 120 are allowed"),
+    ("README.md", README + f"\nA new sentence. {LONG}. Another.\n", "README.md:27: a sentence of 36 words, 35 are allowed: word"),
+    ("README.md", README + f"\n- {LONG}\n", "a sentence of 36 words"),
+    ("README.md", README + f"\n1. {LONG}\n", "a sentence of 36 words"),
+    ("README.md", README + "\n" + LONG.replace(" ", "\n") + "\n", "a sentence of 36 words"),
+    ("engine/README.md", f"# engine\n\n{LONG}.\n", "engine/README.md:3: a sentence of 36 words"),
+    ("engine/io/README.md", f"{LONG}.\n", "engine/io/README.md:1: a sentence of 36 words"),
+    ("README.md", README + "\n[gone](engine/gone.md)\n", "the link to engine/gone.md leads nowhere"),
+    ("README.md", README + '\n<img src="gone.svg">\n', "the link to gone.svg leads nowhere"),
+    ("CHANGELOG.md", "[gone](gone.md)\n", "CHANGELOG.md:1: the link to gone.md leads nowhere"),
+    (".github/CONTRIBUTING.md", "[gone](README.md)\n", "the link to README.md leads nowhere"),
+    ("tools/report/demo.svg", None, "the link to tools/report/demo.svg leads nowhere"),
+    ("engine/README.md", None, "engine:0: has no README.md"),
+    ("config/README.md", None, "config:0: has no README.md"),
+    ("README.md", README.replace("96.5", "96.6"), "96.6 is not in 2026-11-23-3e3d8e5.md, peers.json"),
+    ("README.md", README.replace("88.0", "8"), "8 is not in"),
+    ("README.md", README.replace("0.30 mm", "0.3 mm, 4"), "4 is not in"),
+    ("tools/benchmarks/peers.json", '{"coverage": [8.8]}\n', "88.0 is not in"),
+    ("tools/benchmarks/results/2026-11-23-3e3d8e5.md", "nothing\n", "96.5 is not in"),
+    ("tools/benchmarks/results/2026-11-23-3e3d8e5.md", None, "links to no file in tools/benchmarks/results/"),
+    ("README.md", README.replace(BLOCK, ""), "one block of results"),
+    ("README.md", README + BLOCK, "one block of results"),
+    ("README.md", README.replace("|", "/"), "the block of results has no table"),
+    ("README.md", README.replace("12 of them", "0.5 of them"), "a figure (0.5) without a results file"),
+    ("kernels/README.md", "| a | 91.0 |\n|---|---|\n", "kernels/README.md:1: a figure (91.0) without a results file"),
+    ("kernels/README.md", GOOD_TREE["kernels/README.md"].replace("91.0", "91.5"), "91.5 is not in 2026-11-22-bands.md"),
+    ("kernels/cuda/decisions/2026-11-22-bands.md", None, "figures of 2026-11-22-bands.md, which is not there"),
+]
+
+
+class ReadmeTest(unittest.TestCase):
+    def check(self, files):
+        with tempfile.TemporaryDirectory() as folder:
+            for name, text in files.items():
+                if text is not None:
+                    path = Path(folder) / name
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    path.write_text(text, encoding="utf-8")
+            done = subprocess.run([sys.executable, str(CHECKER), folder], capture_output=True, text=True, check=False)
+            return done.returncode, done.stdout + done.stderr
+
+    def test_tree_that_keeps_the_rules_passes(self):
+        self.assertEqual(self.check(GOOD_TREE), (0, "readme: clean\n"))
+
+    def test_each_violation_fails_and_is_named(self):
+        for name, text, message in BAD_FILES:
+            with self.subTest(file=name, message=message):
+                code, output = self.check({**GOOD_TREE, name: text})
+                self.assertEqual(code, 1, output)
+                self.assertIn(message, output)
+
+    def test_limits_are_kept_to_the_word_and_the_line(self):
+        fits = README + f"\n{' '.join(['word'] * 35)}.\n"
+        fits += "\n" * (120 - len(fits.splitlines()))
+        self.assertEqual(self.check({**GOOD_TREE, "README.md": fits})[0], 0)
+        code, output = self.check({**GOOD_TREE, "README.md": fits + "\n"})
+        self.assertIn("README.md:121: 121 lines", output)
+
+    def test_sentences_end_where_they_end(self):
+        half = " ".join(["word"] * 20)
+        for text in (f"{half}. {half}.", f"{half}! {half}", f"({half}.) {half}", f"{half}\n\n{half}", f"{half}\n- {half}",
+                     f"## {half} {half}", f"<!-- {half} {half} -->", f"{half}\n| a |\n{half}"):
+            with self.subTest(text=text):
+                self.assertEqual(self.check({**GOOD_TREE, "engine/README.md": text + "\n"})[0], 0)
+
+    def test_folder_that_is_no_tree_is_a_usage_error(self):
+        code, _ = self.check({"notes.txt": "nothing"})
+        self.assertEqual(code, 64)
+
+
+if __name__ == "__main__":
+    unittest.main()

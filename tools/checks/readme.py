@@ -1,0 +1,218 @@
+#!/usr/bin/env python3
+"""Fails when what people read first is not in order.
+
+    readme.py [ROOT]      ROOT defaults to the repository that this file lies in
+
+- README.md has at most 120 lines, and every top folder has a README.md.
+- No sentence of a README.md has more than 35 words. Code, tables, headings and comments do not count; a piece of inline code
+  and a link's text are one word and its words.
+- Links to files of the tree resolve, in every .md file.
+- README.md has one block of results between its markers, with a link to a results file. Every number of its table occurs in
+  that file or in tools/benchmarks/peers.json.
+- Any other table of a README.md with decimal fractions outside inline code has, on the line before it,
+  <!-- figures: FILE... -->: paths from that README.md to results files or decision records. Every number of the table occurs
+  in one of them.
+
+One line a violation, "path:line: what is wrong"; exit code 0 clean, 1 violations, 64 usage.
+"""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+MAX_LINES, MAX_WORDS = 120, 35
+TOP_FOLDERS = ["hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"]
+BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
+PEERS = "tools/benchmarks/peers.json"
+RESULTS = "tools/benchmarks/results/"
+FIGURES = re.compile(r"^<!-- figures: (.*) -->$")
+# A number by itself: not a part of a name, a size (720x540), a version or a revision.
+NUMBER = re.compile(r"(?<![\w./-])\d+(?:\.\d+)?(?![\w/]|\.\d|-\d)")
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)[^)]*\)|\b(?:src|href)=\"([^\"]+)\"")
+
+
+def lines_of(text):
+    """(number, line) of everything that is not code."""
+    fenced, blank_before, in_list = False, True, False
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.lstrip().startswith("```"):
+            fenced = not fenced
+            yield number, ""
+            continue
+        indented_code = line.startswith("    ") and blank_before and not in_list
+        if fenced or indented_code:
+            yield number, ""
+            continue  # the line after it may be code, too
+        blank_before = not line.strip()
+        if re.match(r"\s*([-*+]|\d+\.) ", line):
+            in_list = True
+        elif line.strip() and not line.startswith(" "):
+            in_list = False
+        yield number, line
+
+
+def is_table(line):
+    return line.lstrip().startswith("|")
+
+
+def paragraphs(text):
+    """(number of the first line, text) of each paragraph, list items apart; no code, tables, headings, comments."""
+    start, parts = 0, []
+    for number, line in lines_of(text):
+        ends = not line.strip() or is_table(line) or line.startswith(("#", "<!--", "<"))
+        if parts and (ends or re.match(r"\s*([-*+]|\d+\.) ", line)):
+            yield start, " ".join(parts)
+            parts = []
+        if not ends:
+            start = start if parts else number
+            parts.append(line.strip())
+    if parts:
+        yield start, " ".join(parts)
+
+
+def words_of(sentence):
+    return [word for word in sentence.split() if re.search(r"\w", word)]
+
+
+def sentences(paragraph):
+    plain = re.sub(r"`[^`]*`", "code", paragraph)
+    plain = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", plain)
+    plain = re.sub(r"^([-*+]|\d+\.) ", "", plain)
+    return re.split(r"(?<=[.!?])[)*_\"]*\s+", plain)
+
+
+def numbers(text):
+    return NUMBER.findall(re.sub(r"`[^`]*`|\]\([^)]*\)", " ", text))
+
+
+def known_numbers(path):
+    """By their value: 0.30 in a table is 0.3 in a JSON file."""
+    return {float(n) for n in re.findall(r"(?<![\w.])\d+(?:\.\d+)?", path.read_text(encoding="utf-8"))}
+
+
+class Checker:
+    def __init__(self, root):
+        self.root = root
+        self.violations = []
+
+    def report(self, path, line, message):
+        self.violations.append((path.relative_to(self.root).as_posix(), line, message))
+
+    def documents(self):
+        """Every .md file of the tree; what is built and what is hidden are no part of it, .github is."""
+        for folder, folders, files in os.walk(self.root):
+            is_root = Path(folder) == self.root
+            folders[:] = sorted(f for f in folders if (not f.startswith(".") or f == ".github") and
+                                not (is_root and f.startswith(("build", "out"))))
+            for name in sorted(files):
+                if name.endswith(".md"):
+                    yield Path(folder) / name
+
+    def check_sentences(self, path, text):
+        for line, paragraph in paragraphs(text):
+            for sentence in sentences(paragraph):
+                if (count := len(words_of(sentence))) > MAX_WORDS:
+                    start = " ".join(sentence.split()[:6])
+                    self.report(path, line, f"a sentence of {count} words, {MAX_WORDS} are allowed: {start} ...")
+
+    def check_links(self, path, text):
+        for number, line in lines_of(text):
+            for match in LINK.finditer(re.sub(r"`[^`]*`", "", line)):
+                target = (match.group(1) or match.group(2)).split("#")[0]
+                if target and not re.match(r"[a-z][a-z+.-]*:", target) and not (path.parent / target).exists():
+                    self.report(path, number, f"the link to {target} leads nowhere")
+
+    def check_numbers(self, path, table, sources):
+        """Whether each number of a table, [(line number, line)], occurs in one of the files."""
+        known = set().union(*(known_numbers(source) for source in sources))
+        for number, line in table:
+            for found in numbers(line):
+                if float(found) not in known:
+                    self.report(path, number, f"{found} is not in {', '.join(s.name for s in sources)}")
+
+    def check_figures(self, path, text):
+        marker, table, line_before = None, [], ""
+        for number, line in [*lines_of(text), (0, "")]:
+            if is_table(line):
+                if not table:
+                    marker = FIGURES.match(line_before)
+                table.append((number, line))
+            elif table:
+                self.check_table(path, marker, table)
+                table = []
+            line_before = line
+
+    def check_table(self, path, marker, table):
+        if marker is None:
+            for number, line in table:
+                for found in numbers(line):
+                    if "." in found:
+                        self.report(path, number, f"a figure ({found}) without a results file or a decision record")
+                        return
+            return
+        sources = [path.parent / name for name in marker.group(1).split()]
+        missing = [source for source in sources if not source.is_file()]
+        for source in missing:
+            self.report(path, table[0][0], f"figures of {source.name}, which is not there")
+        if not missing:
+            self.check_numbers(path, table, sources)
+
+    def check_results(self, path, text):
+        if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
+            self.report(path, 1, f"one block of results, {BEGIN} to {END}, is wanted")
+            return
+        block = text[text.index(BEGIN):text.index(END)]
+        linked = sorted(set(re.findall(rf"\(({RESULTS}[^)\s]+\.md)\)", block)))
+        sources = [self.root / name for name in linked if (self.root / name).is_file()]
+        first = text.count("\n", 0, text.index(BEGIN)) + 1
+        if not sources:
+            self.report(path, first, f"the block of results links to no file in {RESULTS}")
+            return
+        table = [(first + i, line) for i, line in enumerate(block.splitlines()) if is_table(line)]
+        if not table:
+            self.report(path, first, "the block of results has no table")
+        peers = [self.root / PEERS] if (self.root / PEERS).is_file() else []
+        self.check_numbers(path, table, sources + peers)
+
+    def run(self):
+        for folder in TOP_FOLDERS:
+            if not (self.root / folder / "README.md").is_file():
+                self.report(self.root / folder, 0, "has no README.md")
+        for path in self.documents():
+            text = path.read_text(encoding="utf-8")
+            self.check_links(path, text)
+            if path.name != "README.md":
+                continue
+            self.check_sentences(path, text)
+            if path.parent == self.root:
+                if (count := len(text.splitlines())) > MAX_LINES:
+                    self.report(path, count, f"{count} lines, {MAX_LINES} are allowed")
+                self.check_results(path, text)
+                if BEGIN in text and END in text:
+                    inside = text[text.index(BEGIN):text.index(END)]
+                    text = text.replace(inside, "\n" * inside.count("\n"))
+            self.check_figures(path, text)
+        return sorted(self.violations)
+
+
+def main(arguments):
+    if len(arguments) > 1:
+        print(__doc__, file=sys.stderr)
+        return 64
+    root = Path(arguments[0]).resolve() if arguments else Path(__file__).resolve().parents[2]
+    if not (root / "README.md").is_file():
+        print(f"readme.py: {root} has no README.md", file=sys.stderr)
+        return 64
+    violations = Checker(root).run()
+    for path, line, message in violations:
+        print(f"{path}:{line}: {message}")
+    if violations:
+        print(f"{len(violations)} things to put in order")
+        return 1
+    print("readme: clean")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -303,6 +303,7 @@ std::string ToJson(const RunSummary& s) {
 
 std::string ToText(const RunSummary& s) {
   std::string text;
+  if (!s.device.empty()) Append(&text, "  device        %5s\n", s.device.c_str());
   Append(&text, "  live coverage %5.1f %%   (%zu of %zu frames were answered with a pose that lasts)\n",
          s.live_coverage, s.live_localised, s.sequence_frames);
   Append(&text, "  coverage      %5.1f %%   (%zu have a pose at the end)\n", s.coverage, s.localised);

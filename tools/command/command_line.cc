@@ -14,6 +14,7 @@
 #include "tools/command/common_options.h"
 #include "tools/evaluate/evaluate_command.h"
 #include "tools/exit_codes.h"
+#include "tools/export/export_command.h"
 #include "tools/latency/latency_command.h"
 #include "tools/plan/plan_command.h"
 #include "tools/render/render_command.h"
@@ -32,6 +33,7 @@ void AddCommands(CLI::App& app, std::function<int()>& action) {
   AddRunCommand(app, action);
   AddEvaluateCommand(app, action);
   AddReportCommand(app, action);
+  AddExportCommand(app, action);
   AddAtlasCommand(app, action);
   AddVocabularyCommand(app, action);
   AddBenchCommand(app, action);

@@ -99,7 +99,7 @@ std::string ZshCompletion(const CLI::App& app, const std::vector<std::string>& k
       if (!option.choices.empty()) {
         options += ":value:(" + Words(option.choices) + ")";
       } else if (name == "--set") {
-        options += ":key:(${keys})";
+        options += ":key: compadd -S \"\" -a keys";
       } else if (!option.value.empty()) {
         options += ":value:_files";
       }
@@ -110,7 +110,6 @@ std::string ZshCompletion(const CLI::App& app, const std::vector<std::string>& k
     if (!below.empty()) options += " \\\n        '1:command:(" + Words(below) + ")'";
     options += " \\\n        '*:file:_files'\n      ;;\n";
   }
-  // (${keys}) stands in single quotes: zsh puts the list in when it looks at it.
   return "#compdef haustra\n"
          "# zsh completion for haustra; made from the program's own tables.\n"
          "_haustra() {\n"

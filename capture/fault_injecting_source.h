@@ -45,6 +45,7 @@ class FaultInjectingSource final : public FrameSource {
   std::uint32_t num_frames() const override { return inner_->num_frames(); }
   bool is_live() const override { return inner_->is_live(); }
   ImageView static_mask() const override { return inner_->static_mask(); }
+  std::string FrameName(std::uint32_t frame_index) const override { return inner_->FrameName(frame_index); }
   Result<Frame> Next(TimePoint deadline) override;
 
  private:

@@ -19,12 +19,25 @@ std::uint32_t NumChosen(std::size_t num_stored, const SequenceOptions& options) 
   return static_cast<std::uint32_t>((last - options.first_frame) / options.every_nth + 1);
 }
 
+// Length of the folder that all paths have in common, with its slash.
+std::size_t CommonFolder(const std::vector<std::string>& paths) {
+  if (paths.empty()) return 0;
+  std::size_t length = paths.front().rfind('/') + 1;  // 0 without a slash
+  for (const std::string& path : paths) {
+    while (length > 0 && path.compare(0, length, paths.front(), 0, length) != 0) {
+      length = length < 2 ? 0 : paths.front().rfind('/', length - 2) + 1;
+    }
+  }
+  return length;
+}
+
 }  // namespace
 
 ImageFolderSource::ImageFolderSource(SequenceListing listing, const SequenceOptions& options)
     : listing_(std::move(listing)),
       options_(options),
       calibration_(options.halve ? Halved(listing_.calibration) : listing_.calibration),
+      num_folder_chars_(CommonFolder(listing_.image_paths)),
       num_frames_(NumChosen(listing_.image_paths.size(), options)) {}
 
 Result<std::unique_ptr<FrameSource>> ImageFolderSource::Create(SequenceListing listing,
@@ -57,6 +70,10 @@ Result<Frame> ImageFolderSource::Next(TimePoint) {
   if (options_.halve) HalveImage(stored_.view(), &half_);
   frame.image = options_.halve ? half_.view() : stored_.view();
   return frame;
+}
+
+std::string ImageFolderSource::FrameName(std::uint32_t frame_index) const {
+  return listing_.image_paths[StoredIndex(frame_index)].substr(num_folder_chars_);
 }
 
 Status ImageFolderSource::CheckSize(const std::string& path, int width_px, int height_px) const {

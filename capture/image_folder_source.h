@@ -26,6 +26,7 @@ class ImageFolderSource final : public FrameSource {
   const CameraCalibration& calibration() const override { return calibration_; }
   std::uint32_t num_frames() const override { return num_frames_; }
   ImageView static_mask() const override { return mask_.view(); }
+  std::string FrameName(std::uint32_t frame_index) const override;
   Result<Frame> Next(TimePoint deadline) override;
 
  private:
@@ -41,6 +42,7 @@ class ImageFolderSource final : public FrameSource {
   SequenceListing listing_;
   SequenceOptions options_;
   CameraCalibration calibration_;  // of the frames that are handed out
+  std::size_t num_folder_chars_;   // of every path, up to its name
   std::uint32_t num_frames_ = 0;
   std::uint32_t next_index_ = 0;
   Image mask_;

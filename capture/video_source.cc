@@ -61,6 +61,9 @@ class VideoSource final : public FrameSource {
   const CameraCalibration& calibration() const override { return calibration_; }
   std::uint32_t num_frames() const override { return num_frames_; }
   ImageView static_mask() const override { return mask_.view(); }
+  std::string FrameName(std::uint32_t frame_index) const override {
+    return NumberedFrameName(options_.first_frame + frame_index * options_.every_nth);
+  }
   Result<Frame> Next(TimePoint deadline) override;
 
  private:

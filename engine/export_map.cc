@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "hal/frame_source.h"
+
 namespace haustra {
 
 MapExport ExportMap(const Engine& engine, MapHandle map_handle,
@@ -16,10 +18,9 @@ MapExport ExportMap(const Engine& engine, MapHandle map_handle,
     KeyframeExport entry;
     entry.id = static_cast<int>(keyframe.id);
     entry.timestamp_ns = keyframe.timestamp.time_since_epoch().count();
-    entry.image_name = image_name(keyframe.frame_index);
-    if (keyframe.session != atlas.session()) {
-      entry.image_name = "session_" + std::to_string(keyframe.session) + "/" + entry.image_name;
-    }
+    entry.image_name = keyframe.session == atlas.session() ? image_name(keyframe.frame_index)
+                                                           : "session_" + std::to_string(keyframe.session) + "/" +
+                                                                 NumberedFrameName(keyframe.frame_index);
     entry.cam_from_map = keyframe.cam_from_map;
     for (int i = 0; i < keyframe.features.num; ++i) {
       entry.keypoints.push_back(keyframe.features.pixel(i).cast<float>());

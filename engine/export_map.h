@@ -11,9 +11,9 @@ namespace haustra {
 // Colour of a pixel of a frame of this session; called once for every point that one sees, with its newest observation.
 using PointColour = std::function<std::array<std::uint8_t, 3>(std::uint32_t frame_index, const Eigen::Vector2d& pixel)>;
 
-// `image_name` gives the file name of a frame of this session; those of keyframes that were loaded get the folder
-// session_N in front, so that no two are the same. `colour` may be empty: points are grey then, as are those that only
-// keyframes of earlier sessions see.
+// `image_name` gives the file name of a frame of this session. Keyframes that were loaded are named
+// session_N/frame_NNNNNN.png by the number of their frame: the atlas does not keep the names of files. `colour` may be
+// empty: points are grey then, as are those that only keyframes of earlier sessions see.
 MapExport ExportMap(const Engine& engine, MapHandle map, const std::function<std::string(std::uint32_t)>& image_name,
                     const PointColour& colour);
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
@@ -15,6 +16,10 @@ struct Frame {
   TimePoint timestamp;      // capture time, strictly increasing
   ImageView image;          // valid until the next call of Next() on its source
 };
+
+// "frame_000042.png": the picture of a frame of a recording, counted from 0. FFmpeg extracts all under these names:
+// ffmpeg -i VIDEO -vsync passthrough -start_number 0 frame_%06d.png
+std::string NumberedFrameName(std::uint32_t number);
 
 // thread-bound(the reader).
 class FrameSource {
@@ -30,6 +35,10 @@ class FrameSource {
   virtual bool is_live() const { return false; }
   // 255 where the scope's window shows the scene, 0 elsewhere; empty view when there is no static mask.
   virtual ImageView static_mask() const = 0;
+
+  // The file that holds the picture of a frame, relative to the deepest folder that holds all of them; for frames that
+  // are no files, NumberedFrameName of their place in what was recorded.
+  virtual std::string FrameName(std::uint32_t frame_index) const { return NumberedFrameName(frame_index); }
 
   // The next frame. kNotFound: the sequence is over. kDataLoss: this frame is damaged (the message says where); the
   // next call goes on after it. kDeadlineExceeded, kUnavailable: none came, device gone.

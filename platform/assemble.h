@@ -9,6 +9,9 @@
 
 namespace haustra {
 
+// "auto" as "cuda" where this build and this machine have it, else as "cpu"; other names as they are.
+std::string_view ResolveVisionDevice(std::string_view name);
+
 // "cpu" or "cuda". kUnavailable when this build or this machine does not have it. num_threads: of the CPU device,
 // 0 means one for each core.
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,

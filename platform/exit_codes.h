@@ -7,15 +7,38 @@ namespace haustra {
 
 enum ExitCode : int {
   kExitOk = 0,
+  kExitNotMet = 1,
   kExitUsage = 64,
   kExitBadData = 65,
   kExitNoInput = 66,
   kExitUnavailable = 69,
   kExitInternal = 70,
   kExitSystem = 71,
+  kExitInTheWay = 73,
   kExitIo = 74,
   kExitBusy = 75,
   kExitConfig = 78,
+};
+
+struct ExitCodeMeaning {
+  ExitCode code;
+  const char* meaning;
+};
+
+// As help and manual pages show them.
+inline constexpr ExitCodeMeaning kExitCodeMeanings[] = {
+    {kExitOk, "done"},
+    {kExitNotMet, "measured, and not good enough; refused by the service"},
+    {kExitUsage, "wrong arguments"},
+    {kExitBadData, "a file or a frame is not what it should be"},
+    {kExitNoInput, "a file or folder to read is not there"},
+    {kExitUnavailable, "a device or a service cannot be reached"},
+    {kExitInternal, "internal error"},
+    {kExitSystem, "the operating system refuses something"},
+    {kExitInTheWay, "something is where the output should go"},
+    {kExitIo, "the output cannot be written"},
+    {kExitBusy, "somebody else uses it"},
+    {kExitConfig, "configuration, or an input that does not meet what is asked of it"},
 };
 
 inline int ExitCodeFor(StatusCode code) {

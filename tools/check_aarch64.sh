@@ -79,7 +79,7 @@ run_rest() {
 map_colon() {  # map_colon NAME PROGRAM...
   local name="$1"
   shift
-  "$@" run build/aarch64/colon --out "build/aarch64/colon_$name" > "build/aarch64/colon_$name.log" 2>&1 ||
+  "$@" run build/aarch64/colon --out "build/aarch64/colon_$name" --device cpu > "build/aarch64/colon_$name.log" 2>&1 ||
     { cat "build/aarch64/colon_$name.log" >&2; return 1; }
   build/release/tools/haustra evaluate "build/aarch64/colon_$name" --groundtruth build/aarch64/colon/groundtruth.txt \
     --table "build/aarch64/colon_$name.csv" > /dev/null

@@ -6,27 +6,10 @@
 
 #include "capture/concat.h"
 #include "capture/number.h"
+#include "hal/core/edit_distance.h"
 
 namespace haustra::capture::internal {
 namespace {
-
-char Lower(char c) { return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c); }
-
-// Levenshtein distance, letters without regard to case.
-std::size_t EditDistance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t substituted = diagonal + (Lower(a[i - 1]) == Lower(b[j - 1]) ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({substituted, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
 
 std::string Joined(const std::vector<std::string_view>& words) {
   std::string text;
@@ -53,7 +36,7 @@ std::string_view NearestWord(std::string_view word, const std::vector<std::strin
   std::string_view nearest;
   std::size_t nearest_distance = std::max<std::size_t>(2, word.size() / 4) + 1;
   for (const std::string_view candidate : candidates) {
-    const std::size_t distance = EditDistance(word, candidate);
+    const std::size_t distance = EditDistance(word, candidate, LetterCase::kIgnored);
     if (distance >= nearest_distance || distance >= candidate.size()) continue;
     nearest_distance = distance;
     nearest = candidate;

@@ -7,6 +7,7 @@
 #include <set>
 #include <sstream>
 
+#include "hal/core/edit_distance.h"
 #include "platform/config/config_document.h"
 
 namespace haustra {
@@ -15,22 +16,6 @@ namespace {
 constexpr std::string_view kPresetKey = "preset";
 constexpr int kMaxPresetDepth = 4;  // deeper is a circle, or nobody can follow it
 constexpr int kMaxProblems = 20;    // reported at once
-
-// Levenshtein 1966: fewest insertions, deletions and replacements that turn a into b.
-int EditDistance(std::string_view a, std::string_view b) {
-  std::vector<int> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = static_cast<int>(j);
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    int diagonal = row[0];
-    row[0] = static_cast<int>(i);
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const int replaced = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({replaced, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
 
 std::string_view Section(std::string_view key) {
   const std::size_t dot = key.rfind('.');
@@ -116,7 +101,7 @@ std::string ConfigTable::NearestKey(std::string_view key) const {
   const ConfigField* nearest = nullptr;
   int best = 0;
   for (const ConfigField& field : fields_) {
-    const int distance = EditDistance(field.key, key);
+    const auto distance = static_cast<int>(EditDistance(field.key, key, LetterCase::kMatters));
     if (nearest == nullptr || distance < best) {
       nearest = &field;
       best = distance;

@@ -68,6 +68,8 @@ TEST_F(ImageFolderSourceTest, OptionsChooseAPartAndEveryNth) {
   EXPECT_EQ(second.index, 1u);
   EXPECT_EQ(second.image.row(0)[0], 30);
   EXPECT_EQ(second.timestamp.time_since_epoch().count(), 120'000'000);
+  EXPECT_EQ((*source)->FrameName(0), "000001.png");
+  EXPECT_EQ((*source)->FrameName(1), "000003.png");
   EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
 }
 
@@ -83,6 +85,7 @@ TEST_F(ImageFolderSourceTest, ReversedItRunsFromTheLastToTheFirstWithTimeRunning
     EXPECT_EQ(frame->index, i);
     EXPECT_EQ(frame->timestamp.time_since_epoch().count(), 1'000'000 * stamps_ms[i]);
     EXPECT_EQ(frame->image.row(0)[0], 10 * (4 - i));
+    EXPECT_EQ((*source)->FrameName(i), "00000" + std::to_string(4 - i) + ".png");
   }
   EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
 }

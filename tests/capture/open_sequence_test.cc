@@ -79,6 +79,7 @@ TEST_F(OpenSequenceTest, C3vdIsFoundAndOrderedByNumber) {
   ASSERT_TRUE(source.ok()) << source.status().ToString();
   EXPECT_EQ((*source)->num_frames(), 6u);
   EXPECT_EQ((*source)->calibration().rate_hz, 29.97);
+  EXPECT_EQ((*source)->FrameName(3), "9_color.png");
   const ReadFrames seen = ReadSequence(source->get());
   EXPECT_THAT(seen.values, ElementsAre(0, 1, 2, 9, 10, 11));
   // N / 29.97 s: a number that is missing leaves its time free.
@@ -113,6 +114,7 @@ TEST_F(OpenSequenceTest, EurocIsFound) {
     ASSERT_TRUE(source.ok()) << source.status().ToString();
     EXPECT_EQ((*source)->calibration().kind, CameraModelKind::kPinhole);
     EXPECT_EQ((*source)->calibration().rate_hz, 20.0);
+    EXPECT_EQ((*source)->FrameName(1), "1403636579813555456.png");
     const ReadFrames seen = ReadSequence(source->get());
     EXPECT_THAT(seen.values, ElementsAre(3, 5));
     EXPECT_THAT(seen.timestamps_ns, ElementsAre(1403636579763555584, 1403636579813555456));
@@ -143,6 +145,18 @@ TEST_F(OpenSequenceTest, TumIsFound) {
   const ReadFrames seen = ReadSequence(source->get());
   EXPECT_THAT(seen.values, ElementsAre(21, 22));
   EXPECT_THAT(seen.timestamps_ns, ElementsAre(1305031102175304000, 1305031102211214000));
+  EXPECT_EQ((*source)->FrameName(0), "1305031102.175304.png");
+}
+
+TEST_F(OpenSequenceTest, NamesBeginBelowTheFolderThatHoldsAllPictures) {
+  folder_.Write("rgb.txt", "1.0 day/rgb/a.png\n2.0 day/rgb2/a.png\n");
+  WriteFlat("day/rgb/a.png", 21);
+  WriteFlat("day/rgb2/a.png", 22);
+  folder_.Write("calib.yaml", kSmallCalibration);
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.path(), {});
+  ASSERT_TRUE(source.ok()) << source.status().ToString();
+  EXPECT_EQ((*source)->FrameName(0), "rgb/a.png");
+  EXPECT_EQ((*source)->FrameName(1), "rgb2/a.png");
 }
 
 TEST_F(OpenSequenceTest, TumListWithAMistakeIsRefusedWithItsLine) {

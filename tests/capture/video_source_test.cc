@@ -103,6 +103,7 @@ TEST_F(VideoSourceTest, OptionsChooseAPartAndHalve) {
     ASSERT_TRUE(frame.ok()) << frame.status().ToString();
     EXPECT_EQ(frame->index, i);
     EXPECT_EQ(frame->timestamp.time_since_epoch().count(), 40'000'000 * (2 + 3 * i));
+    EXPECT_EQ((*source)->FrameName(i), "frame_00000" + std::to_string(2 + 3 * i) + ".png");
     EXPECT_EQ(frame->image.width, 32);
     EXPECT_EQ(frame->image.height, 24);
     EXPECT_NEAR(frame->image.row(12)[3 * 16], Expanded(LevelOf(2 + 3 * i)), 5.0);

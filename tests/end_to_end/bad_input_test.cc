@@ -2,6 +2,7 @@
 // code (tools/exit_codes.h), never a crash, and nothing of the user's is lost.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
@@ -57,6 +58,9 @@ class BadInput : public testing::Test {
 
   CommandResult Run(const std::vector<std::string>& more_arguments = {}) const {
     std::vector<std::string> arguments = {"run", sequence_, "--out", out_};
+    if (std::find(more_arguments.begin(), more_arguments.end(), "--device") == more_arguments.end()) {
+      arguments.insert(arguments.end(), {"--device", "cpu"});
+    }
     arguments.insert(arguments.end(), more_arguments.begin(), more_arguments.end());
     return Haustra(arguments);
   }
@@ -195,7 +199,7 @@ TEST_F(BadInput, DeviceThatIsNotThereIsUnavailable) {
 
 TEST_F(BadInput, OutputNameOfAFileIsRefusedAndTheFileKept) {
   Write("out", "precious");
-  ExpectFailure(Run(), kExitBadData, {out_});
+  ExpectFailure(Run(), kExitInTheWay, {out_});
   EXPECT_EQ(ReadBytes(out_), "precious");
 }
 
@@ -210,14 +214,15 @@ TEST_F(BadInput, OutputFolderWithForeignFilesIsRefusedAndKept) {
   Write("out/thesis.tex", "precious");
   Write("out/maps/map_0000.ply", "of somebody's");
   const auto before = ContentOf(out_);
-  ExpectFailure(Run(), kExitBadData, {out_, "not part of a run"});
+  ExpectFailure(Run(), kExitInTheWay, {out_, "not part of a run"});
+  ExpectFailure(Run({"--overwrite"}), kExitInTheWay, {out_, "not part of a run"});
   EXPECT_EQ(ContentOf(out_), before);
 }
 
 TEST_F(BadInput, SequenceAsItsOwnOutputFolderIsRefusedAndKept) {
   out_ = sequence_;
   const auto before = ContentOf(out_);
-  ExpectFailure(Run(), kExitBadData, {out_});
+  ExpectFailure(Run({"--overwrite"}), kExitInTheWay, {out_});
   EXPECT_EQ(ContentOf(out_), before);
 }
 
@@ -225,7 +230,14 @@ TEST_F(BadInput, ForeignFileDeepInAnEarlierRunIsKept) {
   ASSERT_EQ(Run().exit_code, 0);
   Write("out/maps/scan_of_patient.ply", "precious");
   const auto before = ContentOf(out_);
-  ExpectFailure(Run(), kExitBadData, {out_, "maps/scan_of_patient.ply"});
+  ExpectFailure(Run({"--overwrite"}), kExitInTheWay, {out_, "maps/scan_of_patient.ply"});
+  EXPECT_EQ(ContentOf(out_), before);
+}
+
+TEST_F(BadInput, EarlierRunIsKeptUnlessOverwriteIsSaid) {
+  ASSERT_EQ(Run().exit_code, 0);
+  const auto before = ContentOf(out_);
+  ExpectFailure(Run(), kExitInTheWay, {out_, "holds a run already", "--overwrite"});
   EXPECT_EQ(ContentOf(out_), before);
 }
 
@@ -233,8 +245,10 @@ TEST_F(BadInput, EarlierRunIsReplacedWhole) {
   ASSERT_EQ(Run().exit_code, 0);
   Write("out/trajectory/map_0007.tum", "of the earlier run");
   Write("out/frames.csv.partial-77", "of a killed run");
-  const CommandResult again = Run();
+  const CommandResult again = Run({"--overwrite"});
   EXPECT_EQ(again.exit_code, 0) << again.ToString();
+  EXPECT_EQ(FilesBelow(out_ + "/trajectory"), std::vector<std::string>{"live.tum"});
+  EXPECT_FALSE(Exists(out_ + "/frames.csv.partial-77"));
   EXPECT_FALSE(Exists(out_ + "/trajectory/map_0007.tum"));
   EXPECT_EQ(ReadCsv(out_ + "/frames.csv").size(), 3u);
 }
@@ -243,11 +257,76 @@ TEST_F(BadInput, EarlierRunIsKeptWhenTheNextCannotStart) {
   ASSERT_EQ(Run().exit_code, 0);
   const auto before = ContentOf(out_);
   HideCudaDevices();
-  ExpectFailure(Run({"--device", "cuda"}), kExitUnavailable, {"cuda"});
-  ExpectFailure(Run({"--set", "features.max=1"}), kExitConfig, {"features.max"});
+  ExpectFailure(Run({"--overwrite", "--device", "cuda"}), kExitUnavailable, {"cuda"});
+  ExpectFailure(Run({"--overwrite", "--set", "features.max=1"}), kExitConfig, {"features.max"});
+  ExpectFailure(Run({"--overwrite", "--save-atlas", scratch_ + "/none/a.atlas"}), kExitIo, {"a.atlas"});
   fs::remove_all(sequence_);
-  ExpectFailure(Run(), kExitNoInput, {sequence_});
+  ExpectFailure(Run({"--overwrite"}), kExitNoInput, {sequence_});
   EXPECT_EQ(ContentOf(out_), before);
+}
+
+TEST_F(BadInput, AutoDeviceIsTheCpuWhereThereIsNoOther) {
+  HideCudaDevices();
+  const CommandResult run = Run({"--device", "auto"});
+  ASSERT_EQ(run.exit_code, 0) << run.ToString();
+  EXPECT_EQ(ReadJson(out_ + "/summary.json").at("device"), "cpu");
+  EXPECT_NE(run.out.find("device          cpu"), std::string::npos) << run.out;
+}
+
+TEST_F(BadInput, QuietRunSaysNothing) {
+  const CommandResult run = Run({"--quiet"});
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_EQ(run.out + run.err, "");
+  ExpectFailure(Run({"--quiet"}), kExitInTheWay, {out_});
+}
+
+TEST_F(BadInput, MessagesHaveNoCodesInThemAndLogsNoCarriageReturns) {
+  const CommandResult good = Run();
+  ASSERT_EQ(good.exit_code, 0);
+  EXPECT_EQ((good.out + good.err).find('\r'), std::string::npos);
+  fs::remove_all(sequence_ + "/frames");
+  fs::create_directories(sequence_ + "/frames");
+  const CommandResult bad = Run({"--overwrite"});
+  EXPECT_EQ(bad.exit_code, kExitBadData);
+  EXPECT_EQ(bad.err.find("invalid argument"), std::string::npos) << bad.err;
+}
+
+TEST_F(BadInput, PartOfTheSequenceIsChosen) {
+  const CommandResult run = Run({"--first-frame", "1", "--last-frame", "1"});
+  ASSERT_EQ(run.exit_code, 0) << run.ToString();
+  CsvRows frames = ReadCsv(out_ + "/frames.csv");
+  ASSERT_EQ(frames.size(), 1u);
+  EXPECT_EQ(frames[0]["timestamp_ns"], "40000000");
+}
+
+TEST_F(BadInput, ReportIsLeftOutWhenNotWanted) {
+  ASSERT_EQ(Run({"--report", "off"}).exit_code, 0);
+  EXPECT_FALSE(Exists(out_ + "/report.html"));
+  ASSERT_EQ(Run({"--overwrite"}).exit_code, 0);
+  EXPECT_TRUE(Exists(out_ + "/report.html"));
+}
+
+TEST_F(BadInput, MissingCalibrationOfAMeasurementNamesTheCommandThatEstimatesOne) {
+  fs::remove(sequence_ + "/calib.yaml");
+  for (const char* command : {"latency", "soak"}) {
+    ExpectFailure(HaustraOnCpu({command, sequence_}), kExitNoInput,
+                  {"'haustra calibrate " + sequence_ + " --out " + sequence_ + "/calib.yaml' estimates one"});
+  }
+}
+
+TEST_F(BadInput, FilesThatAreThereAreKeptUnlessOverwriteIsSaid) {
+  const std::string file = Write("results.json", "precious");
+  const std::vector<std::string> evaluate = {"evaluate", ResultFolder("standard"), "--json", file};
+  ExpectFailure(Haustra(evaluate), kExitInTheWay, {file, "--overwrite"});
+  ExpectFailure(Haustra({"report", ResultFolder("standard"), "--html", file}), kExitInTheWay, {file, "--overwrite"});
+  ExpectFailure(HaustraOnCpu({"calibrate", sequence_, "--out", file}), kExitInTheWay, {file, "--overwrite"});
+  ExpectFailure(HaustraOnCpu({"soak", sequence_, "--csv", file}), kExitInTheWay, {file, "--overwrite"});
+  ExpectFailure(Run({"--save-atlas", file}), kExitInTheWay, {file, "--overwrite"});
+  EXPECT_EQ(ReadBytes(file), "precious");
+  std::vector<std::string> replacing = evaluate;
+  replacing.push_back("--overwrite");
+  EXPECT_EQ(Haustra(replacing).exit_code, kExitOk);
+  EXPECT_NE(ReadBytes(file), "precious");
 }
 
 TEST_F(BadInput, WrongCommandLinesAreUsageErrors) {
@@ -285,6 +364,8 @@ TEST_F(BadInput, HelpAndVersionAreNoErrors) {
     EXPECT_EQ(result.exit_code, kExitOk) << result.ToString();
     EXPECT_FALSE(result.out.empty());
   }
+  EXPECT_TRUE(Haustra({"--version"}).out.starts_with("haustra " HAUSTRA_VERSION));
+  EXPECT_NE(Haustra({"latency", "--help"}).out.find("  73 "), std::string::npos);
 }
 
 TEST_F(BadInput, EvaluationWithoutGroundTruthOrRunNamesWhatIsMissing) {
@@ -310,7 +391,7 @@ class DamagedSequence : public testing::Test {
   }
   // The run goes through, counts these frames as damaged, says so, and has a map before and after each of them.
   void ExpectOnlyTheseAreLost(const std::vector<int>& damaged) const {
-    const CommandResult run = Haustra({"run", sequence_, "--out", out_});
+    const CommandResult run = HaustraOnCpu({"run", sequence_, "--out", out_});
     ASSERT_EQ(run.exit_code, kExitOk) << run.ToString();
     CsvRows frames = ReadCsv(out_ + "/frames.csv");
     ASSERT_EQ(frames.size(), static_cast<std::size_t>(kNumFrames));

@@ -26,7 +26,7 @@ class Calibrate : public testing::Test {
     out_ = scratch_ + "/calib.yaml";
   }
   CommandResult Run(const std::string& sequence, const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> arguments = {"calibrate", sequence, "--out", out_};
+    std::vector<std::string> arguments = {"calibrate", sequence, "--out", out_, "--device", "cpu"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Haustra(arguments);
   }
@@ -58,7 +58,7 @@ TEST_F(Calibrate, FindsTheFocalLengthOfARenderedClipAndRepeatsToTheByte) {
   EXPECT_EQ(image->width(), 360);
 
   const std::string calibration = ReadBytes(out_), drawn = ReadBytes(picture);
-  ASSERT_EQ(Run(SequenceFolder("losses"), {"--picture", picture, "--threads", "1"}).exit_code, kExitOk);
+  ASSERT_EQ(Run(SequenceFolder("losses"), {"--picture", picture, "--threads", "1", "--overwrite"}).exit_code, kExitOk);
   EXPECT_EQ(ReadBytes(out_), calibration);
   EXPECT_EQ(ReadBytes(picture), drawn);
 }
@@ -70,7 +70,7 @@ TEST_F(Calibrate, ARunWithoutCalibrationEstimatesItAndSaysSo) {
   for (const char* name : {"times.txt", "mask.png"}) {
     fs::copy_file(SequenceFolder("losses") + "/" + name, sequence + "/" + name);
   }
-  const CommandResult run = Haustra({"run", sequence, "--out", out});
+  const CommandResult run = HaustraOnCpu({"run", sequence, "--out", out});
   ASSERT_EQ(run.exit_code, kExitOk) << run.ToString();
   EXPECT_NE(run.err.find("estimating"), std::string::npos) << run.err;
   ExpectFocalLength(out + "/calib.yaml", kTrueFocalPx);
@@ -89,7 +89,7 @@ TEST_F(Calibrate, ARunThatCannotEstimateAsksForACalibration) {
   const std::string sequence = scratch_ + "/sequence", out = scratch_ + "/run";
   CopySequence(SequenceFolder("losses"), sequence, 10);
   fs::remove(sequence + "/calib.yaml");
-  const CommandResult run = Haustra({"run", sequence, "--out", out});
+  const CommandResult run = HaustraOnCpu({"run", sequence, "--out", out});
   EXPECT_EQ(run.exit_code, kExitNoInput) << run.ToString();
   for (const char* word : {"calib.yaml", "10 frames", "--calibration"}) {
     EXPECT_NE(run.err.find(word), std::string::npos) << run.err;
@@ -100,7 +100,7 @@ TEST_F(Calibrate, ARunThatCannotEstimateAsksForACalibration) {
 TEST_F(Calibrate, RefusesWhatIsNotThereOrTooShort) {
   ExpectRefusal(Run(scratch_ + "/none"), kExitNoInput, "none");
   ExpectRefusal(Run(SequenceFolder("losses"), {"--last-frame", "9"}), kExitConfig, "10 frames are too few");
-  EXPECT_EQ(Haustra({"calibrate", SequenceFolder("losses")}).exit_code, kExitUsage);
+  EXPECT_EQ(HaustraOnCpu({"calibrate", SequenceFolder("losses")}).exit_code, kExitUsage);
   EXPECT_EQ(Run("v4l2:/dev/video0").exit_code, kExitUsage);
 }
 

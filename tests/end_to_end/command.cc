@@ -94,6 +94,11 @@ std::vector<std::string> HaustraCommand(const std::vector<std::string>& argument
   return command;
 }
 
+CommandResult HaustraOnCpu(std::vector<std::string> arguments) {
+  arguments.insert(arguments.end(), {"--device", "cpu"});
+  return Haustra(arguments);
+}
+
 CommandResult Haustra(const std::vector<std::string>& arguments) {
   return Command(HaustraCommand(arguments)).Wait(kHangLimit);
 }

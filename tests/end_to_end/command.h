@@ -49,6 +49,8 @@ class Command {
 
 // The `haustra` of this build, until it ends.
 CommandResult Haustra(const std::vector<std::string>& arguments);
+// With --device cpu: what is compared to the bit, or in the time that it takes, is the same on every machine.
+CommandResult HaustraOnCpu(std::vector<std::string> arguments);
 std::vector<std::string> HaustraCommand(const std::vector<std::string>& arguments);
 
 // Long enough for any run of these tests under any sanitizer on a busy machine.

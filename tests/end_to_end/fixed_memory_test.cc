@@ -16,14 +16,15 @@ namespace {
 using testing::HasSubstr;
 
 TEST(FixedMemory, PlanListsEveryPoolAndItsSumIsTheTotal) {
-  const CommandResult text = Haustra({"plan", "--sequence", SequenceFolder("standard"), "--threads", "2"});
+  const CommandResult text = HaustraOnCpu({"plan", "--sequence", SequenceFolder("standard"), "--threads", "2"});
   ASSERT_EQ(text.exit_code, kExitOk) << text.ToString();
   for (const char* word :
        {"profile medium, images 360x270", "keyframes", "map points", "snapshots", "proposals", "feature sets (cpu)",
         "frames in flight", "rings of the session", "memory.max_map_points", "total"}) {
     EXPECT_THAT(text.out, HasSubstr(word));
   }
-  const CommandResult json = Haustra({"plan", "--sequence", SequenceFolder("standard"), "--threads", "2", "--json"});
+  const CommandResult json =
+      HaustraOnCpu({"plan", "--sequence", SequenceFolder("standard"), "--threads", "2", "--json"});
   ASSERT_EQ(json.exit_code, kExitOk) << json.ToString();
   const nlohmann::json plan = nlohmann::json::parse(json.out);
   std::uint64_t arena = 0, host = 0;
@@ -73,7 +74,7 @@ TEST(FixedMemory, SummaryHasPoolsEvictionsAndTheTrackingThread) {
 TEST(FixedMemory, TinyPoolKeepsTheCoverage) {
   const std::string out = ScratchFolder() + "/out";
   const CommandResult result =
-      Haustra({"run", SequenceFolder("losses"), "--out", out, "--set", "memory.max_keyframes=40"});
+      HaustraOnCpu({"run", SequenceFolder("losses"), "--out", out, "--set", "memory.max_keyframes=40"});
   ASSERT_EQ(result.exit_code, kExitOk) << result.ToString();
   const nlohmann::json tight = nlohmann::json::parse(ReadBytes(out + "/summary.json"));
   const nlohmann::json plenty = nlohmann::json::parse(ReadBytes(ResultFolder("losses") + "/summary.json"));
@@ -91,8 +92,8 @@ TEST(FixedMemory, ShortSoakPassesAndOneWithoutSamplesDoesNot) {
   const std::string csv = ScratchFolder() + "/soak.csv";
   // The solver's memory is still filling: what is allowed is no measure of what is right in a long run.
   const CommandResult passed =
-      Haustra({"soak", SequenceFolder("standard"), "--minutes", "0.2", "--interval", "0.5", "--warm-up", "6", "--mode",
-               "sequential", "--max-growth-mb", "200", "--max-latency-ratio", "100", "--csv", csv});
+      HaustraOnCpu({"soak", SequenceFolder("standard"), "--minutes", "0.2", "--interval", "0.5", "--warm-up", "6",
+                    "--mode", "sequential", "--max-growth-mb", "200", "--max-latency-ratio", "100", "--csv", csv});
   EXPECT_EQ(passed.exit_code, kExitOk) << passed.ToString();
   EXPECT_THAT(passed.out, HasSubstr("passed: resident memory"));
   CsvRows samples = ReadCsv(csv);
@@ -104,16 +105,16 @@ TEST(FixedMemory, ShortSoakPassesAndOneWithoutSamplesDoesNot) {
   EXPECT_GT(std::stod(samples.back()["rss_mb"]), 10.0);
   EXPECT_EQ(samples.back()["procedure"], "0");
   const CommandResult nothing =
-      Haustra({"soak", SequenceFolder("standard"), "--minutes", "0.02", "--mode", "sequential"});
+      HaustraOnCpu({"soak", SequenceFolder("standard"), "--minutes", "0.02", "--mode", "sequential"});
   EXPECT_EQ(nothing.exit_code, 1) << nothing.ToString();
   EXPECT_THAT(nothing.out, HasSubstr("FAILED: 0 samples after the warm-up"));
 }
 
 TEST(FixedMemory, SoakBeginsAndEndsProcedures) {
   const std::string csv = ScratchFolder() + "/soak.csv";
-  const CommandResult passed = Haustra({"soak", SequenceFolder("standard"), "--minutes", "0.15", "--procedure", "0.05",
-                                        "--interval", "0.2", "--warm-up", "1", "--mode", "sequential",
-                                        "--max-growth-mb", "200", "--max-latency-ratio", "100", "--csv", csv});
+  const CommandResult passed = HaustraOnCpu({"soak", SequenceFolder("standard"), "--minutes", "0.15", "--procedure",
+                                             "0.05", "--interval", "0.2", "--warm-up", "1", "--mode", "sequential",
+                                             "--max-growth-mb", "200", "--max-latency-ratio", "100", "--csv", csv});
   EXPECT_EQ(passed.exit_code, kExitOk) << passed.ToString();
   EXPECT_THAT(passed.out, HasSubstr("in 3 procedures"));
   CsvRows samples = ReadCsv(csv);
@@ -130,7 +131,7 @@ TEST(FixedMemory, SoakBeginsAndEndsProcedures) {
 
 TEST(FixedMemory, SoakAsksForASequenceOrToRenderOne) {
   EXPECT_EQ(Haustra({"soak"}).exit_code, kExitUsage);
-  EXPECT_EQ(Haustra({"soak", SequenceFolder("standard"), "--rendered"}).exit_code, kExitUsage);
+  EXPECT_EQ(HaustraOnCpu({"soak", SequenceFolder("standard"), "--rendered"}).exit_code, kExitUsage);
 }
 
 }  // namespace

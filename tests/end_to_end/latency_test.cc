@@ -19,9 +19,9 @@ std::string WriteRequirement(const std::string& text) {
 TEST(Latency, MeasuresJudgesAndWritesItsFiles) {
   const std::string out = ScratchFolder() + "/out";
   const std::string requirement = WriteRequirement("frames: 2\nmax_ms: 100000\n");
-  const CommandResult run = Haustra({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE,
-                                     "--seconds", "6", "--warm-up", "0.5", "--loop", "2", "--out", out, "--require",
-                                     requirement, "--stress-cpu", "1", "--stress-memory", "1"});
+  const CommandResult run = HaustraOnCpu({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE,
+                                          "--seconds", "6", "--warm-up", "0.5", "--loop", "2", "--out", out,
+                                          "--require", requirement, "--stress-cpu", "1", "--stress-memory", "1"});
   ASSERT_EQ(run.exit_code, 0) << run.ToString();
   EXPECT_NE(run.out.find("REQUIREMENT MET"), std::string::npos) << run.ToString();
   EXPECT_NE(run.out.find("end_to_end"), std::string::npos);
@@ -36,23 +36,23 @@ TEST(Latency, MeasuresJudgesAndWritesItsFiles) {
 
 TEST(Latency, RequirementThatIsNotMetFailsTheCommand) {
   const std::string requirement = WriteRequirement("p50_ms: 0\n");
-  const CommandResult run = Haustra({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE,
-                                     "--seconds", "3", "--warm-up", "0", "--loop", "1", "--require", requirement});
+  const CommandResult run = HaustraOnCpu({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE,
+                                          "--seconds", "3", "--warm-up", "0", "--loop", "1", "--require", requirement});
   EXPECT_EQ(run.exit_code, 1) << run.ToString();
   EXPECT_NE(run.out.find("REQUIREMENT NOT MET"), std::string::npos) << run.ToString();
 }
 
 TEST(Latency, BadRequirementIsRefusedWithItsLineBeforeAnythingRuns) {
   const std::string requirement = WriteRequirement("misses: 0\nfast: yes\n");
-  const CommandResult run = Haustra({"latency", "/no/such/sequence", "--require", requirement});
+  const CommandResult run = HaustraOnCpu({"latency", "/no/such/sequence", "--require", requirement});
   EXPECT_EQ(run.exit_code, 78) << run.ToString();
   EXPECT_NE(run.err.find("requirement.yaml:2:1: fast: unknown"), std::string::npos) << run.ToString();
 }
 
 TEST(Latency, SequenceOrRenderedIsAsked) {
   EXPECT_EQ(Haustra({"latency"}).exit_code, 64);
-  EXPECT_EQ(Haustra({"latency", SequenceFolder("standard"), "--rendered"}).exit_code, 64);
-  EXPECT_NE(Haustra({"latency", "/no/such/sequence"}).exit_code, 0);
+  EXPECT_EQ(HaustraOnCpu({"latency", SequenceFolder("standard"), "--rendered"}).exit_code, 64);
+  EXPECT_NE(HaustraOnCpu({"latency", "/no/such/sequence"}).exit_code, 0);
 }
 
 }  // namespace

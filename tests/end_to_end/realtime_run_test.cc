@@ -31,7 +31,7 @@ void ExpectEveryFrameAccountedFor(const std::string& out, std::size_t num_frames
 TEST(RealTimeRun, SlowPaceMapsTheSequence) {
   const std::string scratch = ScratchFolder();
   const std::string out = scratch + "/out";
-  const CommandResult run = Haustra(
+  const CommandResult run = HaustraOnCpu(
       {"run", SequenceFolder("standard"), "--out", out, "--mode", "realtime", "--rate", HAUSTRA_END_TO_END_RATE});
   ASSERT_EQ(run.exit_code, 0) << run.ToString();
   ExpectEveryFrameAccountedFor(out, ReadCsv(ResultFolder("standard") + "/frames.csv").size());
@@ -50,7 +50,7 @@ TEST(RealTimeRun, PaceFarTooFastDropsFramesAndEnds) {
   RecordProperty("req", "OVL-001");
   const std::string out = ScratchFolder() + "/out";
   const CommandResult run =
-      Haustra({"run", SequenceFolder("standard"), "--out", out, "--mode", "realtime", "--rate", "100"});
+      HaustraOnCpu({"run", SequenceFolder("standard"), "--out", out, "--mode", "realtime", "--rate", "100"});
   ASSERT_EQ(run.exit_code, 0) << run.ToString();
   ExpectEveryFrameAccountedFor(out, ReadCsv(ResultFolder("standard") + "/frames.csv").size());
 }
@@ -62,7 +62,7 @@ TEST(RealTimeRun, DamagedFramesAreCountedUpToTheLast) {
   for (const int index : {0, 15, 28, 29}) {
     WriteBytes(FramePath(sequence, index), ReadBytes(FramePath(sequence, index)).substr(0, 700));
   }
-  const CommandResult run = Haustra({"run", sequence, "--out", out, "--mode", "realtime", "--rate", "4"});
+  const CommandResult run = HaustraOnCpu({"run", sequence, "--out", out, "--mode", "realtime", "--rate", "4"});
   ASSERT_EQ(run.exit_code, 0) << run.ToString();
   ExpectEveryFrameAccountedFor(out, 30);
   EXPECT_EQ(ReadJson(out + "/summary.json").at("damaged").get<int>(), 4);

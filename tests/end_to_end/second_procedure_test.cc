@@ -81,7 +81,7 @@ std::vector<KeyframePose> ReadKeyframes(const std::string& images) {
     fields >> id >> q[0] >> q[1] >> q[2] >> q[3] >> t[0] >> t[1] >> t[2] >> camera >> name;
     EXPECT_TRUE(fields) << lines[i];
     KeyframePose pose;
-    const std::string kLoaded = "session_0/";
+    const std::string kLoaded = "session_0/frame_";
     pose.session = name.starts_with(kLoaded) ? 0 : 1;
     pose.frame_index = std::stoi(pose.session == 0 ? name.substr(kLoaded.size()) : name);
     pose.world_from_cam = SE3(Eigen::Quaterniond(q[0], q[1], q[2], q[3]), Eigen::Vector3d(t[0], t[1], t[2])).Inverse();
@@ -97,15 +97,15 @@ class SecondProcedure : public testing::Test {
     CopyPart(kFirst, Folder() + "/first");
     CopyPart(kSecond, Folder() + "/second");
     const CommandResult first =
-        Haustra({"run", Folder() + "/first", "--out", Folder() + "/first_out", "--save-atlas", AtlasPath()});
+        HaustraOnCpu({"run", Folder() + "/first", "--out", Folder() + "/first_out", "--save-atlas", AtlasPath()});
     ASSERT_EQ(first.exit_code, 0) << first.ToString();
     const CommandResult second = Run("second_out", "both.atlas");
     ASSERT_EQ(second.exit_code, 0) << second.ToString();
   }
 
   static CommandResult Run(const std::string& out, const std::string& saved) {
-    return Haustra({"run", Folder() + "/second", "--out", Folder() + "/" + out, "--load-atlas", AtlasPath(),
-                    "--save-atlas", Folder() + "/" + saved});
+    return HaustraOnCpu({"run", Folder() + "/second", "--out", Folder() + "/" + out, "--load-atlas", AtlasPath(),
+                         "--save-atlas", Folder() + "/" + saved});
   }
   static std::string Out(const std::string& name) { return Folder() + "/second_out/" + name; }
 
@@ -224,7 +224,8 @@ TEST_F(SecondProcedure, RepeatsToTheByte) {
 // Another colon: its maps and the loaded one have nothing in common.
 TEST_F(SecondProcedure, AnotherColonIsNotRecognised) {
   const std::string out = ScratchFolder() + "/out";
-  const CommandResult run = Haustra({"run", SequenceFolder("other_colon"), "--out", out, "--load-atlas", AtlasPath()});
+  const CommandResult run =
+      HaustraOnCpu({"run", SequenceFolder("other_colon"), "--out", out, "--load-atlas", AtlasPath()});
   ASSERT_EQ(run.exit_code, 0) << run.ToString();
   int num_loaded = 0, num_localised = 0;
   for (auto& map : ReadCsv(out + "/maps.csv")) {
@@ -254,7 +255,7 @@ TEST_F(SecondProcedure, FilesThatDoNotFitAreRefusedAndOldResultsStay) {
   const std::string scratch = ScratchFolder();
   const std::string out = scratch + "/out";
   const auto run = [&](const std::string& sequence, const std::vector<std::string>& more) {
-    std::vector<std::string> arguments = {"run", sequence, "--out", out};
+    std::vector<std::string> arguments = {"run", sequence, "--out", out, "--overwrite", "--device", "cpu"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Haustra(arguments);
   };

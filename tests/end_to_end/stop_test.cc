@@ -14,6 +14,7 @@
 
 #include "tests/end_to_end/command.h"
 #include "tests/end_to_end/result_files.h"
+#include "tools/exit_codes.h"
 
 namespace haustra::end_to_end {
 namespace {
@@ -34,7 +35,11 @@ class HeldRun : public testing::Test {
     const std::string frame = FramePath(sequence_, kHeldFrame);
     held_bytes_ = ReadBytes(frame);
 
-    std::vector<std::string> arguments = {"run", sequence_, "--out", out_};
+    if (has_earlier_results_) {
+      WriteBytes(out_ + "/frames.csv", "earlier");
+      WriteBytes(out_ + "/trajectory/live.tum", "earlier");
+    }
+    std::vector<std::string> arguments = {"run", sequence_, "--out", out_, "--device", "cpu"};
     arguments.insert(arguments.end(), more_arguments.begin(), more_arguments.end());
     command_ = std::make_unique<Command>(HaustraCommand(arguments));
     // The output folder is made when the files of the sequence have been listed.
@@ -81,6 +86,7 @@ class HeldRun : public testing::Test {
   }
 
   std::string sequence_, out_;
+  bool has_earlier_results_ = false;
   std::unique_ptr<Command> command_;
 
  private:
@@ -117,6 +123,29 @@ TEST_F(HeldRun, SequenceThatGoesAwayLeavesTheResultsUntilThen) {
   EXPECT_NE(result.err.find("calib.yaml"), std::string::npos) << result.ToString();
   ExpectResultsUpToTheHeldFrame();
   ExpectAMap();
+}
+
+TEST_F(HeldRun, KilledRunLeavesTheEarlierResults) {
+  has_earlier_results_ = true;
+  ASSERT_NO_FATAL_FAILURE(Start({"--overwrite"}));
+  command_->Signal(SIGKILL);
+  command_->Wait(kHangLimit);
+  const std::string aside = out_ + "/replaced-" + std::to_string(command_->pid());
+  EXPECT_EQ(ReadBytes(aside + "/frames.csv"), "earlier");
+  EXPECT_EQ(ReadBytes(aside + "/trajectory/live.tum"), "earlier");
+  // And nothing replaces them by accident.
+  const CommandResult again = HaustraOnCpu({"run", SequenceFolder("standard"), "--out", out_});
+  EXPECT_EQ(again.exit_code, kExitInTheWay) << again.ToString();
+}
+
+TEST_F(HeldRun, ReportThatCannotBeWrittenLeavesAGoodRunAndIsSaid) {
+  ASSERT_NO_FATAL_FAILURE(Start({}));
+  fs::create_directories(out_ + "/report.html/in_the_way");
+  command_->Signal(SIGTERM);
+  const CommandResult result = LetGo();
+  EXPECT_EQ(result.exit_code, 0) << result.ToString();
+  EXPECT_NE(result.err.find("warning: there is no report"), std::string::npos) << result.ToString();
+  ExpectResultsUpToTheHeldFrame();
 }
 
 }  // namespace

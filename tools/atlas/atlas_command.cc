@@ -1,6 +1,5 @@
 #include "tools/atlas/atlas_command.h"
 
-#include <cstdio>
 #include <memory>
 #include <string>
 
@@ -9,23 +8,23 @@
 #include "engine/io/atlas_reader.h"
 #include "platform/atlas_file.h"
 #include "tools/atlas/atlas_text.h"
+#include "tools/command/console.h"
 #include "tools/exit_codes.h"
 
 namespace haustra {
 namespace {
 
+constexpr const char* kAtlasCommand = "atlas";
+
 int Info(const std::string& path) {
   const Result<std::vector<std::uint8_t>> bytes = ReadAtlasFileBytes(path);
-  if (!bytes.ok()) {
-    std::fprintf(stderr, "haustra atlas: %s\n", bytes.status().ToString().c_str());
-    return bytes.code() == StatusCode::kUnavailable ? kExitIo : ExitCodeFor(bytes.code());
-  }
+  if (bytes.code() == StatusCode::kUnavailable) return console::Fail(kAtlasCommand, bytes.status(), kExitIo);
+  if (!bytes.ok()) return console::Fail(kAtlasCommand, bytes.status());
   const Result<SavedAtlas> atlas = ReadAtlas(*bytes);
   if (!atlas.ok()) {
-    std::fprintf(stderr, "haustra atlas: %s: %s\n", path.c_str(), atlas.status().ToString().c_str());
-    return ExitCodeFor(atlas.code());
+    return console::Fail(kAtlasCommand, Status(atlas.code(), path + ": " + atlas.status().message()));
   }
-  std::printf("%s\n%s", path.c_str(), AtlasText(*atlas, bytes->size()).c_str());
+  console::Print("%s\n%s", path.c_str(), AtlasText(*atlas, bytes->size()).c_str());
   return kExitOk;
 }
 

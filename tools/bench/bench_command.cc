@@ -1,9 +1,9 @@
 #include "tools/bench/bench_command.h"
 
-#include <cstdio>
 #include <memory>
 
 #include "tools/bench/vision_bench.h"
+#include "tools/command/console.h"
 #include "tools/exit_codes.h"
 
 namespace haustra {
@@ -27,8 +27,7 @@ void AddBenchCommand(CLI::App& app, std::function<int()>& action) {
     action = [options] {
       const Status status = RunVisionBench(*options);
       if (status.ok()) return static_cast<int>(kExitOk);
-      std::fprintf(stderr, "haustra bench vision: %s\n", status.ToString().c_str());
-      return ExitCodeFor(status.code());
+      return console::Fail("bench vision", status);
     };
   });
 }

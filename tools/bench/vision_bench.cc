@@ -15,6 +15,7 @@
 #include "kernels/cpu/cpu_vision_device.h"
 #include "tools/bench/timing.h"
 #include "tools/bench/vision_work.h"
+#include "tools/command/console.h"
 #ifdef HAUSTRA_HAVE_CUDA
 #include "kernels/cuda/cuda_memory.h"
 #include "kernels/cuda/cuda_vision_device.h"
@@ -52,8 +53,8 @@ class VisionBench {
     HAUSTRA_TRY(CreateDevice());
     keypoints_.resize(options_.num_features);
     matches_.resize(options_.num_features);
-    std::printf("%s: %dx%d on %s, %d features, %d repeats\n", options_.image_path.c_str(), image_.width(),
-                image_.height(), std::string(device_->name()).c_str(), options_.num_features, options_.repeats);
+    console::Print("%s: %dx%d on %s, %d features, %d repeats\n", options_.image_path.c_str(), image_.width(),
+                   image_.height(), std::string(device_->name()).c_str(), options_.num_features, options_.repeats);
 #ifdef HAUSTRA_HAVE_CUDA
     if (cuda_ != nullptr) HAUSTRA_TRY(PrintLimits());
 #endif
@@ -110,14 +111,14 @@ class VisionBench {
   Status BenchExtraction() {
     HAUSTRA_ASSIGN(const Timing usual,
                    Measure(options_.repeats, [&] { return ExtractOnce(image_.view(), Lane::kTracking); }));
-    std::printf("%d features found\n", count_);
+    console::Print("%d features found\n", count_);
     PrintTiming("extraction, picture and keypoints in host memory", usual);
     HAUSTRA_ASSIGN(set_, device_->CreateFeatureSet());
     HAUSTRA_TRY(ExtractAndWait(*device_, Lane::kTracking, {image_.view(), set_, keypoints_, &count_}));
     descriptors_.resize(static_cast<std::size_t>(count_) * kDescriptorBytes);
     HAUSTRA_TRY(device_->ReadDescriptors(set_, descriptors_));
     const ExtractionWork work = CountExtraction(image_.width(), image_.height(), count_);
-    std::printf(
+    console::Print(
         "  counted: %.2f Mpixel a level, %.1f MB of planes written and read once, %.0f million multiply-adds of blur, "
         "%.2f million gradients\n",
         1e-6 * work.plane_pixels, 1e-6 * work.plane_bytes, 1e-6 * work.blur_multiply_adds, 1e-6 * work.patch_samples);
@@ -134,7 +135,7 @@ class VisionBench {
                            nullptr, nullptr, matches_, &count_});
     };
     const int num_features = static_cast<int>(descriptors_.size() / kDescriptorBytes);
-    std::printf("matching %d x %d\n", num_features, num_features);
+    console::Print("matching %d x %d\n", num_features, num_features);
     HAUSTRA_ASSIGN(const Timing one_way, Measure(options_.repeats, [&] { return match(false); }));
     PrintTiming("brute force, launch and wait", one_way);
     HAUSTRA_ASSIGN(const Timing mutual, Measure(options_.repeats, [&] { return match(true); }));
@@ -155,7 +156,7 @@ class VisionBench {
 #ifdef HAUSTRA_HAVE_CUDA
   Status PrintLimits() {
     HAUSTRA_TRY(cuda_->MeasureLimits(&limits_));
-    std::printf(
+    console::Print(
         "limits measured: empty kernel and wait %.1f us, kernel reads host memory %.1f GB/s, device memory copied %.0f "
         "GB/s, products by mma.sync %.0f TOP/s of halves, %.0f TOP/s of bytes\n",
         limits_.launch_and_wait_us, limits_.host_read_gb_per_s, limits_.copy_gb_per_s, limits_.half_tera_ops_per_s,
@@ -173,7 +174,7 @@ class VisionBench {
     HAUSTRA_ASSIGN(const Timing pinned, Measure(options_.repeats, [&] { return ExtractOnce(view, Lane::kTracking); }));
     PrintTiming("extraction, picture in pinned host memory", pinned);
     const ExtractionWork work = CountExtraction(image_.width(), image_.height(), count_);
-    std::printf(
+    console::Print(
         "  of the limits, over the whole time: host link %.1f %%, device memory %.1f %%, half-precision products %.2f "
         "%%\n",
         0.1 * work.picture_bytes / pinned.median_us / limits_.host_read_gb_per_s,
@@ -194,14 +195,14 @@ class VisionBench {
     kernels::cuda::Extractor::StepTime steps[kernels::cuda::Extractor::kNumSteps];
     HAUSTRA_TRY(ExtractOnce(image_.view(), Lane::kTracking));
     HAUSTRA_TRY(cuda_->MeasureExtractionSteps(Lane::kTracking, options_.repeats, steps));
-    std::printf(
+    console::Print(
         "steps of extraction one after the other, between events (about 1.5 us each of which are the event's)\n");
     double sum = 0.0;
     for (const auto& step : steps) {
-      std::printf("  %-20s %8.1f us\n", step.name, step.median_us);
+      console::Print("  %-20s %8.1f us\n", step.name, step.median_us);
       sum += step.median_us;
     }
-    std::printf("  %-20s %8.1f us\n", "sum", sum);
+    console::Print("  %-20s %8.1f us\n", "sum", sum);
     return Status::Ok();
   }
 
@@ -212,7 +213,7 @@ class VisionBench {
     const MatchingWork work = CountMatching(num_query, num_train);
     const double tera_ops = 2e-6 * work.multiply_adds / median_us;
     const double gb_per_s = 1e-3 * work.bytes / median_us;
-    std::printf(
+    console::Print(
         "brute force on the device, %lld x %lld%s: median %.1f, p99 %.1f us (%.2f); %.1f TOP/s (%.1f %% of the limit), "
         "%.0f GB/s (%.1f %%)\n",
         static_cast<long long>(num_query), static_cast<long long>(num_train), mutual ? ", mutual" : "", median_us,
@@ -284,7 +285,7 @@ class VisionBench {
     background.join();
     HAUSTRA_TRY(loaded.status());
     PrintTiming("extraction while 8192 x 8192 matching fills the other lane", *loaded);
-    std::printf("  matchings done meanwhile: %d\n", num_done.load());
+    console::Print("  matchings done meanwhile: %d\n", num_done.load());
     return Status::Ok();
   }
 

@@ -84,14 +84,14 @@ def main():
         out = arguments.out / f"rate_{rate:g}"
         settings = [part for setting in arguments.set for part in ("--set", setting)]
         samples = run_watched([arguments.haustra, "run", sequence, "--out", out, "--mode", "realtime", "--rate",
-                               f"{rate:g}", "--device", arguments.device, *settings], arguments.out / f"rate_{rate:g}.csv")
+                               f"{rate:g}", "--device", arguments.device, "--overwrite", *settings], arguments.out / f"rate_{rate:g}.csv")
         end = seconds / rate  # results are written after that
         later = [mb for at, mb in samples if WARM_UP_S <= at < end]
         if later:
             print(f"resident memory {later[0]:.1f} MB after two minutes, then at most {max(later) - later[0]:+.2f} MB until "
                   f"the last frame, {max(mb for _, mb in samples) - later[0]:+.2f} MB while results are written")
         subprocess.run([arguments.haustra, "evaluate", out, "--groundtruth", sequence / "groundtruth.txt", "--json",
-                        out / "evaluation.json"], check=True)
+                        arguments.out / f"rate_{rate:g}.json", "--overwrite"], check=True)
 
 
 if __name__ == "__main__":

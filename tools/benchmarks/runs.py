@@ -10,7 +10,6 @@ import functools
 import hashlib
 import json
 import pathlib
-import shutil
 import statistics
 import subprocess
 import sys
@@ -79,9 +78,8 @@ def judged_run(folder, haustra, sequence, run_options, judge=None, truth=None, j
     if not _is_made(run_record, run_with, out / "summary.json"):
         for old in (run_record, judge_record, figures):
             old.unlink(missing_ok=True)
-        shutil.rmtree(out, ignore_errors=True)
         folder.mkdir(parents=True, exist_ok=True)
-        if (failure := _call([haustra, "run", sequence, "--out", out, *run_options])) is not None:
+        if (failure := _call([haustra, "run", sequence, "--out", out, "--overwrite", "--report", "off", *run_options])) is not None:
             return f"run failed: {failure}"
         run_record.write_text(json.dumps(run_with, indent=2), encoding="utf-8")
 
@@ -89,7 +87,7 @@ def judged_run(folder, haustra, sequence, run_options, judge=None, truth=None, j
     judge_with = {"program": digest_of_file(judge), "run": run_with, "options": [str(o) for o in judge_options],
                   "truth": [digest_of_file(f) for f in (truth, events) if f and f.is_file()]}
     if not _is_made(judge_record, judge_with, figures):
-        command = [judge, "evaluate", out, "--json", figures, *judge_options]
+        command = [judge, "evaluate", out, "--json", figures, "--overwrite", *judge_options]
         if truth:
             command += ["--groundtruth", truth]
         if (failure := _call(command)) is not None:

@@ -1,7 +1,6 @@
 #include "tools/capture/capture_command.h"
 
 #include <atomic>
-#include <cstdio>
 #include <memory>
 #include <string>
 #include <utility>
@@ -10,11 +9,17 @@
 #include "capture/v4l2/device_list.h"
 #include "capture/v4l2/v4l2_source.h"
 #include "tools/capture/sequence_recorder.h"
+#include "tools/command/common_options.h"
+#include "tools/command/console.h"
+#include "tools/command/output_folder.h"
+#include "tools/command/sequence_content.h"
 #include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 
 namespace haustra {
 namespace {
+
+constexpr const char* kCaptureCommand = "capture";
 
 struct CaptureArguments {
   std::string camera;
@@ -22,25 +27,21 @@ struct CaptureArguments {
   double seconds = 0.0;
   std::uint32_t num_frames = 0;
   bool is_dry = false;
+  bool overwrite = false;
   std::string store;
   bool halve = false;
   std::string calibration;
   std::string mask;
 };
 
-int FailCapture(const Status& status) {
-  std::fprintf(stderr, "haustra capture: %s\n", status.ToString().c_str());
-  return ExitCodeFor(status.code());
-}
-
 void PrintFormat(const V4l2FormatInfo& format) {
-  if (format.sizes.empty()) std::printf("  %s\n", FourccText(format.fourcc).c_str());
+  if (format.sizes.empty()) console::Print("  %s\n", FourccText(format.fourcc).c_str());
   for (const V4l2FormatInfo::Size& size : format.sizes) {
-    std::printf("  %s %s%dx%d", FourccText(format.fourcc).c_str(), size.step_px > 0 ? "up to " : "", size.width_px,
-                size.height_px);
+    console::Print("  %s %s%dx%d", FourccText(format.fourcc).c_str(), size.step_px > 0 ? "up to " : "", size.width_px,
+                   size.height_px);
     for (std::size_t i = 0; i < size.rates_hz.size(); ++i)
-      std::printf("%s%.4g", i == 0 ? "  " : ", ", size.rates_hz[i]);
-    std::printf("%s\n", size.rates_hz.empty() ? "" : " Hz");
+      console::Print("%s%.4g", i == 0 ? "  " : ", ", size.rates_hz[i]);
+    console::Print("%s\n", size.rates_hz.empty() ? "" : " Hz");
   }
 }
 
@@ -53,25 +54,21 @@ void PrintFormats(const std::vector<V4l2FormatInfo>& formats) {
       others += " " + FourccText(format.fourcc);
     }
   }
-  if (!others.empty()) std::printf("  not read here:%s\n", others.c_str());
+  if (!others.empty()) console::Print("  not read here:%s\n", others.c_str());
 }
 
 int List() {
   std::vector<std::string> unreadable;
   const std::vector<V4l2DeviceInfo> devices = ListV4l2Devices(SystemDeviceIo(), &unreadable);
   for (const V4l2DeviceInfo& device : devices) {
-    std::printf("%s  %s (%s, %s)\n", device.path.c_str(), device.name.c_str(), device.bus.c_str(),
-                device.driver.c_str());
+    console::Print("%s  %s (%s, %s)\n", device.path.c_str(), device.name.c_str(), device.bus.c_str(),
+                   device.driver.c_str());
     for (std::size_t i = 0; i < device.inputs.size(); ++i)
-      std::printf("  input %zu: %s\n", i, device.inputs[i].c_str());
+      console::Print("  input %zu: %s\n", i, device.inputs[i].c_str());
     PrintFormats(device.formats);
   }
-  for (const std::string& message : unreadable) std::fprintf(stderr, "haustra capture: %s\n", message.c_str());
-  if (devices.empty()) {
-    std::fprintf(stderr, "haustra capture: there is no camera\n");
-    return kExitUnavailable;
-  }
-  return kExitOk;
+  for (const std::string& message : unreadable) console::Warn(kCaptureCommand, "%s", message.c_str());
+  return devices.empty() ? console::Fail(kCaptureCommand, Unavailable("there is no camera")) : kExitOk;
 }
 
 // What MJPEG cameras send can be stored as it comes, unless it is changed on the way or PNG is asked for.
@@ -84,32 +81,34 @@ int Capture(const CaptureArguments& arguments) {
   const std::string spec =
       IsV4l2Spec(arguments.camera) ? arguments.camera : std::string(kV4l2Prefix) + arguments.camera;
   Result<V4l2Options> camera = ParseV4l2Spec(spec);
-  if (!camera.ok()) {
-    std::fprintf(stderr, "haustra capture: %s\n", camera.status().message().c_str());
-    return kExitUsage;
-  }
+  if (!camera.ok()) return console::Fail(kCaptureCommand, camera.status(), kExitUsage);
   camera->skip_stale = false;
   SequenceOptions sequence;
   sequence.halve = arguments.halve;
   sequence.calibration_path = arguments.calibration;
   sequence.mask_path = arguments.mask;
   if (arguments.out.empty() && !arguments.is_dry) {
-    std::fprintf(stderr, "haustra capture: --out names the folder for the recording (or --dry-run: none)\n");
-    return kExitUsage;
+    return console::Fail(kCaptureCommand,
+                         InvalidArgument("--out names the folder for the recording (or --dry-run: none)"), kExitUsage);
+  }
+  if (!arguments.is_dry) {
+    const Status status = OutputFolder::Check(arguments.out, kSequenceContent, arguments.overwrite);
+    if (!status.ok()) return console::FailWriting(kCaptureCommand, status);
   }
   const Result<std::unique_ptr<V4l2Source>> opened = V4l2Source::Create(*camera, sequence, SystemDeviceIo());
-  if (!opened.ok()) return FailCapture(opened.status());
+  if (!opened.ok()) return console::Fail(kCaptureCommand, opened.status());
   V4l2Source& source = **opened;
   std::unique_ptr<SequenceRecorder> recorder;
   if (!arguments.is_dry) {
     SequenceRecorder::Options options;
+    options.overwrite = arguments.overwrite;
     if (arguments.store == "jpg") options.store = SequenceRecorder::Store::kJpeg;
     Result<std::unique_ptr<SequenceRecorder>> created = SequenceRecorder::Create(arguments.out, options);
-    if (!created.ok()) return FailCapture(created.status());
+    if (!created.ok()) return console::FailWriting(kCaptureCommand, created.status());
     recorder = std::move(*created);
   }
-  std::fprintf(stderr, "haustra capture: %s, frames of %dx%d at %.4g Hz\n", source.Describe().c_str(),
-               source.calibration().width_px, source.calibration().height_px, source.calibration().rate_hz);
+  console::Note(kCaptureCommand, "%s, frames of %dx%d at %.4g Hz", source.Describe().c_str(),
+                source.calibration().width_px, source.calibration().height_px, source.calibration().rate_hz);
 
   const std::atomic<bool>& stop_requested = CatchStopSignals();
   DeviceIo& io = SystemDeviceIo();
@@ -125,14 +124,12 @@ int Capture(const CaptureArguments& arguments) {
   while (!is_over()) {
     const Result<Frame> frame = source.Next(io.Now() + std::chrono::milliseconds(200));
     if (frame.code() == StatusCode::kUnavailable) {
-      if (!is_gone) std::fprintf(stderr, "haustra capture: %s; waiting for it\n", frame.status().message().c_str());
+      if (!is_gone) console::Warn(kCaptureCommand, "%s; waiting for it", frame.status().message().c_str());
       is_gone = true;
     }
-    if (frame.code() == StatusCode::kDataLoss) {
-      std::fprintf(stderr, "haustra capture: %s\n", frame.status().message().c_str());
-    }
+    if (frame.code() == StatusCode::kDataLoss) console::Warn(kCaptureCommand, "%s", frame.status().message().c_str());
     if (!frame.ok()) continue;
-    if (is_gone) std::fprintf(stderr, "haustra capture: %s\n", source.Describe().c_str());
+    if (is_gone) console::Note(kCaptureCommand, "%s", source.Describe().c_str());
     is_gone = false;
     if (num_frames++ == 0) first = frame->timestamp;
     last = frame->timestamp;
@@ -142,27 +139,24 @@ int Capture(const CaptureArguments& arguments) {
 
   const V4l2Counters& counters = source.counters();
   const double seconds = ToSeconds(last - first);
-  std::printf("frames        %llu (%.2f Hz)\n", static_cast<unsigned long long>(num_frames),
-              num_frames > 1 ? static_cast<double>(num_frames - 1) / seconds : 0.0);
-  std::printf("lost          %llu pictures of the camera\n", static_cast<unsigned long long>(counters.num_lost));
-  std::printf("damaged       %llu\n", static_cast<unsigned long long>(counters.num_damaged));
-  std::printf("left out      %llu beyond the frame rate\n", static_cast<unsigned long long>(counters.num_left_out));
-  std::printf("restarts      %llu\n", static_cast<unsigned long long>(counters.num_restarts));
+  console::Print("frames        %llu (%.2f Hz)\n", static_cast<unsigned long long>(num_frames),
+                 num_frames > 1 ? static_cast<double>(num_frames - 1) / seconds : 0.0);
+  console::Print("lost          %llu pictures of the camera\n", static_cast<unsigned long long>(counters.num_lost));
+  console::Print("damaged       %llu\n", static_cast<unsigned long long>(counters.num_damaged));
+  console::Print("left out      %llu beyond the frame rate\n", static_cast<unsigned long long>(counters.num_left_out));
+  console::Print("restarts      %llu\n", static_cast<unsigned long long>(counters.num_restarts));
   if (counters.num_unstamped > 0) {
-    std::printf("unstamped     %llu: the driver gives no time on CLOCK_MONOTONIC\n",
-                static_cast<unsigned long long>(counters.num_unstamped));
+    console::Print("unstamped     %llu: the driver gives no time on CLOCK_MONOTONIC\n",
+                   static_cast<unsigned long long>(counters.num_unstamped));
   }
   if (recorder == nullptr) return kExitOk;
   const bool is_calibrated = !arguments.calibration.empty();
   const Result<SequenceRecorder::Summary> written =
       recorder->Finish(is_calibrated ? &source.calibration() : nullptr, source.static_mask());
-  if (!written.ok()) {
-    std::fprintf(stderr, "haustra capture: %s\n", written.status().ToString().c_str());
-    return kExitIo;
-  }
-  std::printf("written       %u frames to %s\n", written->num_written, arguments.out.c_str());
+  if (!written.ok()) return console::FailWriting(kCaptureCommand, written.status());
+  console::Print("written       %u frames to %s\n", written->num_written, arguments.out.c_str());
   if (written->num_left_out > 0) {
-    std::printf(
+    console::Print(
         "not written   %u frames: this machine does not encode or store them fast enough; --store jpg, --halve or a "
         "lower max-rate help\n",
         written->num_left_out);
@@ -179,7 +173,8 @@ void AddCaptureCommand(CLI::App& app, std::function<int()>& action) {
       "camera", arguments->camera,
       "/dev/video0 or a part of the name, then options: ,size=1440x1080,rate=50,format=NV12,max-rate=25,"
       "input=NAME,region=WxH+X+Y,field=top|bottom,buffers=4; without it: list the cameras");
-  command->add_option("--out", arguments->out, "Folder for the recording, which must not be there yet");
+  command->add_option("--out", arguments->out, "Folder for the recording");
+  AddOverwriteFlag(*command, arguments->overwrite);
   command->add_option("--seconds", arguments->seconds, "Stop after that time; by default at Ctrl-C")
       ->check(CLI::PositiveNumber);
   command->add_option("--frames", arguments->num_frames, "Stop after that many frames")->check(CLI::PositiveNumber);

@@ -12,6 +12,7 @@
 #include "capture/image_transform.h"
 #include "capture/yuv.h"
 #include "platform/file_sink.h"
+#include "tools/command/sequence_content.h"
 
 namespace haustra {
 namespace {
@@ -40,19 +41,17 @@ void CopyAll(const ImageView& image, Image* copy) {
 }  // namespace
 
 Result<std::unique_ptr<SequenceRecorder>> SequenceRecorder::Create(const std::string& folder, const Options& options) {
+  HAUSTRA_ASSIGN(OutputFolder output, OutputFolder::Create(folder, kSequenceContent, options.overwrite));
   std::error_code error;
-  if (fs::exists(folder, error) && !fs::is_empty(folder, error)) {
-    return FailedPrecondition(folder + ": is there and not empty; a recording needs a folder of its own");
-  }
   fs::create_directories(fs::path(folder) / "frames", error);
   if (error) return Unavailable(folder + ": cannot be made: " + error.message());
   fs::permissions(folder, fs::perms::owner_all, error);
   if (error) return Unavailable(folder + ": its rights cannot be set: " + error.message());
-  return std::unique_ptr<SequenceRecorder>(new SequenceRecorder(folder, options));
+  return std::unique_ptr<SequenceRecorder>(new SequenceRecorder(folder, std::move(output), options));
 }
 
-SequenceRecorder::SequenceRecorder(std::string folder, const Options& options)
-    : folder_(std::move(folder)), options_(options) {
+SequenceRecorder::SequenceRecorder(std::string folder, OutputFolder output, const Options& options)
+    : folder_(std::move(folder)), output_(std::move(output)), options_(options) {
   for (int i = 0; i < options.num_buffers; ++i) free_.push_back(std::make_unique<Slot>());
   const unsigned num_cores = std::max(1u, std::thread::hardware_concurrency());
   const unsigned num_threads = options.num_threads > 0 ? static_cast<unsigned>(options.num_threads) : num_cores;
@@ -154,6 +153,7 @@ Result<SequenceRecorder::Summary> SequenceRecorder::Finish(const CameraCalibrati
   }
   if (!mask.is_empty()) HAUSTRA_TRY(WritePng((fs::path(folder_) / "mask.png").string(), mask));
   HAUSTRA_TRY(status_);
+  output_.Commit();
   return Summary{static_cast<std::uint32_t>(written_.size()), num_left_out_};
 }
 

@@ -14,6 +14,7 @@
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
 #include "hal/frame_source.h"
+#include "tools/command/output_folder.h"
 
 namespace haustra {
 
@@ -30,9 +31,10 @@ class SequenceRecorder {
     Store store = Store::kPng;
     int num_threads = 0;  // 0: one a core
     int num_buffers = 32;
+    bool overwrite = false;  // replace a sequence that is already there, when the recording is finished
   };
 
-  // kFailedPrecondition: the folder is there and not empty. kUnavailable: it cannot be made.
+  // Errors of OutputFolder::Create.
   static Result<std::unique_ptr<SequenceRecorder>> Create(const std::string& folder, const Options& options);
   ~SequenceRecorder();
 
@@ -62,12 +64,13 @@ class SequenceRecorder {
     TimePoint timestamp;
   };
 
-  SequenceRecorder(std::string folder, const Options& options);
+  SequenceRecorder(std::string folder, OutputFolder output, const Options& options);
   void Encode();
   Status WriteFrame(const Slot& slot, Image* colour) const;
   void StopThreads();
 
   const std::string folder_;
+  OutputFolder output_;
   const Options options_;
   std::vector<std::thread> threads_;
   mutable std::mutex mutex_;

@@ -4,13 +4,17 @@
 #include <cstdio>
 #include <exception>
 #include <functional>
+#include <string>
 
+#include "platform/version.h"
 #include "tools/atlas/atlas_command.h"
 #include "tools/bench/bench_command.h"
 #include "tools/calibrate/calibrate_command.h"
 #include "tools/capture/capture_command.h"
+#include "tools/command/common_options.h"
 #include "tools/evaluate/evaluate_command.h"
 #include "tools/exit_codes.h"
+#include "tools/export/export_command.h"
 #include "tools/latency/latency_command.h"
 #include "tools/plan/plan_command.h"
 #include "tools/render/render_command.h"
@@ -23,15 +27,13 @@
 
 namespace haustra {
 
-int RunCommandLine(int argc, char** argv) {
-  CLI::App app{"haustra: monocular visual SLAM for endoscopy"};
-  app.set_version_flag("--version", "haustra 0.1.0");
+void AddCommands(CLI::App& app, std::function<int()>& action) {
   app.require_subcommand(1);
-  std::function<int()> action;
   AddRenderCommand(app, action);
   AddRunCommand(app, action);
   AddEvaluateCommand(app, action);
   AddReportCommand(app, action);
+  AddExportCommand(app, action);
   AddAtlasCommand(app, action);
   AddVocabularyCommand(app, action);
   AddBenchCommand(app, action);
@@ -42,6 +44,15 @@ int RunCommandLine(int argc, char** argv) {
   AddSoakCommand(app, action);
   AddControlCommand(app, action);
   AddWatchCommand(app, action);
+  AddQuietFlags(app);
+  AddExitCodes(app);
+}
+
+int RunCommandLine(int argc, char** argv) {
+  CLI::App app("Monocular visual SLAM for endoscopy", "haustra");
+  app.set_version_flag("--version", std::string("haustra ") + Version());
+  std::function<int()> action;
+  AddCommands(app, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "platform/assemble.h"
+
 namespace haustra {
 
 void AddConfigurationOptions(CLI::App& command, ConfigurationOptions& options) {
@@ -9,10 +11,15 @@ void AddConfigurationOptions(CLI::App& command, ConfigurationOptions& options) {
   // One assignment each time: without this, it would take the words that follow as well.
   command.add_option("--set", options.assignments, "Overrides one key of the configuration: section.key=value")
       ->allow_extra_args(false);
-  command.add_option("--device", options.device, "Vision device")
-      ->check(CLI::IsMember({"cpu", "cuda"}))
+  AddDeviceOptions(command, options.device, options.threads);
+}
+
+void AddDeviceOptions(CLI::App& command, std::string& device, int& threads) {
+  command.add_option("--device", device, "Vision device; auto: cuda where this build and machine have it, else cpu")
+      ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
       ->capture_default_str();
-  command.add_option("--threads", options.threads, "Threads of the CPU device, 0: one a core")
+  command.parse_complete_callback([&device] { device = ResolveVisionDevice(device); });
+  command.add_option("--threads", threads, "Threads of the CPU device, 0: one a core")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
 }

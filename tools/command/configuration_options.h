@@ -10,11 +10,14 @@ namespace haustra {
 struct ConfigurationOptions {
   std::string config;                    // file; empty: the defaults
   std::vector<std::string> assignments;  // section.key=value, over the file
-  std::string device = "cpu";            // or cuda
+  std::string device = "auto";           // cpu, cuda or auto: resolved when it is parsed
   int threads = 0;                       // of the CPU device; 0: one a core
 };
 
-// --config, --set, --device and --threads. `options` must outlive the parsing.
+// --config, --set, --device and --threads. `options` must outlive the parsing; `device` is "cpu" or "cuda" after it.
 void AddConfigurationOptions(CLI::App& command, ConfigurationOptions& options);
+
+// --device and --threads alone.
+void AddDeviceOptions(CLI::App& command, std::string& device, int& threads);
 
 }  // namespace haustra

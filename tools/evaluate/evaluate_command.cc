@@ -1,12 +1,13 @@
 #include "tools/evaluate/evaluate_command.h"
 
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "platform/file_sink.h"
+#include "tools/command/common_options.h"
+#include "tools/command/console.h"
+#include "tools/command/output_folder.h"
 #include "tools/evaluate/evaluate_run.h"
 #include "tools/evaluate/paper_tables.h"
 #include "tools/evaluate/report_json.h"
@@ -17,31 +18,17 @@
 namespace haustra {
 namespace {
 
+constexpr const char* kEvaluateCommand = "evaluate";
+
 struct EvaluateArguments {
   std::vector<std::string> runs;
   std::string groundtruth;
   std::string events;
   std::string json;
   std::string table;
+  bool overwrite = false;
   evaluate::EvaluateOptions options;
 };
-
-Status WriteText(const std::string& path, const std::string& text) {
-  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path));
-  HAUSTRA_TRY(sink.Write(text));
-  return sink.Commit();
-}
-
-int FailEvaluate(const Status& status) {
-  std::fprintf(stderr, "haustra evaluate: %s\n", status.message().c_str());
-  return ExitCodeFor(status.code());
-}
-
-// What cannot be written is always an I/O error, whatever the reason.
-int FailWriting(const Status& status) {
-  std::fprintf(stderr, "haustra evaluate: %s\n", status.message().c_str());
-  return kExitIo;
-}
 
 std::string AllTables(const std::vector<evaluate::Evaluation>& evaluations) {
   std::string text;
@@ -58,33 +45,41 @@ std::string AllTables(const std::vector<evaluate::Evaluation>& evaluations) {
 int RunEvaluate(const EvaluateArguments& arguments) {
   const bool is_csv = arguments.table.ends_with(".csv"), is_markdown = arguments.table.ends_with(".md");
   if (!arguments.table.empty() && !is_csv && !is_markdown) {
-    std::fprintf(stderr, "haustra evaluate: --table %s: the name must end in .csv or .md\n", arguments.table.c_str());
-    return kExitUsage;
+    return console::Fail(kEvaluateCommand,
+                         InvalidArgument("--table " + arguments.table + ": the name must end in .csv or .md"),
+                         kExitUsage);
+  }
+  for (const std::string& path : {arguments.json, arguments.table}) {
+    if (path.empty()) continue;
+    const Status status = CheckOutputFile(path, arguments.overwrite);
+    if (!status.ok()) return console::FailWriting(kEvaluateCommand, status);
   }
   const Result<evaluate::Reference> reference = evaluate::ReadReference(arguments.groundtruth, arguments.events);
-  if (!reference.ok()) return FailEvaluate(reference.status());
+  if (!reference.ok()) return console::Fail(kEvaluateCommand, reference.status());
   std::vector<evaluate::Evaluation> evaluations;
   for (const std::string& folder : arguments.runs) {
     const Result<evaluate::RunOutput> run = evaluate::ReadRunOutput(folder);
-    if (!run.ok()) return FailEvaluate(run.status());
+    if (!run.ok()) return console::Fail(kEvaluateCommand, run.status());
     evaluations.push_back(evaluate::EvaluateRun(*run, *reference, arguments.options));
   }
 
   const bool is_single = evaluations.size() == 1;
   for (std::size_t i = 0; i < evaluations.size(); ++i) {
-    std::printf("%s%s", i > 0 ? "\n" : "", evaluate::ToText(evaluations[i]).c_str());
+    console::Print("%s%s", i > 0 ? "\n" : "", evaluate::ToText(evaluations[i]).c_str());
   }
   using evaluate::TableFormat;
-  std::printf("\n%s", FormatTable(evaluate::MakePaperTable(evaluations), TableFormat::kText).c_str());
-  if (!is_single) std::printf("\n%s", FormatTable(evaluate::MakeRunTable(evaluations), TableFormat::kText).c_str());
+  console::Print("\n%s", FormatTable(evaluate::MakePaperTable(evaluations), TableFormat::kText).c_str());
+  if (!is_single) console::Print("\n%s", FormatTable(evaluate::MakeRunTable(evaluations), TableFormat::kText).c_str());
   if (!arguments.json.empty()) {
     const std::string text = is_single ? evaluate::ToJson(evaluations[0]) : evaluate::ToJson(evaluations);
-    if (const Status status = WriteText(arguments.json, text); !status.ok()) return FailWriting(status);
+    if (const Status status = WriteFile(arguments.json, text); !status.ok())
+      return console::FailWriting(kEvaluateCommand, status);
   }
   if (!arguments.table.empty()) {
     const std::string text =
         is_csv ? FormatTable(evaluate::MakeRunTable(evaluations), TableFormat::kCsv) : AllTables(evaluations);
-    if (const Status status = WriteText(arguments.table, text); !status.ok()) return FailWriting(status);
+    if (const Status status = WriteFile(arguments.table, text); !status.ok())
+      return console::FailWriting(kEvaluateCommand, status);
   }
   return kExitOk;
 }
@@ -106,6 +101,7 @@ void AddEvaluateCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--table", arguments->table,
                       "Write the figures with mean and spread to this file: .csv: all as one "
                       "table; .md: the paper's tables, every join, all figures");
+  AddOverwriteFlag(*command, arguments->overwrite);
   command
       ->add_option("--scene-depth", arguments->options.scene_depth,
                    "Typical distance of the scene in ground-truth units (default: from the maps' points)")

@@ -74,13 +74,6 @@ std::string JoinText(const JoinCount& count) {
   return text + ")";
 }
 
-std::string RecallText(const std::optional<Recall>& recall, const char* of_what) {
-  if (!recall) return "-";
-  if (recall->occasions == 0) return std::string("-   (no ") + of_what + ")";
-  return Fixed(100.0 * *recall->value(), 1) + " %   (" + std::to_string(recall->taken) + " of " +
-         std::to_string(recall->occasions) + " " + of_what + ")";
-}
-
 std::string JoinLines(const Evaluation& e) {
   std::string text = Line("maps", std::to_string(e.maps) + "   (" + std::to_string(e.maps_created) +
                                       " begun; largest: " + Count(e.largest_map_frames, "frame", "frames") + ")");
@@ -155,6 +148,13 @@ TextTable WithoutRun(TextTable table) {
 }
 
 }  // namespace
+
+std::string RecallText(const std::optional<Recall>& recall, const std::string& of_what) {
+  if (!recall) return "-";
+  if (recall->occasions == 0) return of_what.empty() ? "-" : "-   (no " + of_what + ")";
+  return Fixed(100.0 * *recall->value(), 1) + " %   (" + std::to_string(recall->taken) + " of " +
+         std::to_string(recall->occasions) + (of_what.empty() ? "" : " " + of_what) + ")";
+}
 
 std::string ToText(const Evaluation& evaluation) {
   std::string text = evaluation.name;

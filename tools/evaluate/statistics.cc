@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <span>
+
+#include "tools/statistics/percentile.h"
 
 namespace haustra::evaluate {
 
@@ -17,12 +20,8 @@ double Median(std::vector<double> values) {
 std::optional<Percentiles> FindPercentiles(std::vector<double> values) {
   if (values.empty()) return std::nullopt;
   std::sort(values.begin(), values.end());
-  // Shares in thousandths: 0.999 * 1000 in floating point is not 999.
-  const auto at = [&](std::size_t per_mille) {
-    const std::size_t rank = (per_mille * values.size() + 999) / 1000;
-    return values[std::max<std::size_t>(rank, 1) - 1];
-  };
-  return Percentiles{at(500), at(990), at(999), values.back()};
+  const std::span<const double> sorted(values);
+  return Percentiles{Percentile(sorted, 500), Percentile(sorted, 990), Percentile(sorted, 999), values.back()};
 }
 
 Spread FindSpread(const std::vector<double>& values) {

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,12 +14,16 @@
 #include "platform/assemble.h"
 #include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
-#include "platform/file_sink.h"
 #include "platform/memory_plan.h"
 #include "platform/realtime/one_heap.h"
 #include "platform/session/session.h"
 #include "platform/vocabulary_loader.h"
+#include "tools/command/common_options.h"
 #include "tools/command/configuration_options.h"
+#include "tools/command/console.h"
+#include "tools/command/missing_calibration.h"
+#include "tools/command/output_folder.h"
+#include "tools/command/progress_line.h"
 #include "tools/command/stop_signal.h"
 #include "tools/command/temporary_folder.h"
 #include "tools/exit_codes.h"
@@ -36,9 +39,8 @@
 namespace haustra {
 namespace {
 
-namespace fs = std::filesystem;
-
-constexpr int kExitRequirementNotMet = 1;
+constexpr const char* kLatencyCommand = "latency";
+constexpr FolderContent kLatencyContent{"a measurement", R"(latency\.(html|json)|histogram\.txt|trace\.json)"};
 
 struct LatencyArguments : ConfigurationOptions {
   std::string sequence;
@@ -55,13 +57,8 @@ struct LatencyArguments : ConfigurationOptions {
   int stress_memory = 0;
   bool stress_gpu = false;
   bool halve = false;
+  bool overwrite = false;
 };
-
-int FailLatency(const Status& status, int exit_code) {
-  std::fprintf(stderr, "haustra latency: %s\n", status.message().c_str());
-  return exit_code;
-}
-int FailLatency(const Status& status) { return FailLatency(status, ExitCodeFor(status.code())); }
 
 // The frames to play: of the sequence, or rendered for the purpose.
 Result<std::unique_ptr<LoopedSource>> LoadFrames(const LatencyArguments& arguments) {
@@ -76,31 +73,25 @@ Result<std::unique_ptr<LoopedSource>> LoadFrames(const LatencyArguments& argumen
     rendering.seconds = arguments.loop_s;
     rendering.events.clear();
     rendering.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-    std::fprintf(stderr, "haustra latency: rendering %d frames\n", rendering.num_frames());
+    console::Note(kLatencyCommand, "rendering %d frames", rendering.num_frames());
     sequence = folder.path() + "/sequence";
     HAUSTRA_TRY(render::RenderSequence(sequence, rendering, {}));
   }
-  HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(sequence, options));
-  const double rate_hz = source->calibration().rate_hz > 0 ? source->calibration().rate_hz : 25.0;
-  return LoopedSource::Load(*source, std::max(2, static_cast<int>(std::lround(arguments.loop_s * rate_hz))));
-}
-
-Status WriteFile(const fs::path& path, const std::string& text) {
-  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path.string()));
-  HAUSTRA_TRY(sink.Write(text));
-  return sink.Commit();
+  const Result<std::unique_ptr<FrameSource>> source = OpenSequence(sequence, options);
+  if (!source.ok()) return WithCalibrationAdvice(source.status(), sequence, options);
+  const double rate_hz = (*source)->calibration().rate_hz > 0 ? (*source)->calibration().rate_hz : 25.0;
+  return LoopedSource::Load(**source, std::max(2, static_cast<int>(std::lround(arguments.loop_s * rate_hz))));
 }
 
 Status WriteResults(const std::string& folder, const LatencyReport& report) {
-  const fs::path root(folder);
   std::string histograms = HistogramFileHeader();
   for (const LatencyRecord::StageHistogram& stage : report.record->stages()) {
     if (stage.histogram.count() > 0) histograms += ToFileText(stage.name, stage.histogram);
   }
-  HAUSTRA_TRY(WriteFile(root / "histogram.txt", histograms));
-  HAUSTRA_TRY(WriteFile(root / "trace.json", MakeTraceJson(*report.record)));
-  HAUSTRA_TRY(WriteFile(root / "latency.json", ToJson(report)));
-  return WriteFile(root / "latency.html", MakeLatencyPage(report));
+  HAUSTRA_TRY(WriteFile(folder + "/histogram.txt", histograms));
+  HAUSTRA_TRY(WriteFile(folder + "/trace.json", MakeTraceJson(*report.record)));
+  HAUSTRA_TRY(WriteFile(folder + "/latency.json", ToJson(report)));
+  return WriteFile(folder + "/latency.html", MakeLatencyPage(report));
 }
 
 // A device beside the one that is measured, small but never idle.
@@ -121,42 +112,40 @@ std::string LoadText(const LatencyArguments& arguments, const StressOptions& str
 
 int Measure(LatencyArguments arguments) {
   if (arguments.rendered == !arguments.sequence.empty()) {
-    return FailLatency(InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
+    return console::Fail(kLatencyCommand, InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
   }
   UseOneHeap();
   // What can be wrong with the arguments is said before anything is read or rendered.
   std::optional<Requirement> requirement;
   if (!arguments.require.empty()) {
     const Result<Requirement> loaded = LoadRequirement(arguments.require);
-    if (!loaded.ok()) return FailLatency(loaded.status());
+    if (!loaded.ok()) return console::Fail(kLatencyCommand, loaded.status());
     requirement = *loaded;
   }
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
-  if (!loaded.ok()) return FailLatency(loaded.status(), kExitConfig);
+  if (!loaded.ok()) return console::Fail(kLatencyCommand, loaded.status(), kExitConfig);
   const EngineConfig& config = loaded->config();
   if (!arguments.out.empty()) {
-    std::error_code error;
-    fs::create_directories(arguments.out, error);
-    if (!fs::is_directory(arguments.out)) {
-      return FailLatency(Unavailable(arguments.out + ": not a folder and cannot be made one"), kExitIo);
-    }
+    const Status status = OutputFolder::Check(arguments.out, kLatencyContent, arguments.overwrite);
+    if (!status.ok()) return console::FailWriting(kLatencyCommand, status);
   }
 
   const Result<std::unique_ptr<LoopedSource>> source = LoadFrames(arguments);
-  if (!source.ok()) return FailLatency(source.status());
+  if (!source.ok()) return console::Fail(kLatencyCommand, source.status());
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
-  if (!camera.ok()) return FailLatency(camera.status());
+  if (!camera.ok()) return console::Fail(kLatencyCommand, camera.status());
   const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
-  if (!plan.ok()) return FailLatency(plan.status());
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailLatency(status);
+  if (!plan.ok()) return console::Fail(kLatencyCommand, plan.status());
+  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok())
+    return console::Fail(kLatencyCommand, status);
   const Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
-  if (!device.ok()) return FailLatency(device.status());
+  if (!device.ok()) return console::Fail(kLatencyCommand, device.status());
   if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok())
-    return FailLatency(status);
+    return console::Fail(kLatencyCommand, status);
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
-  if (!vocabulary.ok()) return FailLatency(vocabulary.status());
+  if (!vocabulary.ok()) return console::Fail(kLatencyCommand, vocabulary.status());
   const SystemClock clock;
   Engine engine(config, *camera, **device, Engine::Mode::kRealTime, &clock, SceneShare((*source)->static_mask()),
                 vocabulary->get());
@@ -171,7 +160,7 @@ int Measure(LatencyArguments arguments) {
   std::unique_ptr<VisionDevice> stress_device;
   if (arguments.stress_gpu) {
     Result<std::unique_ptr<VisionDevice>> made = MakeStressDevice(arguments, calibration);
-    if (!made.ok()) return FailLatency(made.status());
+    if (!made.ok()) return console::Fail(kLatencyCommand, made.status());
     stress_device = std::move(made).value();
   }
 
@@ -198,7 +187,13 @@ int Measure(LatencyArguments arguments) {
   report.deadline_ms = config.scheduler.deadline_ms > 0 ? config.scheduler.deadline_ms : 1e3 / rate_hz;
   report.board_before = ReadBoardState("");
   report.record = &record;
-  std::fprintf(stderr, "haustra latency: measuring for %.0f s\n", seconds);
+  std::optional<OutputFolder> output;
+  if (!arguments.out.empty()) {
+    Result<OutputFolder> created = OutputFolder::Create(arguments.out, kLatencyContent, arguments.overwrite);
+    if (!created.ok()) return console::FailWriting(kLatencyCommand, created.status());
+    output.emplace(std::move(created).value());
+  }
+  console::Note(kLatencyCommand, "measuring for %.0f s", seconds);
 
   const std::atomic<bool>& stop_requested = CatchStopSignals();
   RealTimeOptions options;
@@ -209,9 +204,15 @@ int Measure(LatencyArguments arguments) {
     const Stress load(stress, std::move(stress_device));
     std::atomic<bool> is_over{false};
     std::thread timer([&] {
+      ProgressLine line;
       const TimePoint end = clock.Now() + Duration(static_cast<std::int64_t>(1e9 * seconds));
       while (!is_over && !stop && !stop_requested && clock.Now() < end) {
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        line.Update([&] {
+          char text[80];
+          std::snprintf(text, sizeof(text), "measuring %.0f / %.0f s", line.elapsed_s(), seconds);
+          return std::string(text);
+        });
       }
       stop = true;
     });
@@ -219,21 +220,24 @@ int Measure(LatencyArguments arguments) {
     is_over = true;
     timer.join();
   }
-  if (!session.ok()) return FailLatency(session.status());
+  if (!session.ok()) return console::Fail(kLatencyCommand, session.status());
   report.board_after = ReadBoardState("");
   if (requirement) report.verdict = Judge(*requirement, record.Values());
-  std::printf("%s", ToText(report).c_str());
+  console::Print("%s", ToText(report).c_str());
   if (!arguments.out.empty()) {
-    if (const Status status = WriteResults(arguments.out, report); !status.ok()) return FailLatency(status, kExitIo);
-    std::printf("  results in         %s (latency.html, latency.json, histogram.txt, trace.json)\n",
-                arguments.out.c_str());
+    if (const Status status = WriteResults(arguments.out, report); !status.ok()) {
+      return console::FailWriting(kLatencyCommand, status);
+    }
+    output->Commit();
+    console::Print("  results in         %s (latency.html, latency.json, histogram.txt, trace.json)\n",
+                   arguments.out.c_str());
   }
   if (record.realtime()) {
     for (const std::string& refusal : Refusals(*record.realtime())) {
-      std::fprintf(stderr, "haustra latency: warning: %s\n", refusal.c_str());
+      console::Warn(kLatencyCommand, "%s", refusal.c_str());
     }
   }
-  return report.is_met() ? kExitOk : kExitRequirementNotMet;
+  return report.is_met() ? kExitOk : kExitNotMet;
 }
 
 }  // namespace
@@ -244,6 +248,7 @@ void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("sequence", arguments->sequence, "Sequence to play there and back again (see run)");
   command->add_flag("--rendered", arguments->rendered, "Play a colon rendered for the purpose instead");
   command->add_option("--out", arguments->out, "Folder for latency.html, latency.json, histogram.txt and trace.json");
+  AddOverwriteFlag(*command, arguments->overwrite);
   std::string keys = "YAML file of limits; exit code 1 when one is not met. Keys:";
   for (const RequirementKey& key : kRequirementKeys) {
     keys += "\n  " + std::string(key.name) + (key.is_minimum ? " (at least): " : ": ") + std::string(key.meaning);

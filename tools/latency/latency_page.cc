@@ -187,10 +187,7 @@ std::string ToJson(const LatencyReport& report) {
 
 std::string MakeLatencyPage(const LatencyReport& report) {
   const LatencyRecord& record = *report.record;
-  std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>" +
-                     EscapeHtml(report.title) + "</title>\n<style>\n";
-  page += report::ReportCss();
-  page += "</style>\n</head>\n<body>\n<h1>" + EscapeHtml(report.title) + "</h1>\n";
+  std::string page = report::PageStart(report.title);
   if (!report.verdict.empty()) {
     page += std::string("<h2>") + (report.is_met() ? "Requirement met" : "Requirement not met") + "</h2>\n<ul>\n";
     for (const RequirementLine& line : report.verdict) {
@@ -207,8 +204,7 @@ std::string MakeLatencyPage(const LatencyReport& report) {
           PairsHtml(MergedBoard(report)) + "</div></div>\n";
   page += "<h2>Stages</h2>\n" + report::TableHtml(StageTable(record));
   if (record.realtime()) page += "<h2>Scheduling</h2>\n<pre>" + EscapeHtml(ToText(*record.realtime())) + "</pre>\n";
-  page += "<footer><details><summary>Plots by Chart.js (MIT License)</summary><pre>" +
-          EscapeHtml(report::ChartJsLicence()) + "</pre></details></footer>\n";
+  page += report::PlotCredits();
   page += "<script type=\"application/json\" id=\"chart-data\">" + report::JsonForScript(ChartData(report).dump()) +
           "</script>\n<script>\n";
   page += report::ChartJs();

@@ -21,6 +21,20 @@ file(CREATE_LINK ${bundle}/licences ${root}/usr/share/doc/haustra/licences SYMBO
 file(CREATE_LINK ${bundle}/licences/LICENSE ${root}/usr/share/doc/haustra/copyright SYMBOLIC)
 file(CREATE_LINK ${bundle}/examples ${root}/usr/share/doc/haustra/examples SYMBOLIC)
 
+# Manual pages and completions, where they were made (not in a cross build without an emulator).
+foreach(name man bash-completion/completions)
+  file(GLOB_RECURSE pages RELATIVE ${root}${bundle}/share ${root}${bundle}/share/${name}/*)
+  foreach(page IN LISTS pages)
+    get_filename_component(folder ${page} DIRECTORY)
+    file(MAKE_DIRECTORY ${root}/usr/share/${folder})
+    file(CREATE_LINK ${bundle}/share/${page} ${root}/usr/share/${page} SYMBOLIC)
+  endforeach()
+endforeach()
+if(EXISTS ${root}${bundle}/share/zsh/site-functions/_haustra)
+  file(MAKE_DIRECTORY ${root}/usr/share/zsh/vendor-completions)
+  file(CREATE_LINK ${bundle}/share/zsh/site-functions/_haustra ${root}/usr/share/zsh/vendor-completions/_haustra SYMBOLIC)
+endif()
+
 set(service ${root}${bundle}/config/service)
 file(COPY ${service}/haustrad.service DESTINATION ${root}/usr/lib/systemd/system)
 file(MAKE_DIRECTORY ${root}/usr/lib/sysusers.d)

@@ -1,7 +1,6 @@
 #include "tools/plan/plan_command.h"
 
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,11 +10,15 @@
 #include "platform/config/engine_config_table.h"
 #include "platform/memory_plan.h"
 #include "tools/command/configuration_options.h"
+#include "tools/command/console.h"
+#include "tools/command/missing_calibration.h"
 #include "tools/exit_codes.h"
 #include "tools/plan/plan_text.h"
 
 namespace haustra {
 namespace {
+
+constexpr const char* kPlanCommand = "plan";
 
 struct PlanArguments : ConfigurationOptions {
   std::string sequence;
@@ -25,16 +28,12 @@ struct PlanArguments : ConfigurationOptions {
   bool json = false;
 };
 
-int FailPlan(const Status& status) {
-  std::fprintf(stderr, "haustra plan: %s\n", status.ToString().c_str());
-  return ExitCodeFor(status.code());
-}
-
 Result<CameraCalibration> CameraOf(const PlanArguments& arguments) {
   if (!arguments.calibration.empty()) return ReadCalibration(arguments.calibration);
   if (!arguments.sequence.empty()) {
-    HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(arguments.sequence, {}));
-    return source->calibration();
+    const Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, {});
+    if (!source.ok()) return WithCalibrationAdvice(source.status(), arguments.sequence, {});
+    return (*source)->calibration();
   }
   CameraCalibration camera;
   camera.width_px = arguments.width_px;
@@ -44,29 +43,26 @@ Result<CameraCalibration> CameraOf(const PlanArguments& arguments) {
 
 int Plan(const PlanArguments& arguments) {
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
-  if (!loaded.ok()) {
-    std::fprintf(stderr, "haustra plan: %s\n", loaded.status().message().c_str());
-    return kExitConfig;
-  }
+  if (!loaded.ok()) return console::Fail(kPlanCommand, loaded.status(), kExitConfig);
   const EngineConfig& config = loaded->config();
   const Result<CameraCalibration> camera = CameraOf(arguments);
-  if (!camera.ok()) return FailPlan(camera.status());
+  if (!camera.ok()) return console::Fail(kPlanCommand, camera.status());
   const Result<MemoryPlan> plan = PlanMemory(config, *camera, arguments.device, arguments.threads);
-  if (!plan.ok()) return FailPlan(plan.status());
+  if (!plan.ok()) return console::Fail(kPlanCommand, plan.status());
   if (arguments.json) {
-    std::fputs(PlanJson(*plan).c_str(), stdout);
+    console::Print("%s", PlanJson(*plan).c_str());
   } else {
     const std::string heading = "profile " + config.memory.profile + ", images " + std::to_string(camera->width_px) +
                                 "x" + std::to_string(camera->height_px) + ", " + std::to_string(config.features.max) +
                                 " features, device " + arguments.device;
-    std::fputs(PlanText(heading, *plan).c_str(), stdout);
+    console::Print("%s", PlanText(heading, *plan).c_str());
   }
   if (arguments.device == "cuda") {
-    std::fprintf(stderr,
-                 "haustra plan: note: what the CUDA driver takes for itself, some hundred MB, is not in the plan\n");
+    console::Note(kPlanCommand, "what the CUDA driver takes for itself, some hundred MB, is not in the plan");
   }
   // After the table: what does not fit is to be seen in it.
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailPlan(status);
+  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok())
+    return console::Fail(kPlanCommand, status);
   return kExitOk;
 }
 

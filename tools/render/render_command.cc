@@ -1,19 +1,21 @@
 #include "tools/render/render_command.h"
 
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cstdio>
 #include <memory>
 #include <string>
 #include <thread>
 
+#include "tools/command/common_options.h"
+#include "tools/command/console.h"
+#include "tools/command/progress_line.h"
 #include "tools/exit_codes.h"
 #include "tools/render/render_sequence.h"
 
 namespace haustra {
 namespace {
+
+constexpr const char* kRenderCommand = "render";
 
 struct RenderArguments {
   std::string out;
@@ -24,7 +26,7 @@ struct RenderArguments {
   std::uint64_t seed = 1;
   int threads = 0;
   int quality = 92;
-  bool overwrite = false, quiet = false;
+  bool overwrite = false;
 };
 
 Status ParseSize(const std::string& text, render::RenderOptions* options) {
@@ -63,30 +65,22 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
 
 int RunRender(const RenderArguments& arguments) {
   const Result<render::RenderOptions> options = OptionsFrom(arguments);
-  if (!options.ok()) {
-    std::fprintf(stderr, "haustra render: %s\n", options.status().message().c_str());
-    return kExitUsage;
-  }
-  const auto start = std::chrono::steady_clock::now();
-  const auto elapsed_s = [&] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  };
-  const bool shows_progress = !arguments.quiet && isatty(fileno(stderr)) != 0;
-  const auto progress = [&](int done, int total) {
-    if (!shows_progress) return;
-    std::fprintf(stderr, "\rrendering %d / %d frames, %.1f frames/s ", done, total, done / elapsed_s());
+  if (!options.ok()) return console::Fail(kRenderCommand, options.status(), kExitUsage);
+  ProgressLine line;
+  const auto progress = [&line](int done, int total) {
+    line.Update([&] {
+      char text[80];
+      std::snprintf(text, sizeof(text), "rendering %d / %d frames, %.1f frames/s", done, total,
+                    done / line.elapsed_s());
+      return std::string(text);
+    });
   };
   const Status status = render::RenderSequence(arguments.out, *options, progress);
-  if (shows_progress) std::fprintf(stderr, "\n");
-  if (!status.ok()) {
-    std::fprintf(stderr, "haustra render: %s\n", status.ToString().c_str());
-    return status.code() == StatusCode::kUnavailable ? kExitIo : ExitCodeFor(status.code());
-  }
-  if (!arguments.quiet) {
-    std::printf("%s: %d frames of %s, seed %llu, %zu events, %.1f s\n", arguments.out.c_str(), options->num_frames(),
-                arguments.preset.c_str(), static_cast<unsigned long long>(arguments.seed), options->events.size(),
-                elapsed_s());
-  }
+  line.Leave();
+  if (!status.ok()) return console::FailWriting(kRenderCommand, status);
+  console::Print("%s: %d frames of %s, seed %llu, %zu events, %.1f s\n", arguments.out.c_str(), options->num_frames(),
+                 arguments.preset.c_str(), static_cast<unsigned long long>(arguments.seed), options->events.size(),
+                 line.elapsed_s());
   return kExitOk;
 }
 
@@ -113,8 +107,7 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
       "redout, water, bubbles, debris, blur, jump; none");
   command->add_option("--threads", arguments->threads, "Threads; 0: all cores. The pictures do not depend on it");
   command->add_option("--quality", arguments->quality, "JPEG quality")->capture_default_str();
-  command->add_flag("--overwrite", arguments->overwrite, "Replace a sequence that is already in OUT");
-  command->add_flag("--quiet", arguments->quiet, "Say nothing unless it fails");
+  AddOverwriteFlag(*command, arguments->overwrite);
   command->callback([arguments, &action] { action = [arguments] { return RunRender(*arguments); }; });
 }
 

@@ -8,6 +8,8 @@
 #include "capture/calibration_reader.h"
 #include "capture/codec/image_codec.h"
 #include "capture/image.h"
+#include "tools/command/output_folder.h"
+#include "tools/command/sequence_content.h"
 #include "tools/render/exposure.h"
 #include "tools/render/parallel_for.h"
 #include "tools/render/revisits.h"
@@ -90,8 +92,10 @@ std::vector<Event> PlaceEvents(const std::vector<PresetEvent>& events, double se
 
 Status RenderSequence(const std::string& folder, const RenderOptions& options, const Progress& progress) {
   HAUSTRA_TRY(options.Validate());
-  HAUSTRA_TRY(PrepareFolder(folder, options.overwrite));
+  HAUSTRA_TRY(OutputFolder::Check(folder, kSequenceContent, options.overwrite));
   HAUSTRA_ASSIGN(const std::unique_ptr<SequenceModel> model, SequenceModel::Create(options));
+  HAUSTRA_ASSIGN(OutputFolder output, OutputFolder::Create(folder, kSequenceContent, options.overwrite));
+  HAUSTRA_TRY(MakeFramesFolder(folder));
   HAUSTRA_TRY(WriteDescription(folder, *model));
 
   const int num_frames = options.num_frames(), num_threads = options.num_threads;
@@ -132,7 +136,9 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
       if (progress) progress(num_done, num_frames);
     });
   }
-  return error.status();
+  HAUSTRA_TRY(error.status());
+  output.Commit();
+  return Status::Ok();
 }
 
 }  // namespace haustra::render

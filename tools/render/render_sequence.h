@@ -42,8 +42,8 @@ std::vector<Event> PlaceEvents(const std::vector<PresetEvent>& events, double se
 // Called after each frame with how many are done, from one thread at a time.
 using Progress = std::function<void(int done, int total)>;
 
-// kInvalidArgument: options. kFailedPrecondition: the folder holds a sequence and overwrite is off.
-// kUnavailable: a file cannot be written. What was written before an error stays.
+// kInvalidArgument: options. kFailedPrecondition: the folder holds a sequence and overwrite is off, or holds something
+// else. kUnavailable: a file cannot be written. What was written before an error stays (tools/command/output_folder.h).
 Status RenderSequence(const std::string& folder, const RenderOptions& options, const Progress& progress);
 
 }  // namespace haustra::render

@@ -3,13 +3,12 @@
 #include <cstdarg>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <system_error>
+
+#include "tools/command/output_folder.h"
 
 namespace haustra::render {
 namespace {
-
-namespace fs = std::filesystem;
 
 // A line in printf's notation; locale-independent for our formats because the program never sets a locale.
 [[gnu::format(printf, 1, 2)]] std::string Line(const char* format, ...) {
@@ -21,28 +20,13 @@ namespace fs = std::filesystem;
   return buffer;
 }
 
-Status WriteText(const std::string& path, const std::string& text) {
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  file << text;
-  file.close();
-  if (!file) return Unavailable(path + ": cannot be written");
-  return Status::Ok();
-}
-
 }  // namespace
 
-Status PrepareFolder(const std::string& folder, bool overwrite) {
-  const fs::path frames = fs::path(folder) / "frames";
+Status MakeFramesFolder(const std::string& folder) {
+  const std::string frames = folder + "/frames";
   std::error_code error;
-  if (fs::exists(frames, error) && !fs::is_empty(frames, error)) {
-    if (!overwrite) return FailedPrecondition(frames.string() + ": already holds frames (--overwrite replaces them)");
-    // Only what a sequence consists of: the folder may hold notes of its owner.
-    for (const fs::directory_entry& entry : fs::directory_iterator(frames, error)) {
-      if (entry.path().extension() == ".jpg") fs::remove(entry.path(), error);
-    }
-  }
-  fs::create_directories(frames, error);
-  if (error) return Unavailable(frames.string() + ": cannot be made: " + error.message());
+  std::filesystem::create_directories(frames, error);
+  if (error) return Unavailable(frames + ": cannot be made: " + error.message());
   return Status::Ok();
 }
 
@@ -51,7 +35,7 @@ std::string FramePath(const std::string& folder, int frame) { return folder + Li
 Status WriteTimes(const std::string& folder, const std::vector<double>& times_s) {
   std::string text;
   for (const double t : times_s) text += Line("%.6f\n", t);
-  return WriteText(folder + "/times.txt", text);
+  return WriteFile(folder + "/times.txt", text);
 }
 
 Status WriteGroundTruth(const std::string& folder, const std::vector<double>& times_s,
@@ -65,7 +49,7 @@ Status WriteGroundTruth(const std::string& folder, const std::vector<double>& ti
     text +=
         Line("%.6f %.6f %.6f %.6f %.9f %.9f %.9f %.9f\n", times_s[i], t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
   }
-  return WriteText(folder + "/groundtruth.txt", text);
+  return WriteFile(folder + "/groundtruth.txt", text);
 }
 
 Status WriteEvents(const std::string& folder, const std::vector<FrameSpan>& spans) {
@@ -73,7 +57,7 @@ Status WriteEvents(const std::string& folder, const std::vector<FrameSpan>& span
   for (const FrameSpan& span : spans) {
     text += Line("%d,%d,%s,0\n", span.first_frame, span.last_frame, std::string(ToString(span.kind)).c_str());
   }
-  return WriteText(folder + "/events.csv", text);
+  return WriteFile(folder + "/events.csv", text);
 }
 
 Status WriteRevisits(const std::string& folder, const std::vector<Revisit>& revisits) {
@@ -81,7 +65,7 @@ Status WriteRevisits(const std::string& folder, const std::vector<Revisit>& revi
   for (const Revisit& r : revisits) {
     text += Line("%d,%d,%.2f,%.2f,%.1f\n", r.frame_a, r.frame_b, r.dt_s, r.distance_mm, r.axis_angle_deg);
   }
-  return WriteText(folder + "/revisits.csv", text);
+  return WriteFile(folder + "/revisits.csv", text);
 }
 
 }  // namespace haustra::render

@@ -11,9 +11,7 @@
 
 namespace haustra::render {
 
-// Makes `folder` and `folder`/frames. kFailedPrecondition: frames are there already and `overwrite` is off; else they
-// are removed.
-Status PrepareFolder(const std::string& folder, bool overwrite);
+Status MakeFramesFolder(const std::string& folder);
 // "FOLDER/frames/000042.jpg"
 std::string FramePath(const std::string& folder, int frame);
 

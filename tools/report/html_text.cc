@@ -1,5 +1,7 @@
 #include "tools/report/html_text.h"
 
+#include "tools/report/page_assets.h"
+
 namespace haustra::report {
 namespace {
 
@@ -91,6 +93,19 @@ std::string TableHtml(const evaluate::TextTable& table) {
     html += "</tr>\n";
   }
   return html + "</tbody>\n</table>\n";
+}
+
+std::string PageStart(std::string_view title) {
+  const std::string text = EscapeHtml(title);
+  std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>" + text;
+  page += "</title>\n<style>\n";
+  page += ReportCss();
+  return page + "</style>\n</head>\n<body>\n<h1>" + text + "</h1>\n";
+}
+
+std::string PlotCredits() {
+  return "<footer><details><summary>Plots by Chart.js (MIT License)</summary><pre>" + EscapeHtml(ChartJsLicence()) +
+         "</pre></details></footer>\n";
 }
 
 }  // namespace haustra::report

@@ -15,6 +15,12 @@ std::string EscapeHtml(std::string_view text);
 // JSON that can stand inside <script type="application/json">: no "<", so no end tag and no comment.
 std::string JsonForScript(std::string_view json);
 
+// What every page begins with, up to its heading.
+std::string PageStart(std::string_view title);
+
+// Whose library draws the plots, at the end of a page.
+std::string PlotCredits();
+
 // <table> with the title as caption; numbers to the right.
 std::string TableHtml(const evaluate::TextTable& table);
 

@@ -2,14 +2,18 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
+#include <memory>
 #include <optional>
+#include <set>
+#include <system_error>
 #include <vector>
 
 #include "capture/codec/jpeg_codec.h"
+#include "capture/dataset/endomapper.h"
 #include "capture/image_transform.h"
 #include "capture/open_sequence.h"
 #include "tools/evaluate/number_text.h"
-#include "tools/evaluate/text_input.h"
 #include "tools/report/base64.h"
 #include "tools/report/html_text.h"
 
@@ -32,21 +36,22 @@ struct Picture {
   int height_px = 0;
 };
 
-// One frame of the sequence, small enough for a page.
-Result<Picture> ReadPicture(const RunOutput& run, std::int64_t frame_idx, const PictureOptions& options) {
-  SequenceOptions choice;
-  choice.first_frame = choice.last_frame = static_cast<std::uint32_t>(frame_idx) * options.every_nth;
-  choice.calibration_path = options.calibration;
-  HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(options.sequence, choice));
-  HAUSTRA_ASSIGN(const Frame frame, source->Next(kNoDeadline));
+// As the sequence counts them.
+std::uint32_t StoredFrame(std::int64_t frame_idx, const PictureOptions& options) {
+  return options.options.first_frame + static_cast<std::uint32_t>(frame_idx) * options.options.every_nth;
+}
+
+// A frame of the sequence, small enough for a page.
+Result<Picture> MakePicture(const RunOutput& run, const Frame& frame, std::int64_t frame_idx,
+                            const PictureOptions& options) {
   const auto row = std::lower_bound(run.frames.begin(), run.frames.end(), frame_idx,
                                     [](const evaluate::RunFrame& f, std::int64_t idx) { return f.frame_idx < idx; });
   const std::int64_t stamp_ns = frame.timestamp.time_since_epoch().count();
   if (row != run.frames.end() && row->frame_idx == frame_idx && std::abs(row->timestamp_ns - stamp_ns) > kSameStampNs) {
-    return InvalidArgument(options.sequence + ": frame " + std::to_string(choice.first_frame) + " has the time " +
-                           Fixed(static_cast<double>(stamp_ns) * 1e-9, 6) + " s, the run says " +
+    return InvalidArgument(options.sequence + ": frame " + std::to_string(StoredFrame(frame_idx, options)) +
+                           " has the time " + Fixed(static_cast<double>(stamp_ns) * 1e-9, 6) + " s, the run says " +
                            Fixed(static_cast<double>(row->timestamp_ns) * 1e-9, 6) +
-                           " s: not the sequence of this run, or run with another --every-nth");
+                           " s: not the sequence of this run, or run with another --first-frame or --every-nth");
   }
   Image image, half;
   CopyImage(frame.image, &image);
@@ -57,6 +62,34 @@ Result<Picture> ReadPicture(const RunOutput& run, std::int64_t frame_idx, const 
   std::vector<std::uint8_t> jpeg;
   HAUSTRA_TRY(capture::internal::EncodeJpeg(image.view(), kQuality, &jpeg));
   return Picture{ToBase64(jpeg), image.width(), image.height()};
+}
+
+// The pictures of these frames. Image files are opened one by one; a recording is read once, up to the last of them.
+Result<std::map<std::int64_t, Picture>> ReadPictures(const RunOutput& run, const std::set<std::int64_t>& frames,
+                                                     const PictureOptions& options) {
+  std::map<std::int64_t, Picture> pictures;
+  if (frames.empty()) return pictures;
+  SequenceOptions choice = options.options;
+  choice.halve = false;
+  std::error_code error;
+  if (std::filesystem::is_directory(options.sequence, error) && !LooksLikeEndomapper(options.sequence)) {
+    for (const std::int64_t frame_idx : frames) {
+      choice.first_frame = choice.last_frame = StoredFrame(frame_idx, options);
+      HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(options.sequence, choice));
+      HAUSTRA_ASSIGN(const Frame frame, source->Next(kNoDeadline));
+      HAUSTRA_ASSIGN(pictures[frame_idx], MakePicture(run, frame, frame_idx, options));
+    }
+    return pictures;
+  }
+  HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(options.sequence, choice));
+  while (pictures.size() < frames.size()) {
+    const Result<Frame> frame = source->Next(kNoDeadline);
+    if (frame.code() == StatusCode::kDataLoss) continue;
+    HAUSTRA_TRY(frame.status());
+    if (!frames.contains(frame->index)) continue;
+    HAUSTRA_ASSIGN(pictures[frame->index], MakePicture(run, *frame, frame->index, options));
+  }
+  return pictures;
 }
 
 struct PixelPair {
@@ -115,27 +148,13 @@ std::string PairSvg(const Picture& a, const std::optional<Picture>& b, const Sha
   return svg + "</svg>\n";
 }
 
-std::optional<std::int64_t> OtherFrame(const RunEventRow& event, const std::map<int, MapModel>& models) {
-  if (const auto frame = DetailOf(event, "other_frame")) return frame;
+std::string FigureHtml(const RunEventRow& event, const evaluate::JoinEvaluation& join,
+                       const std::map<int, MapModel>& models, int camera_width_px,
+                       const std::map<std::int64_t, Picture>& pictures) {
   // A keyframe of a loaded atlas was seen in another sequence.
-  if (!event.other_keyframe_id || DetailOf(event, "other_session")) return std::nullopt;
-  for (const auto& [map_id, model] : models) {
-    const auto keyframe = model.keyframes.find(*event.other_keyframe_id);
-    if (keyframe == model.keyframes.end()) continue;
-    return evaluate::ParseInteger(keyframe->second.image_name.substr(0, keyframe->second.image_name.find('.')));
-  }
-  return std::nullopt;
-}
-
-Result<std::string> FigureHtml(const RunOutput& run, const RunEventRow& event, const evaluate::JoinEvaluation& join,
-                               const std::map<int, MapModel>& models, int camera_width_px,
-                               const PictureOptions& options) {
-  HAUSTRA_ASSIGN(const Picture first, ReadPicture(run, event.frame_idx, options));
-  const std::optional<std::int64_t> other_frame = OtherFrame(event, models);
+  const std::optional<std::int64_t> other_frame = DetailOf(event, "other_frame");
   std::optional<Picture> second;
-  if (other_frame) {
-    HAUSTRA_ASSIGN(second, ReadPicture(run, *other_frame, options));
-  }
+  if (other_frame) second = pictures.at(*other_frame);
   const std::optional<std::int64_t> keyframe = DetailOf(event, "keyframe");
   SharedPoints shared;
   if (keyframe && event.other_keyframe_id) shared = FindSharedPoints(models, *keyframe, *event.other_keyframe_id);
@@ -155,8 +174,8 @@ Result<std::string> FigureHtml(const RunOutput& run, const RunEventRow& event, c
     caption += "One of the two keyframes is not in the final map (culled), so no matches can be drawn";
   }
   caption += ". Engine: " + event.details + ".";
-  return "<figure>\n" + PairSvg(first, second, shared, camera_width_px) + "<figcaption>" + EscapeHtml(caption) +
-         "</figcaption>\n</figure>\n";
+  return "<figure>\n" + PairSvg(pictures.at(event.frame_idx), second, shared, camera_width_px) + "<figcaption>" +
+         EscapeHtml(caption) + "</figcaption>\n</figure>\n";
 }
 
 }  // namespace
@@ -180,17 +199,20 @@ Result<std::string> JoinPicturesHtml(const RunOutput& run, const evaluate::Evalu
   }
   const int camera_width_px = run.geometry.empty() ? 0 : run.geometry.begin()->second.camera.width_px;
   const std::size_t step = std::max<std::size_t>(1, (joins.size() + options.max_joins - 1) / options.max_joins);
-  std::string html;
-  std::size_t num_shown = 0;
-  for (std::size_t i = 0; i < joins.size(); i += step, ++num_shown) {
-    HAUSTRA_ASSIGN(const std::string figure,
-                   FigureHtml(run, *joins[i].event, *joins[i].join, models, camera_width_px, options));
-    html += figure;
+  std::vector<Join> shown;
+  std::set<std::int64_t> frames;
+  for (std::size_t i = 0; i < joins.size(); i += step) {
+    shown.push_back(joins[i]);
+    frames.insert(joins[i].event->frame_idx);
+    if (const auto other_frame = DetailOf(*joins[i].event, "other_frame")) frames.insert(*other_frame);
   }
+  HAUSTRA_ASSIGN(const auto pictures, ReadPictures(run, frames, options));
+  std::string html;
+  for (const Join& join : shown) html += FigureHtml(*join.event, *join.join, models, camera_width_px, pictures);
   if (joins.empty()) html += "<p>No maps were merged and no loop was closed.</p>\n";
-  if (num_shown < joins.size()) {
+  if (shown.size() < joins.size()) {
     html +=
-        "<p>" + std::to_string(num_shown) + " of " + std::to_string(joins.size()) + " shown (--max-pictures).</p>\n";
+        "<p>" + std::to_string(shown.size()) + " of " + std::to_string(joins.size()) + " shown (--max-pictures).</p>\n";
   }
   return html;
 }

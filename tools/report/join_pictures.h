@@ -2,10 +2,10 @@
 // the map points that both keyframes see in the final map. thread-bound(caller).
 #pragma once
 
-#include <cstdint>
 #include <map>
 #include <string>
 
+#include "capture/sequence_options.h"
 #include "hal/core/status.h"
 #include "tools/evaluate/evaluation.h"
 #include "tools/evaluate/run_output.h"
@@ -14,10 +14,9 @@
 namespace haustra::report {
 
 struct PictureOptions {
-  std::string sequence;         // folder or video that the run was made from
-  std::uint32_t every_nth = 1;  // as in the run
-  std::string calibration;      // as in the run; empty: the sequence's own
-  std::size_t max_joins = 12;   // evenly chosen when there are more
+  std::string sequence;        // folder or video that the run was made from
+  SequenceOptions options;     // as in the run: part of the sequence, calibration
+  std::size_t max_joins = 12;  // evenly chosen when there are more
 };
 
 // HTML, with the pictures as JPEG inside. Errors of OpenSequence; kInvalidArgument when a frame of the sequence does

@@ -52,10 +52,17 @@ Status ReadPoints(const std::string& path, MapModel* model) {
     ++number;
     const std::vector<std::string_view> fields = evaluate::SplitBlanks(line);
     if (fields.empty() || fields[0].starts_with('#')) continue;
-    if (fields.size() < 4) return Bad(path, number, "not a point");
+    if (fields.size() < 7) return Bad(path, number, "not a point");
     const auto x = ParseNumber(fields[1]), y = ParseNumber(fields[2]), z = ParseNumber(fields[3]);
     if (!x || !y || !z) return Bad(path, number, "not a point");
     model->points.emplace_back(*x, *y, *z);
+    std::array<std::uint8_t, 3> rgb{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto channel = ParseInteger(fields[4 + i]);
+      if (!channel || *channel < 0 || *channel > 255) return Bad(path, number, "not a colour");
+      rgb[i] = static_cast<std::uint8_t>(*channel);
+    }
+    model->rgb.push_back(rgb);
   }
   return Status::Ok();
 }

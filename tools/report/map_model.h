@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -16,8 +17,9 @@ struct MapModel {
     std::string image_name;
     std::map<std::int64_t, Eigen::Vector2d> pixels;  // by point id; pixel centres at integers
   };
-  std::vector<Eigen::Vector3d> points;         // in the map, map units
-  std::map<std::int64_t, Keyframe> keyframes;  // by keyframe id
+  std::vector<Eigen::Vector3d> points;           // in the map, map units
+  std::vector<std::array<std::uint8_t, 3>> rgb;  // one a point
+  std::map<std::int64_t, Keyframe> keyframes;    // by keyframe id
 };
 
 // kNotFound, kUnavailable: a file; kInvalidArgument with file and line: not what it should be.

@@ -6,6 +6,7 @@
 #include "tools/evaluate/number_text.h"
 #include "tools/evaluate/paper_tables.h"
 #include "tools/evaluate/report_json.h"
+#include "tools/evaluate/report_text.h"
 #include "tools/report/chart_data.h"
 #include "tools/report/html_text.h"
 #include "tools/report/page_assets.h"
@@ -45,12 +46,6 @@ std::string CountText(const evaluate::JoinCount& count) {
   return text;
 }
 
-std::string RecallText(const std::optional<evaluate::Recall>& recall) {
-  if (!recall || !recall->value()) return kNothing;
-  return Fixed(100.0 * *recall->value(), 1) + " % (" + std::to_string(recall->taken) + " of " +
-         std::to_string(recall->occasions) + ")";
-}
-
 TextTable SummaryTable(const Evaluation& e) {
   TextTable table;
   table.header = {"figure", "value", "what it is"};
@@ -83,9 +78,9 @@ TextTable SummaryTable(const Evaluation& e) {
   add("loops", CountText(e.loops), "places met again inside one map");
   add("relocalisations", CountText(e.relocalisations), "after " + std::to_string(e.losses) + " losses");
   add("recoveries", CountText(e.recoveries), "by brute force while tracking");
-  add("merge recall", RecallText(e.merge_recall),
+  add("merge recall", RecallText(e.merge_recall, ""),
       "pairs of maps that share a view by the ground truth and are one map at the end");
-  add("relocalisation recall", RecallText(e.relocalisation_recall),
+  add("relocalisation recall", RecallText(e.relocalisation_recall, ""),
       "losses with the lost map in view again that went on in it");
   if (e.frame_ms) {
     add("frame time",
@@ -195,10 +190,7 @@ std::string MakePage(const PageContent& content) {
   if (e.seed) subtitle += ", seed " + std::to_string(*e.seed);
   subtitle += ", " + std::to_string(e.frames) + " frames";
 
-  std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>" +
-                     EscapeHtml("haustra run " + name) + "</title>\n<style>\n";
-  page += ReportCss();
-  page += "</style>\n</head>\n<body>\n<h1>" + EscapeHtml("haustra run " + name) + "</h1>\n" + Paragraph(subtitle);
+  std::string page = PageStart("haustra run " + name) + Paragraph(subtitle);
   if (!has_truth) page += Paragraph("No ground truth was given: errors, precision and recall are not known.");
   page += WarningsHtml(e);
   page += Section("summary", "Summary", Wide(SummaryTable(e)));
@@ -215,8 +207,7 @@ std::string MakePage(const PageContent& content) {
   page += Section("events-section", "What happened",
                   "<div class=\"scroll\">" + TableHtml(EventTable(content.run)) + "</div>\n");
   page += Section("rejections-section", "Why no merge here", RejectionsHtml(content.run));
-  page += "<footer><details><summary>Plots by Chart.js (MIT License)</summary><pre>" + EscapeHtml(ChartJsLicence()) +
-          "</pre></details></footer>\n";
+  page += PlotCredits();
   page += DataScript("evaluation", ToJson(e));
   page += DataScript("chart-data", MakeChartData(content.run, content.reference, e, content.models));
   page += "<script>\n";

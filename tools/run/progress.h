@@ -1,16 +1,17 @@
 // One line on the terminal that says how a run goes: share done, rate, state, map, coverage so far. thread-bound(main).
 #pragma once
 
-#include <chrono>
 #include <cstdint>
+#include <string>
 
+#include "tools/command/progress_line.h"
 #include "tools/run/run_record.h"
 
 namespace haustra {
 
 class Progress {
  public:
-  // num_frames: of the source, 0 when not known. Draws only on a terminal, or every few seconds into a log.
+  // num_frames: of the source, 0 when not known.
   explicit Progress(std::uint32_t num_frames);
 
   void Update(const RunRecord& record);
@@ -18,12 +19,10 @@ class Progress {
   void Finish(const RunRecord& record);
 
  private:
-  void Draw(const RunRecord& record);
+  std::string Text(const RunRecord& record) const;
 
   std::uint32_t num_frames_;
-  bool is_terminal_;
-  std::chrono::steady_clock::time_point start_;
-  std::chrono::steady_clock::time_point last_draw_;
+  ProgressLine line_;
 };
 
 }  // namespace haustra

@@ -25,14 +25,21 @@
 #include "platform/vocabulary_loader.h"
 #include "tools/calibrate/calibration_text.h"
 #include "tools/calibrate/clip_calibration.h"
+#include "tools/command/common_options.h"
 #include "tools/command/configuration_options.h"
+#include "tools/command/console.h"
+#include "tools/command/missing_calibration.h"
+#include "tools/command/output_folder.h"
 #include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
+#include "tools/report/run_report.h"
 #include "tools/run/progress.h"
 #include "tools/run/run_outputs.h"
 
 namespace haustra {
 namespace {
+
+constexpr const char* kRunCommand = "run";
 
 struct RunArguments : ConfigurationOptions {
   std::string sequence;
@@ -40,29 +47,14 @@ struct RunArguments : ConfigurationOptions {
   std::string mode = "sequential";
   double rate = 1.0;
   std::optional<std::uint64_t> seed;
-  std::uint32_t every_nth = 1;
-  bool halve = false;
-  std::string calibration;
-  std::string mask;
+  SequenceOptions part;  // of the sequence, with calibration and mask
+  bool overwrite = false;
+  std::string report = "on";
   std::string load_atlas;
   std::string save_atlas;
   std::string trap_allocations = "off";
   bool print_config = false;
 };
-
-int FailRun(const Status& status) {
-  std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());
-  return ExitCodeFor(status.code());
-}
-
-SequenceOptions OptionsOf(const RunArguments& arguments) {
-  SequenceOptions options;
-  options.every_nth = arguments.every_nth;
-  options.halve = arguments.halve;
-  options.calibration_path = arguments.calibration;
-  options.mask_path = arguments.mask;
-  return options;
-}
 
 // Colours of the points of all maps, from a second reading of the frames that became keyframes.
 class ColourReader {
@@ -119,87 +111,109 @@ class ColourReader {
   std::map<std::uint32_t, Small> images_;
 };
 
-// Whether `error` of opening the sequence goes away when somebody else brings the calibration.
-bool LacksCalibrationOnly(const Status& error, const RunArguments& arguments) {
-  if (error.code() != StatusCode::kNotFound || !arguments.calibration.empty()) return false;
-  if (IsV4l2Spec(arguments.sequence)) return false;
-  SequenceOptions options = OptionsOf(arguments);
-  options.calibration = CameraCalibration{};
-  return OpenSequence(arguments.sequence, options).ok();
-}
-
 Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::uint64_t seed, const Status& error) {
-  std::fprintf(stderr, "haustra run: %s; estimating it from the clip itself\n", error.message().c_str());
+  console::Note(kRunCommand, "%s; estimating it from the clip itself", error.message().c_str());
   ClipCalibrationRequest request;
   request.sequence = arguments.sequence;
-  request.options.mask_path = arguments.mask;
+  request.options.first_frame = arguments.part.first_frame;
+  request.options.last_frame = arguments.part.last_frame;
+  request.options.mask_path = arguments.part.mask_path;
   request.device = arguments.device;
   request.threads = arguments.threads;
   request.seed = seed;
   Result<ClipCalibration> result = CalibrateFromClip(request);
   if (result.ok()) {
-    std::fprintf(stderr, "%s", CalibrationText(*result).c_str());
+    if (!console::IsQuiet()) std::fputs(CalibrationText(*result).c_str(), stderr);
     return result;
   }
   // What is missing is still the calibration.
-  return Status(error.code(), error.message() + "; and it cannot be estimated (" + result.status().message() +
-                                  "): give one with --calibration FILE");
+  return Status(error.code(),
+                error.message() + ".\nIt cannot be estimated: " + result.status().message() +
+                    ".\nGive one with --calibration FILE (config/cameras has published ones), or estimate "
+                    "it from a better clip of the same camera: haustra calibrate CLIP --out FILE");
+}
+
+// Before anything is read: what is there already is no surprise after the procedure.
+Status CheckOutputs(const RunArguments& arguments) {
+  HAUSTRA_TRY(OutputFolder::Check(arguments.out, kRunContent, arguments.overwrite));
+  return arguments.save_atlas.empty() ? Status::Ok() : CheckOutputFile(arguments.save_atlas, arguments.overwrite);
+}
+
+// The page beside the results; empty, and a warning, when there is none. The results are good without it.
+std::string WriteReport(const RunArguments& arguments, const SequenceOptions& sequence_options) {
+  report::ReportRequest request;
+  request.run = arguments.out;
+  if (!IsV4l2Spec(arguments.sequence)) {
+    request.pictures.sequence = arguments.sequence;
+    request.pictures.options = sequence_options;
+  }
+  Result<std::string> page = report::MakeRunReport(request);
+  if (!page.ok() && !request.pictures.sequence.empty()) {
+    console::Warn(kRunCommand, "the report has no pictures: %s", page.status().message().c_str());
+    request.pictures.sequence.clear();
+    page = report::MakeRunReport(request);
+  }
+  const std::string path = arguments.out + "/report.html";
+  const Status status = page.ok() ? WriteFile(path, *page) : page.status();
+  if (status.ok()) return path;
+  console::Warn(kRunCommand, "there is no report: %s", status.message().c_str());
+  return {};
 }
 
 int Run(const RunArguments& arguments) {
   if (IsV4l2Spec(arguments.sequence) && (arguments.mode != "realtime" || arguments.rate != 1.0)) {
-    std::fprintf(stderr, "haustra run: a camera does not wait: --mode realtime, and no --rate\n");
-    return kExitUsage;
+    return console::Fail(kRunCommand, InvalidArgument("a camera does not wait: --mode realtime, and no --rate"),
+                         kExitUsage);
   }
   if (arguments.mode == "realtime") UseOneHeap();
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
-  if (!loaded.ok()) {
-    std::fprintf(stderr, "haustra run: %s\n", loaded.status().message().c_str());
-    return kExitConfig;
-  }
+  if (!loaded.ok()) return console::Fail(kRunCommand, loaded.status(), kExitConfig);
   if (arguments.print_config) {
-    std::fputs(loaded->Print().c_str(), stdout);
+    console::Print("%s", loaded->Print().c_str());
     return kExitOk;
   }
   if (arguments.sequence.empty() || arguments.out.empty()) {
-    std::fprintf(stderr, "haustra run: SEQUENCE and --out are required\n");
-    return kExitUsage;
+    return console::Fail(kRunCommand, InvalidArgument("SEQUENCE and --out are required"), kExitUsage);
   }
+  if (const Status status = CheckOutputs(arguments); !status.ok()) return console::FailWriting(kRunCommand, status);
   EngineConfig config = loaded->config();
   if (arguments.seed) config.seed = *arguments.seed;
 
-  SequenceOptions sequence_options = OptionsOf(arguments);
+  SequenceOptions sequence_options = arguments.part;
   std::optional<ClipCalibration> estimated;
   Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, sequence_options);
-  if (!source.ok() && LacksCalibrationOnly(source.status(), arguments)) {
+  if (!source.ok() && LacksOnlyCalibration(source.status(), arguments.sequence, arguments.part)) {
     Result<ClipCalibration> estimate = EstimateCalibration(arguments, config.seed, source.status());
-    if (!estimate.ok()) return FailRun(estimate.status());
+    if (!estimate.ok()) return console::Fail(kRunCommand, estimate.status());
     estimated = std::move(estimate).value();
     sequence_options.calibration = estimated->calibration;
     source = OpenSequence(arguments.sequence, sequence_options);
   }
-  if (!source.ok()) return FailRun(source.status());
+  if (!source.ok()) return console::Fail(kRunCommand, source.status());
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
-  if (!camera.ok()) return FailRun(camera.status());
+  if (!camera.ok()) return console::Fail(kRunCommand, camera.status());
   const HeapWatch* heap_watch = nullptr;
   if (arguments.trap_allocations != "off") {
     if (!AllocationTrap::IsAvailable()) {
-      return FailRun(
+      return console::Fail(
+          kRunCommand,
           Unavailable("--trap-allocations: this build's malloc cannot be watched (sanitizer, or not glibc)"));
     }
     heap_watch = arguments.trap_allocations == "abort" ? &AbortingHeapWatch() : &CountingHeapWatch();
   }
   const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
-  if (!plan.ok()) return FailRun(plan.status());
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok()) return FailRun(status);
+  if (!plan.ok()) return console::Fail(kRunCommand, plan.status());
+  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok())
+    return console::Fail(kRunCommand, status);
   Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
-  if (!device.ok()) return FailRun(device.status());
-  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok()) return FailRun(status);
+  if (!device.ok()) return console::Fail(kRunCommand, device.status());
+  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok())
+    return console::Fail(kRunCommand, status);
 
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
-  if (!vocabulary.ok()) return FailRun(vocabulary.status());
+  if (!vocabulary.ok()) return console::Fail(kRunCommand, vocabulary.status());
 
   const bool is_live = IsV4l2Spec(arguments.sequence);
   const bool is_realtime = arguments.mode == "realtime";
@@ -207,28 +221,28 @@ int Run(const RunArguments& arguments) {
   Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
                 SceneShare((*source)->static_mask()), vocabulary->get());
   if (!arguments.load_atlas.empty()) {
-    if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok()) return FailRun(status);
-  }
-
-  // Last of the checks: an earlier run's results in the folder go only when this run can start.
-  if (const Status status = PrepareOutputFolder(arguments.out); !status.ok()) {
-    if (status.code() != StatusCode::kUnavailable) return FailRun(status);
-    std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());
-    return kExitIo;
-  }
-
-  if (estimated) {
-    const Status status = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);
-    if (!status.ok()) return FailRun(status);
+    if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok())
+      return console::Fail(kRunCommand, status);
   }
 
   // Better now than after the procedure.
   if (!arguments.save_atlas.empty()) {
-    if (const Status status = CheckAtlasFileCanBeSaved(arguments.save_atlas); !status.ok()) return FailRun(status);
+    const Status status = CheckAtlasFileCanBeSaved(arguments.save_atlas);
+    if (!status.ok()) return console::FailWriting(kRunCommand, status);
   }
-  std::fprintf(stderr, "haustra run: %s, %u frames %dx%d, %s mode, device %s\n", arguments.sequence.c_str(),
-               (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
-               std::string((*device)->name()).c_str());
+  // Last of the checks: an earlier run's results in the folder are touched only when this run can start.
+  Result<OutputFolder> output = OutputFolder::Create(arguments.out, kRunContent, arguments.overwrite);
+  if (!output.ok()) return console::FailWriting(kRunCommand, output.status());
+  if (const Status status = MakeResultFolders(arguments.out); !status.ok()) {
+    return console::FailWriting(kRunCommand, status);
+  }
+  if (estimated) {
+    const Status status = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);
+    if (!status.ok()) return console::FailWriting(kRunCommand, status);
+  }
+  console::Note(kRunCommand, "%s, %u frames %dx%d, %s mode, device %s", arguments.sequence.c_str(),
+                (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
+                std::string((*device)->name()).c_str());
 
   const std::atomic<bool>& stop_requested = CatchStopSignals();
   Progress progress((*source)->num_frames());
@@ -259,22 +273,23 @@ int Run(const RunArguments& arguments) {
   // What a camera has shown cannot be looked at again.
   if (const Status status = is_live ? Status::Ok() : colours.Read(arguments.sequence, sequence_options, engine);
       !status.ok()) {
-    std::fprintf(stderr, "haustra run: warning: the points of the maps stay grey: %s\n", status.message().c_str());
+    console::Warn(kRunCommand, "the points of the maps stay grey: %s", status.message().c_str());
   }
-  if (const Status status = WriteOutputs(arguments.out, record, poses, summary, engine, std::ref(colours));
-      !status.ok()) {
-    std::fprintf(stderr, "haustra run: %s\n", status.ToString().c_str());
-    return kExitIo;
+  const Status written = WriteOutputs(arguments.out, record, poses, summary, engine, **source, std::ref(colours));
+  if (!written.ok()) {
+    if (!output->aside().empty()) console::Warn(kRunCommand, "earlier results are in %s", output->aside().c_str());
+    return console::FailWriting(kRunCommand, written);
   }
+  output->Commit();
   for (const RunEvent& event : record.events()) {
-    if (event.event == "frame_damaged") std::fprintf(stderr, "haustra run: warning: %s\n", event.details.c_str());
+    if (event.event == "frame_damaged") console::Warn(kRunCommand, "%s", event.details.c_str());
   }
-  std::printf("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(), arguments.out.c_str());
-  if (!atlas_saved.ok()) {
-    std::fprintf(stderr, "haustra run: %s\n", atlas_saved.ToString().c_str());
-    return kExitIo;
-  }
-  if (!session.ok()) return FailRun(session.status());
+  const std::string page = arguments.report == "on" ? WriteReport(arguments, sequence_options) : std::string();
+  console::Print("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(),
+                 arguments.out.c_str());
+  if (!page.empty()) console::Print("  report        %s\n", page.c_str());
+  if (!atlas_saved.ok()) return console::FailWriting(kRunCommand, atlas_saved);
+  if (!session.ok()) return console::Fail(kRunCommand, session.status());
   return kExitOk;
 }
 
@@ -288,6 +303,10 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
                       "Folder with frames/, times.txt, calib.yaml; C3VD, EuRoC, TUM; video; a camera: "
                       "v4l2:/dev/video0[,size=1440x1080,...] (haustra capture lists cameras and options)");
   command->add_option("--out", arguments->out, "Folder for the results (made when missing)");
+  AddOverwriteFlag(*command, arguments->overwrite);
+  command->add_option("--report", arguments->report, "on: ends with the page OUT/report.html")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->capture_default_str();
   command->add_flag("--print-config", arguments->print_config,
                     "Prints the configuration with the origin of each value, and ends");
   command
@@ -301,12 +320,11 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
       ->check(CLI::NonNegativeNumber);
   AddConfigurationOptions(*command, *arguments);
-  command->add_option("--every-nth", arguments->every_nth, "Use only every n-th frame")
-      ->check(CLI::Range(1u, 1000u))
-      ->capture_default_str();
-  command->add_option("--calibration", arguments->calibration,
+  AddFrameRangeOptions(*command, arguments->part);
+  command->add_option("--calibration", arguments->part.calibration_path,
                       "Camera calibration to use instead of the sequence's own (see config/cameras)");
-  command->add_option("--mask", arguments->mask, "Static mask to use instead of the sequence's own (255 inside)");
+  command->add_option("--mask", arguments->part.mask_path,
+                      "Static mask to use instead of the sequence's own (255 inside)");
   command->add_option("--load-atlas", arguments->load_atlas,
                       "Maps of an earlier run with the same camera, to be recognised and joined");
   command->add_option("--save-atlas", arguments->save_atlas, "File for all maps at the end of the run");
@@ -315,7 +333,7 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
                    "Watch the tracking thread's use of the heap: count it, or abort with a backtrace at the first")
       ->check(CLI::IsMember({"off", "count", "abort"}))
       ->capture_default_str();
-  command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
+  command->add_flag("--halve", arguments->part.halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
 }
 

@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <filesystem>
 #include <map>
-#include <regex>
 
 #include "engine/io/colmap_writer.h"
 #include "engine/io/ply_writer.h"
@@ -23,15 +22,16 @@ std::string MapName(MapId id) {
   return name;
 }
 
-std::string FrameName(std::uint32_t frame_index) {
-  char name[32];
-  std::snprintf(name, sizeof(name), "%06u.jpg", frame_index);
+// COLMAP ends a name at the first blank.
+std::string ColmapName(std::string name) {
+  std::replace_if(
+      name.begin(), name.end(), [](unsigned char c) { return c <= ' ' || c == 0x7f; }, '_');
   return name;
 }
 
 // Opens, writes and finishes one file.
 template <typename Writer>
-Status WriteFile(const fs::path& path, Writer&& write) {
+Status WriteWith(const fs::path& path, Writer&& write) {
   HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path.string()));
   HAUSTRA_TRY(write(sink));
   return sink.Commit();
@@ -192,72 +192,46 @@ Status WriteTrajectories(const fs::path& folder, const RunRecord& record, const 
     if (result.state == TrackingState::kTracking) live.push_back({stamp, result.cam_from_map});
     if (poses[i].is_localised) by_map[poses[i].pose.map_id].push_back({stamp, poses[i].pose.cam_from_map});
   }
-  HAUSTRA_TRY(WriteFile(folder / "live.tum", [&](ByteSink& sink) {
+  HAUSTRA_TRY(WriteWith(folder / "live.tum", [&](ByteSink& sink) {
     return WriteTum(
         sink, live,
         "poses as they were answered, each in the map that was active then (see frames.csv); world_from_cam");
   }));
   for (const auto& [id, trajectory] : by_map) {
-    HAUSTRA_TRY(WriteFile(folder / (MapName(id) + ".tum"), [&, &trajectory = trajectory](ByteSink& sink) {
+    HAUSTRA_TRY(WriteWith(folder / (MapName(id) + ".tum"), [&, &trajectory = trajectory](ByteSink& sink) {
       return WriteTum(sink, trajectory, "final poses of all localised frames of this map; map units; world_from_cam");
     }));
   }
   return Status::Ok();
 }
 
-Status WriteMapExports(const fs::path& folder, const Engine& engine, const PointColour& colour) {
+Status WriteMapExports(const fs::path& folder, const Engine& engine, const FrameSource& source,
+                       const PointColour& colour) {
+  const auto image_name = [&source](std::uint32_t frame_index) { return ColmapName(source.FrameName(frame_index)); };
   Status status;
   engine.atlas().maps().ForEach([&](MapHandle handle, const Map& map) {
     if (!status.ok() || map.keyframes.empty()) return;
-    const MapExport data = ExportMap(engine, handle, FrameName, colour);
+    const MapExport data = ExportMap(engine, handle, image_name, colour);
     const fs::path colmap = folder / MapName(map.id);
     std::error_code error;
     fs::create_directories(colmap, error);
     const auto write_all = [&]() -> Status {
-      HAUSTRA_TRY(WriteFile(folder / (MapName(map.id) + ".ply"), [&](ByteSink& s) { return WritePly(s, data); }));
+      HAUSTRA_TRY(WriteWith(folder / (MapName(map.id) + ".ply"), [&](ByteSink& s) { return WritePly(s, data); }));
       HAUSTRA_ASSIGN(const ColmapCamera camera, MakeColmapCamera(data.calibration));
-      HAUSTRA_TRY(WriteFile(colmap / "cameras.txt", [&](ByteSink& s) { return WriteColmapCameras(s, camera); }));
-      HAUSTRA_TRY(WriteFile(colmap / "images.txt", [&](ByteSink& s) { return WriteColmapImages(s, data); }));
-      return WriteFile(colmap / "points3D.txt", [&](ByteSink& s) { return WriteColmapPoints3D(s, data); });
+      HAUSTRA_TRY(WriteWith(colmap / "cameras.txt", [&](ByteSink& s) { return WriteColmapCameras(s, camera); }));
+      HAUSTRA_TRY(WriteWith(colmap / "images.txt", [&](ByteSink& s) { return WriteColmapImages(s, data); }));
+      return WriteWith(colmap / "points3D.txt", [&](ByteSink& s) { return WriteColmapPoints3D(s, data); });
     };
     status = write_all();
   });
   return status;
 }
 
-constexpr const char* kOwnEntries[] = {"trajectory", "maps",      "frames.csv",   "maps.csv",
-                                       "events.csv", "times.csv", "summary.json", "calib.yaml"};
-
-// Whether a run writes something of this name (relative to its folder); what FileSink leaves when it is killed is of a
-// run, too.
-bool IsOwnName(const std::string& name) {
-  static const std::regex kOwn(
-      R"(((frames|maps|events|times)\.csv|summary\.json|calib\.yaml|trajectory(/(live|map_\d{4,})\.tum)?|)"
-      R"(maps(/map_\d{4,}(\.ply|/(cameras|images|points3D)\.txt)?)?)(\.partial-\d+)?)");
-  return std::regex_match(name, kOwn);
-}
-
 }  // namespace
 
-Status PrepareOutputFolder(const std::string& folder) {
-  if (folder.empty()) return InvalidArgument("--out: the name of the output folder is empty");
-  std::error_code error;
-  if (fs::exists(folder, error)) {
-    if (!fs::is_directory(folder, error)) return InvalidArgument(folder + ": exists and is not a folder");
-    // A folder is taken over only when it is empty or plainly an earlier run's.
-    const bool is_run = fs::is_directory(fs::path(folder) / "trajectory", error);
-    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder, error)) {
-      const std::string name = entry.path().lexically_relative(folder).generic_string();
-      if (!is_run || !IsOwnName(name)) {
-        return InvalidArgument(folder + ": holds '" + name +
-                               "', which is not part of a run; choose an empty or a new folder");
-      }
-    }
-    if (error) return Unavailable(folder + ": cannot be read: " + error.message());
-    // What an earlier run left must not be taken for part of this one.
-    for (const char* name : kOwnEntries) fs::remove_all(fs::path(folder) / name, error);
-  }
+Status MakeResultFolders(const std::string& folder) {
   for (const char* name : {"trajectory", "maps"}) {
+    std::error_code error;
     fs::create_directories(fs::path(folder) / name, error);
     if (error) return Unavailable(folder + "/" + name + ": cannot be made: " + error.message());
   }
@@ -265,16 +239,17 @@ Status PrepareOutputFolder(const std::string& folder) {
 }
 
 Status WriteOutputs(const std::string& folder, const RunRecord& record, const std::vector<FinalPose>& poses,
-                    const RunSummary& summary, const Engine& engine, const PointColour& colour) {
+                    const RunSummary& summary, const Engine& engine, const FrameSource& source,
+                    const PointColour& colour) {
   const fs::path root(folder);
   HAUSTRA_TRY(WriteTrajectories(root / "trajectory", record, poses));
-  HAUSTRA_TRY(WriteFile(root / "frames.csv",
+  HAUSTRA_TRY(WriteWith(root / "frames.csv",
                         [&](ByteSink& sink) { return WriteFrames(sink, record, poses, summary.mode == "realtime"); }));
-  HAUSTRA_TRY(WriteFile(root / "maps.csv", [&](ByteSink& sink) { return WriteMaps(sink, record, poses, engine); }));
-  HAUSTRA_TRY(WriteFile(root / "events.csv", [&](ByteSink& sink) { return WriteEvents(sink, record, engine); }));
-  HAUSTRA_TRY(WriteFile(root / "times.csv", [&](ByteSink& sink) { return WriteTimes(sink, record); }));
-  HAUSTRA_TRY(WriteMapExports(root / "maps", engine, colour));
-  return WriteFile(root / "summary.json", [&](ByteSink& sink) { return sink.Write(ToJson(summary)); });
+  HAUSTRA_TRY(WriteWith(root / "maps.csv", [&](ByteSink& sink) { return WriteMaps(sink, record, poses, engine); }));
+  HAUSTRA_TRY(WriteWith(root / "events.csv", [&](ByteSink& sink) { return WriteEvents(sink, record, engine); }));
+  HAUSTRA_TRY(WriteWith(root / "times.csv", [&](ByteSink& sink) { return WriteTimes(sink, record); }));
+  HAUSTRA_TRY(WriteMapExports(root / "maps", engine, source, colour));
+  return WriteWith(root / "summary.json", [&](ByteSink& sink) { return sink.Write(ToJson(summary)); });
 }
 
 }  // namespace haustra

@@ -5,17 +5,24 @@
 #include <vector>
 
 #include "engine/export_map.h"
+#include "tools/command/output_folder.h"
 #include "tools/run/run_record.h"
 #include "tools/run/run_summary.h"
 
 namespace haustra {
 
-// Makes the folder (and those above it). kUnavailable when that fails, kInvalidArgument when something that is not a
-// folder, or a folder holding files that are not a run's, has the name.
-Status PrepareOutputFolder(const std::string& folder);
+inline constexpr FolderContent kRunContent{
+    "a run",
+    R"((frames|maps|events|times)\.csv|summary\.json|report\.html|calib\.yaml|trajectory(/(live|map_\d{4,})\.tum)?|)"
+    R"(maps(/map_\d{4,}(\.ply|/(cameras|images|points3D)\.txt)?)?)"};
 
-// Writes everything; files that hold no times are the same bytes for the same run.
+// The folders in it. kUnavailable.
+Status MakeResultFolders(const std::string& folder);
+
+// Writes everything; files that hold no times are the same bytes for the same run. `source`: names the pictures of the
+// keyframes.
 Status WriteOutputs(const std::string& folder, const RunRecord& record, const std::vector<FinalPose>& poses,
-                    const RunSummary& summary, const Engine& engine, const PointColour& colour);
+                    const RunSummary& summary, const Engine& engine, const FrameSource& source,
+                    const PointColour& colour);
 
 }  // namespace haustra

@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <string_view>
 
+#include "tools/command/console.h"
+
 namespace haustra {
 namespace {
 
@@ -13,10 +15,8 @@ constexpr std::string_view kDamagedEvent = "frame_damaged";
 // Where people look for it, before the first frame; it is in the summary, too.
 void RunRecord::OnStart(const RealTimeReport& report) {
   realtime_ = report;
-  std::fprintf(stderr, "%s", ToText(report).c_str());
-  for (const std::string& refusal : Refusals(report)) {
-    std::fprintf(stderr, "haustra run: warning: %s\n", refusal.c_str());
-  }
+  if (!console::IsQuiet()) std::fprintf(stderr, "%s", ToText(report).c_str());
+  for (const std::string& refusal : Refusals(report)) console::Warn("run", "%s", refusal.c_str());
 }
 
 void RunRecord::OnFrame(const FrameOutcome& outcome) {

@@ -3,23 +3,19 @@
 #include <sys/resource.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdarg>
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <span>
+
+#include "tools/statistics/percentile.h"
 
 namespace haustra {
 namespace {
 
 // Nearest rank.
-double Percentile(const std::vector<double>& sorted, double share) {
-  if (sorted.empty()) return 0.0;
-  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
-  return sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1];
-}
-
 double PeakRssMb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -185,7 +181,8 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
     if (!frame.is_dropped && !frame.is_damaged) latency.push_back(ToMilliseconds(frame.latency));
   }
   std::sort(latency.begin(), latency.end());
-  summary.frame_ms = {Percentile(latency, 0.5), Percentile(latency, 0.99), Percentile(latency, 0.999),
+  const std::span<const double> sorted(latency);
+  summary.frame_ms = {Percentile(sorted, 500), Percentile(sorted, 990), Percentile(sorted, 999),
                       latency.empty() ? 0.0 : latency.back()};
   summary.peak_rss_mb = PeakRssMb();
   summary.plan_host_mb = static_cast<double>(Engine::PlanMemory(engine.config()).host_bytes()) / 1e6;
@@ -303,6 +300,7 @@ std::string ToJson(const RunSummary& s) {
 
 std::string ToText(const RunSummary& s) {
   std::string text;
+  if (!s.device.empty()) Append(&text, "  device        %5s\n", s.device.c_str());
   Append(&text, "  live coverage %5.1f %%   (%zu of %zu frames were answered with a pose that lasts)\n",
          s.live_coverage, s.live_localised, s.sequence_frames);
   Append(&text, "  coverage      %5.1f %%   (%zu have a pose at the end)\n", s.coverage, s.localised);

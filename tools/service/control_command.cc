@@ -1,16 +1,18 @@
 #include "tools/service/control_command.h"
 
-#include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "platform/control/control_client.h"
+#include "tools/command/console.h"
 #include "tools/exit_codes.h"
 #include "tools/service/runtime_folder.h"
 
 namespace haustra {
 namespace {
+
+constexpr const char* kControlCommand = "control";
 
 struct ControlArguments {
   std::vector<std::string> words;
@@ -19,11 +21,11 @@ struct ControlArguments {
 };
 
 int FailControl(const Status& status) {
-  std::fprintf(stderr, "haustra control: %s\n", status.message().c_str());
   switch (status.code()) {
-    case StatusCode::kInvalidArgument: return kExitUsage;
-    case StatusCode::kFailedPrecondition: return 1;  // the daemon said no
-    default: return kExitUnavailable;
+    case StatusCode::kInvalidArgument: return console::Fail(kControlCommand, status, kExitUsage);
+    case StatusCode::kFailedPrecondition:
+      return console::Fail(kControlCommand, status, kExitNotMet);  // the daemon said no
+    default: return console::Fail(kControlCommand, status, kExitUnavailable);
   }
 }
 
@@ -38,7 +40,7 @@ int Control(const ControlArguments& arguments) {
   const Result<std::string> reply =
       client->Ask(*request, std::chrono::milliseconds(static_cast<std::int64_t>(1000 * arguments.timeout_s)));
   if (!reply.ok()) return FailControl(reply.status());
-  std::fputs(reply->c_str(), stdout);
+  console::Print("%s", reply->c_str());
   return kExitOk;
 }
 
@@ -54,7 +56,6 @@ void AddControlCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--timeout", arguments->timeout_s, "Seconds to wait for the answer")
       ->check(CLI::Range(0.1, 3600.0))
       ->capture_default_str();
-  command->footer("Exit codes: 0 done, 1 refused by the daemon, 64 no such request, 69 no daemon to be reached.");
   command->callback([arguments, &action] { action = [arguments] { return Control(*arguments); }; });
 }
 

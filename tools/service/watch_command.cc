@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "platform/control/control_client.h"
+#include "tools/command/console.h"
 #include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/service/runtime_folder.h"
@@ -128,7 +129,7 @@ int Watch(const WatchArguments& arguments) {
   Watcher watcher(arguments.folder);
   if (arguments.once) {
     const WatchModel& model = watcher.Look();
-    std::fputs(WatchPage(model, 1000).c_str(), stdout);
+    console::Print("%s", WatchPage(model, 1000).c_str());
     return model.is_connected ? kExitOk : kExitUnavailable;
   }
   const std::atomic<bool>& stop_requested = CatchStopSignals();
@@ -139,9 +140,9 @@ int Watch(const WatchArguments& arguments) {
       // Home, then each line cleared to its end, then what is below: nothing flickers.
       std::string page = WatchPage(model, TerminalColumns());
       for (std::size_t at = 0; (at = page.find('\n', at)) != std::string::npos; at += 4) page.insert(at, "\x1b[K");
-      std::printf("\x1b[H%s\x1b[J", page.c_str());
+      console::Print("\x1b[H%s\x1b[J", page.c_str());
     } else if (step % kStepsPerStatus == 0) {
-      std::fputs(WatchLine(model).c_str(), stdout);
+      console::Print("%s", WatchLine(model).c_str());
     }
     if (std::fflush(stdout) != 0) break;
     std::this_thread::sleep_for(kStep);

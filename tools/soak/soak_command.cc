@@ -20,7 +20,12 @@
 #include "platform/realtime/one_heap.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
+#include "tools/command/common_options.h"
 #include "tools/command/configuration_options.h"
+#include "tools/command/console.h"
+#include "tools/command/missing_calibration.h"
+#include "tools/command/output_folder.h"
+#include "tools/command/progress_line.h"
 #include "tools/command/stop_signal.h"
 #include "tools/command/temporary_folder.h"
 #include "tools/exit_codes.h"
@@ -39,6 +44,7 @@ struct SoakArguments : ConfigurationOptions {
   double interval_s = 10.0;
   double warm_up_s = 120.0;
   std::string csv;
+  bool overwrite = false;
   std::string mode = "realtime";
   double rate = 1.0;
   std::string loop = "back-and-forth";
@@ -48,13 +54,7 @@ struct SoakArguments : ConfigurationOptions {
   std::optional<std::uint64_t> seed;
 };
 
-// Of what did not go as it should: not a usage error, not an internal one.
-constexpr int kExitFailed = 1;
-
-int FailSoak(const Status& status) {
-  std::fprintf(stderr, "haustra soak: %s\n", status.ToString().c_str());
-  return ExitCodeFor(status.code());
-}
+constexpr const char* kSoakCommand = "soak";
 
 Duration Seconds(double seconds) { return Duration(static_cast<std::int64_t>(seconds * 1e9)); }
 
@@ -64,7 +64,7 @@ Result<std::string> RenderInto(const TemporaryFolder& folder) {
   HAUSTRA_ASSIGN(const render::Preset preset, render::FindPreset("losses"));
   render::RenderOptions options = render::RenderOptions::FromPreset(preset);
   options.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  std::fprintf(stderr, "haustra soak: rendering %d frames\n", options.num_frames());
+  console::Note(kSoakCommand, "rendering %d frames", options.num_frames());
   std::string sequence = folder.path() + "/sequence";
   HAUSTRA_TRY(render::RenderSequence(sequence, options, {}));
   return sequence;
@@ -72,6 +72,30 @@ Result<std::string> RenderInto(const TemporaryFolder& folder) {
 
 struct FileCloser {
   void operator()(std::FILE* file) const { std::fclose(file); }
+};
+
+// The table of samples, which can be read as it grows. Begun with the first sample: what fails before leaves an earlier
+// table as it was.
+class SampleFile {
+ public:
+  explicit SampleFile(std::string path) : path_(std::move(path)) {}
+
+  void Add(const SoakSample& sample) {
+    if (path_.empty() || !is_written_) return;
+    std::string text = SoakCsvLine(sample);
+    if (file_ == nullptr) {
+      file_.reset(std::fopen(path_.c_str(), "w"));
+      text = SoakCsvHeader() + text;
+    }
+    is_written_ = file_ != nullptr && std::fputs(text.c_str(), file_.get()) >= 0 && std::fflush(file_.get()) == 0;
+  }
+  // False: it could not be, or not to the end.
+  bool is_written() const { return is_written_; }
+
+ private:
+  const std::string path_;
+  std::unique_ptr<std::FILE, FileCloser> file_;
+  bool is_written_ = true;
 };
 
 // Of all procedures.
@@ -119,35 +143,31 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
 int Soak(const SoakArguments& arguments) {
   UseOneHeap();  // as the service does
   if (arguments.rendered == !arguments.sequence.empty()) {
-    std::fprintf(stderr, "haustra soak: name a sequence, or ask for --rendered\n");
-    return kExitUsage;
+    return console::Fail(kSoakCommand, InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
+  }
+  if (!arguments.csv.empty()) {
+    const Status status = CheckOutputFile(arguments.csv, arguments.overwrite);
+    if (!status.ok()) return console::FailWriting(kSoakCommand, status);
   }
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
-  if (!loaded.ok()) {
-    std::fprintf(stderr, "haustra soak: %s\n", loaded.status().message().c_str());
-    return kExitConfig;
-  }
+  if (!loaded.ok()) return console::Fail(kSoakCommand, loaded.status(), kExitConfig);
   EngineConfig config = loaded->config();
   if (arguments.seed) config.seed = *arguments.seed;
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
-  if (!vocabulary.ok()) return FailSoak(vocabulary.status());
-  std::unique_ptr<std::FILE, FileCloser> csv;
-  if (!arguments.csv.empty()) {
-    csv.reset(std::fopen(arguments.csv.c_str(), "w"));
-    if (csv == nullptr) return FailSoak(Unavailable(arguments.csv + ": cannot be written"));
-    std::fputs(SoakCsvHeader().c_str(), csv.get());
-  }
+  if (!vocabulary.ok()) return console::Fail(kSoakCommand, vocabulary.status());
   std::string sequence = arguments.sequence;
   const TemporaryFolder folder("soak");
   if (arguments.rendered) {
     Result<std::string> rendered = RenderInto(folder);
-    if (!rendered.ok()) return FailSoak(rendered.status());
+    if (!rendered.ok()) return console::Fail(kSoakCommand, rendered.status());
     sequence = std::move(rendered).value();
   }
   const auto open = [&](bool reversed) {
     SequenceOptions options;
     options.reversed = reversed;
-    return OpenSequence(sequence, options);
+    Result<std::unique_ptr<FrameSource>> source = OpenSequence(sequence, options);
+    if (!source.ok()) source = WithCalibrationAdvice(source.status(), sequence, options);
+    return source;
   };
 
   SoakOptions options;
@@ -156,13 +176,17 @@ int Soak(const SoakArguments& arguments) {
   options.max_growth_mb = arguments.max_growth_mb;
   options.max_latency_ratio = arguments.max_latency_ratio;
   options.max_pool_ratio = arguments.max_pool_ratio;
-  bool is_written = true;
+  ProgressLine line;
+  SampleFile csv(arguments.csv);
   const auto write = [&](const SoakSample& sample) {
-    std::fprintf(stderr, "\r%8.0f s  %7.1f MB resident  %5u keyframes %6u points  p50 %.1f ms  max %.1f ms ",
-                 sample.video_s, sample.rss_mb, sample.pools.keyframes, sample.pools.map_points, sample.p50_ms,
-                 sample.max_ms);
-    if (csv == nullptr) return;
-    is_written = std::fputs(SoakCsvLine(sample).c_str(), csv.get()) >= 0 && std::fflush(csv.get()) == 0 && is_written;
+    line.Update([&] {
+      char text[160];
+      std::snprintf(text, sizeof(text),
+                    "%8.0f s  %7.1f MB resident  %5u keyframes %6u points  p50 %.1f ms  max %.1f ms", sample.video_s,
+                    sample.rss_mb, sample.pools.keyframes, sample.pools.map_points, sample.p50_ms, sample.max_ms);
+      return std::string(text);
+    });
+    csv.Add(sample);
   };
   SoakMonitor monitor(options, write, AllocationTrap::IsAvailable() ? &CountingHeapWatch() : nullptr);
   const std::atomic<bool>& stop_requested = CatchStopSignals();
@@ -178,14 +202,14 @@ int Soak(const SoakArguments& arguments) {
         RunProcedure(arguments, config, open, video_time, vocabulary->get(), &monitor, &totals, stop_requested);
     ReturnFreeMemory();
     if (!status.ok()) {
-      std::fprintf(stderr, "\n");
-      return FailSoak(status);
+      line.Leave();
+      return console::Fail(kSoakCommand, status);
     }
   }
-  std::fprintf(stderr, "\n");
-  if (!is_written) return FailSoak(Unavailable(arguments.csv + ": could not be written"));
+  line.Leave();
+  if (!csv.is_written()) return console::FailWriting(kSoakCommand, Unavailable(arguments.csv + ": cannot be written"));
 
-  std::printf(
+  console::Print(
       "%s, %.1f min of video in %d procedures and %d loops: %llu frames, %llu losses, %llu merges and loops, %llu "
       "damaged\n"
       "evicted %llu keyframes, %llu maps, %llu points; refused %llu keyframes\n",
@@ -198,12 +222,11 @@ int Soak(const SoakArguments& arguments) {
       static_cast<unsigned long long>(totals.evicted.num_points),
       static_cast<unsigned long long>(totals.keyframes_refused));
   const SoakVerdict verdict = monitor.Judge();
-  std::fputs(verdict.text.c_str(), stdout);
+  console::Print("%s", verdict.text.c_str());
   if (stop_requested.load()) {
-    std::fprintf(stderr, "haustra soak: stopped before its time\n");
-    return kExitFailed;
+    return console::Fail(kSoakCommand, Status(StatusCode::kCancelled, "stopped before its time"), kExitNotMet);
   }
-  return verdict.is_passed ? kExitOk : kExitFailed;
+  return verdict.is_passed ? kExitOk : kExitNotMet;
 }
 
 }  // namespace
@@ -231,6 +254,7 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(0.0, 100000.0))
       ->capture_default_str();
   command->add_option("--csv", arguments->csv, "File for the samples: memory, pools, latency, faults");
+  AddOverwriteFlag(*command, arguments->overwrite);
   command->add_option("--mode", arguments->mode, "realtime: at the camera's pace; sequential: as fast as it goes")
       ->check(CLI::IsMember({"sequential", "realtime"}))
       ->capture_default_str();

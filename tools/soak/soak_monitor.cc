@@ -3,11 +3,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <iterator>
 #include <numeric>
 #include <span>
+
+#include "tools/statistics/percentile.h"
 
 namespace haustra {
 namespace {
@@ -16,14 +17,6 @@ namespace {
 constexpr std::size_t kReservedSamples = 100'000;
 constexpr std::size_t kMaxFramesOfInterval = 65'536;
 constexpr std::size_t kMinJudgedSamples = 8;
-
-float Percentile(std::vector<float>* values, double share) {
-  if (values->empty()) return 0.0f;
-  const auto rank = static_cast<std::size_t>(std::ceil(share * static_cast<double>(values->size())));
-  const auto nth = values->begin() + static_cast<std::ptrdiff_t>(std::max<std::size_t>(rank, 1) - 1);
-  std::nth_element(values->begin(), nth, values->end());
-  return *nth;
-}
 
 double MeanRss(std::span<const SoakSample> samples) {
   return std::accumulate(samples.begin(), samples.end(), 0.0,
@@ -192,9 +185,11 @@ void SoakMonitor::TakeSample(double procedure_s) {
   current_.pools = engine_->pool_use();
   current_.loose_sets =
       num_sets_ - static_cast<int>(current_.pools.free_feature_sets) - static_cast<int>(current_.pools.keyframes);
-  current_.p50_ms = Percentile(&latency_ms_, 0.5);
-  current_.p99_ms = Percentile(&latency_ms_, 0.99);
-  current_.max_ms = latency_ms_.empty() ? 0.0 : *std::max_element(latency_ms_.begin(), latency_ms_.end());
+  std::sort(latency_ms_.begin(), latency_ms_.end());
+  const std::span<const float> sorted(latency_ms_);
+  current_.p50_ms = Percentile(sorted, 500);
+  current_.p99_ms = Percentile(sorted, 990);
+  current_.max_ms = sorted.empty() ? 0.0 : sorted.back();
   if (samples_.size() < kReservedSamples) samples_.push_back(current_);
   if (on_sample_) on_sample_(current_);
   current_ = {};

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <memory>
 #include <string>
 #include <thread>
@@ -11,12 +10,17 @@
 #include "engine/place/vocabulary_file.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/file_sink.h"
+#include "tools/command/common_options.h"
+#include "tools/command/console.h"
+#include "tools/command/output_folder.h"
 #include "tools/exit_codes.h"
 #include "tools/vocabulary/rendered_pictures.h"
 #include "tools/vocabulary/training_sample.h"
 
 namespace haustra {
 namespace {
+
+constexpr const char* kVocabularyCommand = "vocabulary";
 
 struct VocabularyArguments {
   std::string out;
@@ -28,19 +32,14 @@ struct VocabularyArguments {
   std::string config;
   std::vector<std::string> assignments;
   int threads = 0;
-  bool quiet = false;
+  bool overwrite = false;
 };
-
-int FailVocabulary(const Status& status) {
-  std::fprintf(stderr, "haustra vocabulary: %s\n", status.ToString().c_str());
-  return status.code() == StatusCode::kUnavailable ? kExitIo : ExitCodeFor(status.code());
-}
 
 Status Gather(const VocabularyArguments& arguments, TrainingSample* sample) {
   for (const std::string& sequence : arguments.sequences) {
     const std::size_t before = sample->num_pictures();
     HAUSTRA_TRY(sample->AddSequence(sequence, arguments.every_nth));
-    if (!arguments.quiet) std::printf("%s: %zu pictures\n", sequence.c_str(), sample->num_pictures() - before);
+    console::Print("%s: %zu pictures\n", sequence.c_str(), sample->num_pictures() - before);
   }
   if (arguments.rendered.num_colons == 0) return Status::Ok();
   RenderedPicturesReceiver receiver;
@@ -50,45 +49,42 @@ Status Gather(const VocabularyArguments& arguments, TrainingSample* sample) {
   receiver.add_picture = [&](ImageView picture) { return sample->AddPicture(picture); };
   const std::size_t before = sample->num_pictures();
   HAUSTRA_TRY(RenderPictures(arguments.rendered, receiver));
-  if (!arguments.quiet) {
-    std::printf("%d rendered colons: %zu pictures\n", arguments.rendered.num_colons, sample->num_pictures() - before);
-  }
+  console::Print("%d rendered colons: %zu pictures\n", arguments.rendered.num_colons, sample->num_pictures() - before);
   return Status::Ok();
 }
 
 int RunVocabulary(VocabularyArguments arguments) {
   if (arguments.sequences.empty() && arguments.rendered.num_colons == 0) {
-    std::fprintf(stderr, "haustra vocabulary: nothing to learn from: name sequences, or --rendered N\n");
-    return kExitUsage;
+    return console::Fail(kVocabularyCommand, InvalidArgument("nothing to learn from: name sequences, or --rendered N"),
+                         kExitUsage);
+  }
+  if (const Status status = CheckOutputFile(arguments.out, arguments.overwrite); !status.ok()) {
+    return console::FailWriting(kVocabularyCommand, status);
   }
   const Result<ConfigStore<EngineConfig>> config = LoadEngineConfig(arguments.config, arguments.assignments);
-  if (!config.ok()) {
-    std::fprintf(stderr, "haustra vocabulary: %s\n", config.status().message().c_str());
-    return kExitConfig;
-  }
+  if (!config.ok()) return console::Fail(kVocabularyCommand, config.status(), kExitConfig);
   arguments.options.root_sift = config->config().features.root_sift;
   arguments.rendered.num_threads =
       arguments.threads > 0 ? arguments.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   // Made first: where nothing can be written, nobody waits for the training.
   Result<FileSink> sink = FileSink::Create(arguments.out);
-  if (!sink.ok()) return FailVocabulary(sink.status());
+  if (!sink.ok()) return console::FailWriting(kVocabularyCommand, sink.status());
 
   const auto start = std::chrono::steady_clock::now();
   const auto elapsed_s = [&] {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
   TrainingSample sample(config->config(), arguments.features, arguments.threads);
-  if (const Status status = Gather(arguments, &sample); !status.ok()) return FailVocabulary(status);
+  if (const Status status = Gather(arguments, &sample); !status.ok()) return console::Fail(kVocabularyCommand, status);
   const double gathered_s = elapsed_s();
   const Result<Vocabulary> vocabulary = Vocabulary::Train(sample.sample(), arguments.options);
-  if (!vocabulary.ok()) return FailVocabulary(vocabulary.status());
-  if (const Status status = WriteVocabulary(*vocabulary, *sink); !status.ok()) return FailVocabulary(status);
-  if (const Status status = sink->Commit(); !status.ok()) return FailVocabulary(status);
-  if (!arguments.quiet) {
-    std::printf("%s: %d words from %zu descriptors of %zu pictures, %.1f s (%.1f s of them training)\n",
-                arguments.out.c_str(), vocabulary->num_words(), sample.sample().num_descriptors(),
-                sample.num_pictures(), elapsed_s(), elapsed_s() - gathered_s);
-  }
+  if (!vocabulary.ok()) return console::Fail(kVocabularyCommand, vocabulary.status());
+  if (const Status status = WriteVocabulary(*vocabulary, *sink); !status.ok())
+    return console::FailWriting(kVocabularyCommand, status);
+  if (const Status status = sink->Commit(); !status.ok()) return console::FailWriting(kVocabularyCommand, status);
+  console::Print("%s: %d words from %zu descriptors of %zu pictures, %.1f s (%.1f s of them training)\n",
+                 arguments.out.c_str(), vocabulary->num_words(), sample.sample().num_descriptors(),
+                 sample.num_pictures(), elapsed_s(), elapsed_s() - gathered_s);
   return kExitOk;
 }
 
@@ -99,6 +95,7 @@ void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("vocabulary", "Learn the visual words for retrieval.kind=vocabulary");
   command->add_option("sequences", arguments->sequences, "Sequences to learn from, as for `haustra run`");
   command->add_option("--out", arguments->out, "File to write, for retrieval.vocabulary")->required();
+  AddOverwriteFlag(*command, arguments->overwrite);
   command->add_option("--every-nth", arguments->every_nth, "Of each sequence, use every n-th frame")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
@@ -126,7 +123,6 @@ void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--threads", arguments->threads, "Threads, 0: one a core. The words do not depend on it")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
-  command->add_flag("--quiet", arguments->quiet, "Say nothing unless it fails");
   command->callback([arguments, &action] { action = [arguments] { return RunVocabulary(*arguments); }; });
 }
 

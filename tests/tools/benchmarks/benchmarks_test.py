@@ -32,7 +32,7 @@ if arguments[0] == "run":
     if "fail=true" in arguments:
         sys.exit("this run fails")
     out = pathlib.Path(arguments[arguments.index("--out") + 1])
-    out.mkdir()
+    out.mkdir(exist_ok="--overwrite" in arguments)
     (out / "summary.json").write_text(arguments[arguments.index("--seed") + 1])
 else:
     seed = int(pathlib.Path(arguments[1], "summary.json").read_text())

@@ -85,7 +85,7 @@ TEST_F(EvaluateCommandTest, SameInputGivesTheSameBytes) {
 TEST_F(EvaluateCommandTest, SeveralRunsGiveATable) {
   for (const char* table : {"t.csv", "t.md"}) {
     ASSERT_EQ(Run({folder_.At("out"), folder_.At("second"), "--groundtruth", Truth(), "--table", folder_.At(table),
-                   "--json", folder_.At("e.json")}),
+                   "--json", folder_.At("e.json"), "--overwrite"}),
               kExitOk)
         << err_;
     EXPECT_THAT(folder_.Read(table), HasSubstr("visible_coverage"));
@@ -106,11 +106,19 @@ TEST_F(EvaluateCommandTest, GroundTruthIsNotNeededForCoverage) {
   EXPECT_EQ(json["live_coverage"], 80.0);
   EXPECT_TRUE(json["rms_ate"].is_null());
   EXPECT_TRUE(json["visible_coverage"].is_null());
-  ASSERT_EQ(Run({folder_.At("out"), "--events", folder_.At("colon/events.csv"), "--json", folder_.At("e.json")}),
+  ASSERT_EQ(Run({folder_.At("out"), "--events", folder_.At("colon/events.csv"), "--json", folder_.At("e.json"),
+                 "--overwrite"}),
             kExitOk)
       << err_;
   json = nlohmann::json::parse(folder_.Read("e.json"));
   EXPECT_NEAR(json["live_visible_coverage"].get<double>(), 100.0 * 80 / 90, 1e-9);
+}
+
+TEST_F(EvaluateCommandTest, FilesThatAreThereAreKept) {
+  const std::string json = folder_.Write("e.json", "precious");
+  EXPECT_EQ(Run({folder_.At("out"), "--json", json}), kExitInTheWay);
+  EXPECT_THAT(err_, HasSubstr("e.json: exists already; --overwrite replaces it"));
+  EXPECT_EQ(folder_.Read("e.json"), "precious");
 }
 
 TEST_F(EvaluateCommandTest, ExitCodesTellWhatWasWrong) {

@@ -1,0 +1,69 @@
+// What all commands have in common: found by going through them, so that a new one cannot be forgotten.
+#include "tools/command/command_line.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+namespace haustra {
+namespace {
+
+using ::testing::HasSubstr;
+
+class CommandLineTest : public testing::Test {
+ protected:
+  CommandLineTest() { AddCommands(app_, action_); }
+
+  std::vector<CLI::App*> Commands() {
+    return app_.get_subcommands([](const CLI::App*) { return true; });
+  }
+
+  CLI::App app_{"", "haustra"};
+  std::function<int()> action_;
+};
+
+TEST_F(CommandLineTest, EveryCommandHasADescriptionQuietAndExitCodes) {
+  ASSERT_GT(Commands().size(), 10u);
+  for (CLI::App* command : Commands()) {
+    SCOPED_TRACE(command->get_name());
+    EXPECT_FALSE(command->get_description().empty());
+    EXPECT_NE(command->get_option_no_throw("--quiet"), nullptr);
+    EXPECT_THAT(command->help(), HasSubstr("\n  64 wrong arguments"));
+  }
+}
+
+TEST_F(CommandLineTest, EveryOptionSaysWhatItIs) {
+  for (CLI::App* command : Commands()) {
+    for (const CLI::Option* option : command->get_options()) {
+      EXPECT_FALSE(option->get_description().empty()) << command->get_name() << " " << option->get_name();
+    }
+  }
+}
+
+// Each option that names something to write, and how it is replaced.
+TEST_F(CommandLineTest, EveryCommandThatWritesHasOverwrite) {
+  int num_writing = 0;
+  for (CLI::App* command : Commands()) {
+    bool writes = false;
+    for (const char* name : {"--out", "--html", "--csv", "--json", "--table", "--save-atlas", "--picture", "OUT"}) {
+      const CLI::Option* option = command->get_option_no_throw(name);
+      // A flag of that name prints.
+      writes = writes || (option != nullptr && option->get_items_expected_max() > 0);
+    }
+    num_writing += writes;
+    EXPECT_EQ(command->get_option_no_throw("--overwrite") != nullptr, writes) << command->get_name();
+  }
+  EXPECT_GE(num_writing, 8);
+}
+
+TEST_F(CommandLineTest, DeviceIsChosenUnlessItIsNamed) {
+  for (const char* name : {"run", "plan", "latency", "soak", "calibrate"}) {
+    EXPECT_EQ(app_.get_subcommand(name)->get_option("--device")->get_default_str(), "auto") << name;
+  }
+}
+
+}  // namespace
+}  // namespace haustra

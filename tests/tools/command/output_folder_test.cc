@@ -1,0 +1,150 @@
+// What is there already is kept: refused without --overwrite, set aside with it, back again when nothing came of it.
+#include "tools/command/output_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tests/capture/temp_folder.h"
+#include "tools/command/sequence_content.h"
+
+namespace haustra {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+constexpr FolderContent kContent{"a result", R"(table\.csv|maps(/map_\d+\.ply)?)"};
+
+class OutputFolderTest : public testing::Test {
+ protected:
+  void WriteEarlier() const {
+    folder_.Write("out/table.csv", "earlier");
+    folder_.Write("out/maps/map_0.ply", "earlier map");
+  }
+  // Names of all files, sorted.
+  std::vector<std::string> Files() const {
+    std::vector<std::string> files;
+    for (const auto& entry : fs::recursive_directory_iterator(out_)) {
+      if (!entry.is_directory()) files.push_back(entry.path().lexically_relative(out_).generic_string());
+    }
+    std::sort(files.begin(), files.end());
+    return files;
+  }
+  Status Check(bool overwrite) const { return OutputFolder::Check(out_, kContent, overwrite); }
+  Result<OutputFolder> Create() const { return OutputFolder::Create(out_, kContent, true); }
+
+  const TempFolder folder_;
+  const std::string out_ = folder_.Path("out");
+  const std::vector<std::string> earlier_ = {"maps/map_0.ply", "table.csv"};
+};
+
+TEST_F(OutputFolderTest, NewAndEmptyFoldersAreTaken) {
+  EXPECT_TRUE(Check(false).ok());
+  EXPECT_FALSE(fs::exists(out_));
+  fs::create_directories(out_ + "/maps");  // of a run that came to nothing
+  EXPECT_TRUE(Check(false).ok());
+  EXPECT_EQ(OutputFolder::Check("", kContent, true).code(), StatusCode::kInvalidArgument);
+}
+
+TEST_F(OutputFolderTest, EarlierResultsNeedOverwrite) {
+  WriteEarlier();
+  const Status refused = Check(false);
+  EXPECT_EQ(refused.code(), StatusCode::kFailedPrecondition);
+  EXPECT_THAT(refused.message(), HasSubstr(out_ + ": holds a result already; --overwrite replaces it"));
+  EXPECT_EQ(OutputFolder::Create(out_, kContent, false).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Files(), earlier_);
+  EXPECT_TRUE(Check(true).ok());
+}
+
+TEST_F(OutputFolderTest, ForeignFilesAreNeverTouched) {
+  WriteEarlier();
+  folder_.Write("out/maps/scan.ply", "precious");
+  for (const bool overwrite : {false, true}) {
+    EXPECT_EQ(Check(overwrite).code(), StatusCode::kFailedPrecondition);
+    EXPECT_THAT(Check(overwrite).message(), HasSubstr("holds 'maps/scan.ply', which is not part of a result"));
+  }
+  EXPECT_EQ(Create().code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(folder_.Read("out/maps/scan.ply"), "precious");
+}
+
+TEST_F(OutputFolderTest, FileOfTheNameIsInTheWay) {
+  folder_.Write("out", "precious");
+  EXPECT_EQ(Check(true).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(folder_.Read("out"), "precious");
+  EXPECT_EQ(OutputFolder::Create(out_ + "/below", kContent, true).code(), StatusCode::kUnavailable);
+}
+
+TEST_F(OutputFolderTest, CommitReplacesTheEarlierResults) {
+  WriteEarlier();
+  folder_.Write("out/table.csv.partial-7", "of a killed run");
+  {
+    Result<OutputFolder> folder = Create();
+    ASSERT_TRUE(folder.ok()) << folder.status().ToString();
+    folder_.Write("out/table.csv", "new");
+    EXPECT_EQ(Files().size(), 4u);  // the earlier ones are still there
+    folder->Commit();
+  }
+  EXPECT_EQ(Files(), std::vector<std::string>{"table.csv"});
+  EXPECT_EQ(folder_.Read("out/table.csv"), "new");
+}
+
+TEST_F(OutputFolderTest, StartThatFailsPutsTheEarlierResultsBack) {
+  WriteEarlier();
+  {
+    const Result<OutputFolder> folder = Create();
+    ASSERT_TRUE(folder.ok());
+    fs::create_directories(out_ + "/maps");
+    EXPECT_FALSE(fs::exists(out_ + "/table.csv"));
+  }
+  EXPECT_EQ(Files(), earlier_);
+  EXPECT_EQ(folder_.Read("out/maps/map_0.ply"), "earlier map");
+}
+
+TEST_F(OutputFolderTest, UnfinishedResultsLeaveTheEarlierOnesAside) {
+  WriteEarlier();
+  std::string aside;
+  {
+    const Result<OutputFolder> folder = Create();
+    ASSERT_TRUE(folder.ok());
+    aside = folder->aside();
+    folder_.Write("out/table.csv", "half");
+  }
+  EXPECT_EQ(folder_.Read("out/table.csv"), "half");
+  EXPECT_TRUE(fs::exists(aside + "/maps/map_0.ply"));
+  // They count as results of ours.
+  EXPECT_EQ(Check(false).code(), StatusCode::kFailedPrecondition);
+  ASSERT_TRUE(Check(true).ok());
+  Result<OutputFolder> again = Create();
+  ASSERT_TRUE(again.ok());
+  again->Commit();
+  EXPECT_TRUE(Files().empty());
+}
+
+TEST_F(OutputFolderTest, RenderedAndRecordedSequencesAreKnown) {
+  for (const char* name : {"frames/000012.jpg", "frames/1000000.png", "times.txt", "calib.yaml", "mask.png",
+                           "groundtruth.txt", "events.csv", "revisits.csv"}) {
+    folder_.Write(std::string("out/") + name, "x");
+  }
+  EXPECT_TRUE(OutputFolder::Check(out_, kSequenceContent, true).ok());
+  folder_.Write("out/frames/holiday.jpg", "precious");
+  EXPECT_EQ(OutputFolder::Check(out_, kSequenceContent, true).code(), StatusCode::kFailedPrecondition);
+}
+
+TEST_F(OutputFolderTest, FilesFollowTheSameRule) {
+  EXPECT_TRUE(CheckOutputFile(out_, false).ok());
+  folder_.Write("out", "x");
+  EXPECT_THAT(CheckOutputFile(out_, false).message(), HasSubstr(out_ + ": exists already; --overwrite replaces it"));
+  EXPECT_TRUE(CheckOutputFile(out_, true).ok());
+  // Renaming a file into the place of a device would be the end of that device.
+  EXPECT_EQ(CheckOutputFile("/dev/null", true).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(CheckOutputFile(folder_.path(), true).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(CheckOutputFile("", true).code(), StatusCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace haustra

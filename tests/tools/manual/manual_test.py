@@ -1,0 +1,137 @@
+#!/usr/bin/env python3
+"""The manual pages and completions that the build made, against what the programs say of themselves.
+
+    manual_test.py SHARE HAUSTRA [HAUSTRAD]
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+import unittest
+from pathlib import Path
+
+SHARE = Path(sys.argv.pop(1)).resolve()
+HAUSTRA = Path(sys.argv.pop(1)).resolve()
+HAUSTRAD = Path(sys.argv.pop(1)).resolve() if len(sys.argv) > 1 else None
+
+
+def said(*command):
+    return subprocess.run([str(c) for c in command], capture_output=True, text=True, check=True).stdout
+
+
+def options_of(help_text):
+    """Long options as the help lists them: at the beginning of a line."""
+    return re.findall(r"^  (?:-\w,)?(--[\w-]+)", help_text, re.MULTILINE)
+
+
+def commands():
+    return re.findall(r"^  ([a-z]+)  ", said(HAUSTRA, "--help").split("Subcommands:")[1], re.MULTILINE)
+
+
+def text_of(page):
+    """What a reader sees, without roff's escapes."""
+    return re.sub(r"\\f[A-Z]", "", page.read_text(encoding="utf-8")).replace("\\-", "-").replace("\\&", "")
+
+
+class Pages(unittest.TestCase):
+    def check(self, page, help_text):
+        text = text_of(page)
+        options = options_of(help_text)
+        self.assertIn("--help", options)
+        for option in options:
+            self.assertRegex(text, rf"(?m)^(-\w, )?{re.escape(option)}( |$)", f"{option} is not in {page.name}")
+        codes = re.findall(r"^  (\d+) ", help_text.split("Exit codes:")[1], re.MULTILINE)
+        self.assertGreater(len(codes), 5)
+        for code in codes:
+            self.assertIn(f"\n.B {code}\n", text)
+
+    def test_every_command_has_a_page_with_all_options(self):
+        names = commands()
+        self.assertGreater(len(names), 10)
+        for name in names:
+            with self.subTest(command=name):
+                self.check(SHARE / f"man/man1/haustra-{name}.1", said(HAUSTRA, name, "--help"))
+
+    def test_every_page_is_of_a_command(self):
+        pages = {page.name for page in (SHARE / "man/man1").iterdir()}
+        self.assertEqual(pages, {"haustra.1"} | {f"haustra-{name}.1" for name in commands()})
+
+    def test_program_and_service_have_pages(self):
+        self.check(SHARE / "man/man1/haustra.1", said(HAUSTRA, "--help"))
+        overview = text_of(SHARE / "man/man1/haustra.1")
+        for name in commands():
+            self.assertIn(f"\n{name}\n", overview)
+            self.assertIn(f"haustra-{name} (1)", overview)
+        if HAUSTRAD:
+            self.check(SHARE / "man/man8/haustrad.8", said(HAUSTRAD, "--help"))
+
+    def test_every_key_is_in_the_page_of_the_configuration(self):
+        text = text_of(SHARE / "man/man5/haustra.yaml.5")
+        program = HAUSTRAD or HAUSTRA
+        printed = said(program, "--print-config") if HAUSTRAD else said(program, "run", "--print-config")
+        keys, sections = [], []
+        for line in printed.splitlines():
+            name, value = line.strip().split(":", 1)
+            depth = (len(line) - len(line.lstrip())) // 2
+            sections[depth:] = [name]
+            if value.split("#")[0].strip():
+                keys.append(".".join(sections))
+        self.assertGreater(len(keys), 50)
+        for key in keys:
+            self.assertIn(f"\n{key}\n", text)
+
+    def test_formatters_have_nothing_to_say(self):
+        pages = sorted((SHARE / "man").rglob("*.[158]"))
+        if shutil.which("mandoc"):
+            for page in pages:
+                # Without a date, on purpose: the same sources make the same page.
+                lint = subprocess.run(["mandoc", "-T", "lint", "-W", "warning", page], capture_output=True, text=True)
+                rest = [line for line in lint.stdout.splitlines() if "missing date" not in line]
+                self.assertEqual(rest, [], page)
+        elif shutil.which("groff"):
+            for page in pages:
+                done = subprocess.run(["groff", "-man", "-Tutf8", "-ww", "-Kutf8", page], capture_output=True, text=True)
+                # A word that is longer than a line is no fault of the page.
+                rest = [line for line in done.stderr.splitlines() if "cannot adjust line" not in line]
+                self.assertEqual((done.returncode, rest), (0, []), page)
+        else:
+            self.skipTest("neither mandoc nor groff is installed")
+
+
+class Completion(unittest.TestCase):
+    def complete(self, *words):
+        """What bash offers after these words, the last of which is being typed."""
+        script = f"""source {SHARE / "bash-completion/completions/haustra"}
+COMP_WORDS=({" ".join(f"'{w}'" for w in words)}) COMP_CWORD={len(words) - 1}
+_haustra
+printf '%s\\n' "${{COMPREPLY[@]}}" """
+        return said("bash", "-c", script).split()
+
+    def test_bash_completes_commands_options_and_values(self):
+        self.assertEqual(set(self.complete("haustra", "")), set(commands()))
+        self.assertEqual(self.complete("haustra", "eva"), ["evaluate"])
+        for name in commands():
+            offered = self.complete("haustra", name, "--")
+            for option in options_of(said(HAUSTRA, name, "--help")):
+                self.assertIn(option, offered, name)
+        self.assertEqual(self.complete("haustra", "run", "--device", ""), ["auto", "cpu", "cuda"])
+        self.assertEqual(self.complete("haustra", "atlas", ""), ["info"])
+        self.assertIn("noise.k=", self.complete("haustra", "run", "--set", "noise."))
+        self.assertEqual(self.complete("haustra", "run", "--out", ""), [])  # bash goes on with names of files
+
+    def test_zsh_can_read_its_completion_and_it_has_all_options(self):
+        path = SHARE / "zsh/site-functions/_haustra"
+        text = path.read_text(encoding="utf-8")
+        self.assertTrue(text.startswith("#compdef haustra\n"))
+        for name in commands():
+            part = text.split(f"    {name})\n")[1].split(";;")[0]
+            for option in options_of(said(HAUSTRA, name, "--help")):
+                self.assertIn(f"'*{option}[", part)
+        if not shutil.which("zsh"):
+            self.skipTest("zsh is not installed: only looked at")
+        self.assertEqual(subprocess.run(["zsh", "-n", path], capture_output=True, text=True).stderr, "")
+
+
+if __name__ == "__main__":
+    unittest.main()

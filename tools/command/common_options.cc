@@ -1,0 +1,42 @@
+#include "tools/command/common_options.h"
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "tools/command/console.h"
+#include "tools/exit_codes.h"
+
+namespace haustra {
+
+void AddOverwriteFlag(CLI::App& command, bool& overwrite) {
+  command.add_flag("--overwrite", overwrite, "Replace what is there already");
+}
+
+void AddFrameRangeOptions(CLI::App& command, SequenceOptions& options) {
+  command.add_option("--first-frame", options.first_frame, "First frame of the sequence to use, counted from 0")
+      ->check(CLI::NonNegativeNumber);
+  command.add_option("--last-frame", options.last_frame, "Last frame of the sequence to use")
+      ->check(CLI::NonNegativeNumber);
+  command.add_option("--every-nth", options.every_nth, "Use only every n-th frame")
+      ->check(CLI::Range(1u, 1000u))
+      ->capture_default_str();
+}
+
+void AddQuietFlags(CLI::App& app) {
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
+    command->add_flag_callback(
+        "--quiet", [] { console::SetQuiet(true); }, "Say nothing but warnings and errors");
+    AddQuietFlags(*command);
+  }
+}
+
+void AddExitCodes(CLI::App& app) {
+  std::string text = "Exit codes:";
+  for (const ExitCodeMeaning& code : kExitCodeMeanings) {
+    text += "\n  " + std::to_string(code.code) + std::string(code.code < 10 ? 2 : 1, ' ') + code.meaning;
+  }
+  app.footer(text);
+  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) AddExitCodes(*command);
+}
+
+}  // namespace haustra

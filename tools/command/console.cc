@@ -1,0 +1,70 @@
+#include "tools/command/console.h"
+
+#include <atomic>
+#include <cstdarg>
+#include <cstdio>
+#include <string>
+
+#include "tools/exit_codes.h"
+
+namespace haustra::console {
+namespace {
+
+std::atomic<bool> is_quiet_now{false};
+
+// One call a line, so that lines of several threads do not mix.
+void SayOnStderr(const char* command, const char* kind, const char* format, va_list arguments) {
+  va_list again;
+  va_copy(again, arguments);
+  std::string text(static_cast<std::size_t>(std::vsnprintf(nullptr, 0, format, again)), '\0');
+  va_end(again);
+  std::vsnprintf(text.data(), text.size() + 1, format, arguments);
+  std::fprintf(stderr, "haustra %s: %s%s\n", command, kind, text.c_str());
+}
+
+}  // namespace
+
+void SetQuiet(bool is_quiet) { is_quiet_now = is_quiet; }
+bool IsQuiet() { return is_quiet_now; }
+
+void Print(const char* format, ...) {
+  if (IsQuiet()) return;
+  va_list arguments;
+  va_start(arguments, format);
+  std::vprintf(format, arguments);
+  va_end(arguments);
+}
+
+void Note(const char* command, const char* format, ...) {
+  if (IsQuiet()) return;
+  va_list arguments;
+  va_start(arguments, format);
+  SayOnStderr(command, "", format, arguments);
+  va_end(arguments);
+}
+
+void Warn(const char* command, const char* format, ...) {
+  va_list arguments;
+  va_start(arguments, format);
+  SayOnStderr(command, "warning: ", format, arguments);
+  va_end(arguments);
+}
+
+int Fail(const char* command, const Status& status) { return Fail(command, status, ExitCodeFor(status.code())); }
+
+int Fail(const char* command, const Status& status, int exit_code) {
+  const std::string text = status.message().empty() ? std::string(ToString(status.code())) : status.message();
+  std::fprintf(stderr, "haustra %s: %s\n", command, text.c_str());
+  return exit_code;
+}
+
+int FailWriting(const char* command, const Status& status) {
+  switch (status.code()) {
+    case StatusCode::kFailedPrecondition: return Fail(command, status, kExitInTheWay);
+    case StatusCode::kNotFound:
+    case StatusCode::kUnavailable: return Fail(command, status, kExitIo);
+    default: return Fail(command, status);
+  }
+}
+
+}  // namespace haustra::console

@@ -1,0 +1,28 @@
+// What commands say, in one way: results on stdout, notes and progress on stderr. --quiet keeps both back; warnings and
+// errors are always said, each as "haustra COMMAND: ...". Texts are in printf's notation. thread-safe.
+#pragma once
+
+#include "hal/core/status.h"
+
+namespace haustra::console {
+
+// Of the whole process; off at first.
+void SetQuiet(bool is_quiet);
+bool IsQuiet();
+
+// A result, on stdout.
+[[gnu::format(printf, 1, 2)]] void Print(const char* format, ...);
+// What happens meanwhile, on stderr; the line break is added.
+[[gnu::format(printf, 2, 3)]] void Note(const char* command, const char* format, ...);
+// The same for what somebody should look at.
+[[gnu::format(printf, 2, 3)]] void Warn(const char* command, const char* format, ...);
+
+// Says what went wrong, for people: the message without its code. Returns `exit_code`, or else the one of the status
+// (platform/exit_codes.h).
+int Fail(const char* command, const Status& status);
+int Fail(const char* command, const Status& status, int exit_code);
+// Of a file or folder that was to be written: kExitInTheWay when something is there already (output_folder.h), kExitIo
+// when it cannot be written.
+int FailWriting(const char* command, const Status& status);
+
+}  // namespace haustra::console

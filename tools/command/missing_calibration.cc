@@ -1,0 +1,28 @@
+#include "tools/command/missing_calibration.h"
+
+#include <filesystem>
+#include <system_error>
+
+#include "capture/open_sequence.h"
+#include "capture/v4l2/v4l2_options.h"
+
+namespace haustra {
+
+bool LacksOnlyCalibration(const Status& error, const std::string& sequence, const SequenceOptions& options) {
+  if (error.code() != StatusCode::kNotFound || !options.calibration_path.empty()) return false;
+  if (IsV4l2Spec(sequence)) return false;
+  SequenceOptions calibrated = options;
+  calibrated.calibration = CameraCalibration{};
+  return OpenSequence(sequence, calibrated).ok();
+}
+
+Status WithCalibrationAdvice(const Status& error, const std::string& sequence, const SequenceOptions& options) {
+  if (!LacksOnlyCalibration(error, sequence, options)) return error;
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const fs::path folder = fs::is_directory(sequence, ignored) ? fs::path(sequence) : fs::path(sequence).parent_path();
+  return Status(error.code(), error.message() + "; 'haustra calibrate " + sequence + " --out " +
+                                  (folder / "calib.yaml").string() + "' estimates one");
+}
+
+}  // namespace haustra

@@ -1,0 +1,143 @@
+#include "tools/command/output_folder.h"
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <regex>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "platform/file_sink.h"
+
+namespace haustra {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kAsidePrefix = "replaced-";
+
+// The names of `content`, what FileSink leaves when it is killed, and earlier results that were set aside.
+std::regex OwnNames(const FolderContent& content) {
+  return std::regex("((" + std::string(content.names) + R"()(\.partial-\d+)?)|()" + kAsidePrefix + R"(\d+(/.*)?))");
+}
+
+struct Found {
+  bool has_files = false;
+  std::string foreign;  // the first name that is not of the content; empty: there is none
+};
+
+Result<Found> LookInto(const std::string& path, const FolderContent& content) {
+  const std::regex own = OwnNames(content);
+  std::error_code error;
+  Found found;
+  fs::recursive_directory_iterator entry(path, error);
+  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    const std::string name = entry->path().lexically_relative(path).generic_string();
+    if (!std::regex_match(name, own)) {
+      found.foreign = name;
+      return found;
+    }
+    found.has_files = found.has_files || entry->symlink_status().type() != fs::file_type::directory;
+  }
+  if (error) return Unavailable(path + ": cannot be read: " + error.message());
+  return found;
+}
+
+// Entries of the folder itself.
+std::vector<fs::path> Entries(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> entries;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) entries.push_back(entry.path());
+  return entries;
+}
+
+// Moves what is in one folder into another, but for that other itself. False: something could not be moved.
+bool MoveEntries(const fs::path& from, const fs::path& to) {
+  std::error_code error;
+  for (const fs::path& entry : Entries(from)) {
+    if (entry == to) continue;
+    fs::rename(entry, to / entry.filename(), error);
+    if (error) return false;
+  }
+  return true;
+}
+
+bool HoldsFiles(const fs::path& folder, const fs::path& but) {
+  std::error_code error;
+  for (const fs::path& entry : Entries(folder)) {
+    if (entry == but) continue;
+    if (fs::symlink_status(entry, error).type() != fs::file_type::directory || HoldsFiles(entry, but)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+Status OutputFolder::Check(const std::string& path, const FolderContent& content, bool overwrite) {
+  if (path.empty()) return InvalidArgument("the name of the output folder is empty");
+  std::error_code error;
+  if (!fs::exists(path, error)) return Status::Ok();
+  if (!fs::is_directory(path, error)) return FailedPrecondition(path + ": exists and is not a folder");
+  HAUSTRA_ASSIGN(const Found found, LookInto(path, content));
+  if (!found.foreign.empty()) {
+    return FailedPrecondition(path + ": holds '" + found.foreign + "', which is not part of " +
+                              std::string(content.what) + "; choose an empty or a new folder");
+  }
+  if (found.has_files && !overwrite) {
+    return FailedPrecondition(path + ": holds " + std::string(content.what) + " already; --overwrite replaces it");
+  }
+  return Status::Ok();
+}
+
+Result<OutputFolder> OutputFolder::Create(const std::string& path, const FolderContent& content, bool overwrite) {
+  HAUSTRA_TRY(Check(path, content, overwrite));
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error) return Unavailable(path + ": cannot be made: " + error.message());
+  OutputFolder folder(path, content);
+  const std::vector<fs::path> earlier = Entries(path);
+  if (earlier.empty()) return folder;
+  const fs::path aside = fs::path(path) / (kAsidePrefix + std::to_string(::getpid()));
+  fs::create_directory(aside, error);
+  if (error) return Unavailable(path + ": cannot be written to: " + error.message());
+  folder.aside_ = aside.string();
+  if (!MoveEntries(path, aside)) return Unavailable(path + ": the earlier results cannot be set aside");
+  return folder;
+}
+
+OutputFolder::OutputFolder(OutputFolder&& other) noexcept
+    : path_(std::move(other.path_)), content_(other.content_), aside_(std::exchange(other.aside_, {})) {}
+
+OutputFolder::~OutputFolder() {
+  if (aside_.empty() || HoldsFiles(path_, aside_)) return;
+  std::error_code error;
+  for (const fs::path& entry : Entries(path_)) {
+    if (entry != fs::path(aside_)) fs::remove_all(entry, error);
+  }
+  if (MoveEntries(aside_, path_)) fs::remove(aside_, error);
+}
+
+void OutputFolder::Commit() {
+  std::error_code error;
+  if (!aside_.empty()) fs::remove_all(aside_, error);
+  aside_.clear();
+}
+
+Status CheckOutputFile(const std::string& path, bool overwrite) {
+  if (path.empty()) return InvalidArgument("the name of the output file is empty");
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (!fs::exists(status)) return Status::Ok();
+  if (!fs::is_regular_file(status)) return FailedPrecondition(path + ": exists and is not a file");
+  if (!overwrite) return FailedPrecondition(path + ": exists already; --overwrite replaces it");
+  return Status::Ok();
+}
+
+Status WriteFile(const std::string& path, std::string_view bytes) {
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path));
+  HAUSTRA_TRY(sink.Write(bytes));
+  return sink.Commit();
+}
+
+}  // namespace haustra

@@ -1,0 +1,56 @@
+// The one rule for everything that commands write: what is there already is kept, unless --overwrite says to replace
+// it. thread-bound(caller).
+//
+// Earlier results are not deleted before the new ones are complete. Until then they lie in FOLDER/replaced-PID; what
+// ends before it has written anything puts them back.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "hal/core/status.h"
+
+namespace haustra {
+
+// What a command writes into a folder.
+struct FolderContent {
+  std::string_view what;   // "a run", for messages
+  std::string_view names;  // regular expression of every name in it, files and folders, relative to the folder
+};
+
+class OutputFolder {
+ public:
+  // Whether the folder may be written to: it is not there, is empty, or holds nothing but earlier results and
+  // `overwrite` is on. Changes nothing. kFailedPrecondition names what stands in the way; kInvalidArgument: no name.
+  static Status Check(const std::string& path, const FolderContent& content, bool overwrite);
+
+  // Makes the folder, and those above it, and sets earlier results aside. Errors of Check; kUnavailable: the folder
+  // cannot be made or changed.
+  static Result<OutputFolder> Create(const std::string& path, const FolderContent& content, bool overwrite);
+
+  OutputFolder(OutputFolder&& other) noexcept;
+  OutputFolder& operator=(OutputFolder&&) = delete;
+  // Without Commit earlier results are put back when no file was written in their place; else they stay aside.
+  ~OutputFolder();
+
+  // The new results are complete: the earlier ones go.
+  void Commit();
+  // Where earlier results lie until then; empty: there are none.
+  const std::string& aside() const { return aside_; }
+
+ private:
+  OutputFolder(std::string path, const FolderContent& content) : path_(std::move(path)), content_(content) {}
+
+  std::string path_;
+  FolderContent content_;
+  std::string aside_;
+};
+
+// Whether a file may be written: nothing has its name, or a file has it and `overwrite` is on. Errors as
+// OutputFolder::Check.
+Status CheckOutputFile(const std::string& path, bool overwrite);
+
+// As a whole or not at all (platform/file_sink.h). Errors of FileSink.
+Status WriteFile(const std::string& path, std::string_view bytes);
+
+}  // namespace haustra

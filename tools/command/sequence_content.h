@@ -1,0 +1,12 @@
+// What the commands write that make a sequence: render and capture.
+#pragma once
+
+#include "tools/command/output_folder.h"
+
+namespace haustra {
+
+inline constexpr FolderContent kSequenceContent{
+    "a sequence",
+    R"(frames(/\d{6,}\.(jpg|png))?|times\.txt|calib\.yaml|mask\.png|groundtruth\.txt|(events|revisits)\.csv)"};
+
+}  // namespace haustra

@@ -22,6 +22,8 @@ struct FeatureConfig {
   int border_threshold = 12;        // grey value up to which a dark border pixel is outside the scope [0, 128]
   int mask_dilation_px = 4;         // safe distance around masked pixels in the finest octave [0, 32]
   bool root_sift = false;           // Arandjelovic and Zisserman 2012
+  // Dark blobs upright, bright ones by their orientation (kernels/decisions/2026-11-23-features-on-living-tissue.md).
+  bool upright_dark = true;
 };
 
 // Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint.

@@ -33,6 +33,8 @@ void AddFeatures(Fields* out) {
   out->push_back(Feature<&C::mask_dilation_px>("mask_dilation_px", {0, 32}, "px",
                                                "safe distance around masked pixels in the finest octave"));
   out->push_back(Feature<&C::root_sift>("root_sift", {}, "", "square roots of the L1-normalised descriptor"));
+  out->push_back(Feature<&C::upright_dark>("upright_dark", {}, "",
+                                           "dark blobs are described upright, bright ones by their orientation"));
 }
 
 template <auto kMember>

@@ -24,6 +24,9 @@ struct FeatureConfig {
   bool root_sift = false;           // Arandjelovic and Zisserman 2012
   // Dark blobs upright, bright ones by their orientation (kernels/decisions/2026-11-23-features-on-living-tissue.md).
   bool upright_dark = true;
+  // What stands still in the picture while the scene moves (text, dirt, the edge of the window) is found and left out
+  // (tracking/static_overlay.h).
+  bool finds_overlay = true;
 };
 
 // Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint.

@@ -125,7 +125,8 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
   request.num_matches = &num_matches_;
   if (!lane_.Match(request, deadline).ok()) return TrackingReason::kFewMatches;
   num_matches_ = overlay_.Sift(reference_.features, view.features,
-                               std::span(matches_).first(static_cast<std::size_t>(num_matches_)), view.timestamp);
+                               std::span(matches_).first(static_cast<std::size_t>(num_matches_)), reference_.timestamp,
+                               view.timestamp);
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
   if (ToMilliseconds(view.timestamp - reference_.timestamp) < options.min_gap_ms) {
     return TrackingReason::kLowParallax;

@@ -50,15 +50,15 @@ void OverlayWatch::Allow(const FrameFeatures& features, std::span<std::uint8_t> 
   }
 }
 
-double OverlayWatch::SecondsSinceLast(TimePoint time) {
-  const double seconds = has_last_time_ ? ToSeconds(time - last_time_) : 0.0;
+double OverlayWatch::SecondsSinceLast(TimePoint before, TimePoint time) {
+  const double seconds = ToSeconds(time - (has_last_time_ ? std::max(last_time_, before) : before));
   has_last_time_ = true;
   last_time_ = time;
   return seconds;
 }
 
 int OverlayWatch::Sift(const FrameFeatures& before, const FrameFeatures& now, std::span<Match> matches,
-                       TimePoint time) {
+                       TimePoint before_time, TimePoint time) {
   if (!is_on_) return static_cast<int>(matches.size());
   motions_.clear();
   for (const Match& match : matches) {
@@ -67,7 +67,7 @@ int OverlayWatch::Sift(const FrameFeatures& before, const FrameFeatures& now, st
     motions_.push_back({{a.x_px, a.y_px}, {b.x_px, b.y_px}, std::max(Sigma(a), Sigma(b))});
   }
   const auto stands_still = std::span(stands_still_).first(motions_.size());
-  overlay_.Observe(motions_, SecondsSinceLast(time), stands_still);
+  overlay_.Observe(motions_, SecondsSinceLast(before_time, time), stands_still);
   int kept = 0;
   for (std::size_t i = 0; i < matches.size(); ++i) {
     if (stands_still[i] == 0) matches[static_cast<std::size_t>(kept++)] = matches[i];
@@ -103,7 +103,7 @@ void OverlayWatch::Compare(const FrameFeatures& now, std::span<const Tracked> tr
     const Keypoint& to = now.keypoints[i];
     motions_.push_back({{from.x_px, from.y_px}, {to.x_px, to.y_px}, Sigma(to)});
   }
-  overlay_.Observe(motions_, SecondsSinceLast(time), std::span(stands_still_).first(motions_.size()));
+  overlay_.Observe(motions_, SecondsSinceLast(before_time_, time), std::span(stands_still_).first(motions_.size()));
 }
 
 }  // namespace haustra

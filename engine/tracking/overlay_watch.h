@@ -31,9 +31,10 @@ class OverlayWatch {
   // Features that may show the scene: 1, the others 0.
   void Allow(const FrameFeatures& features, std::span<std::uint8_t> allowed) const;
 
-  // Matches of two views, without a map: `seconds` as for StaticOverlay::Observe. Leaves out those that stand still and
+  // Matches of two views, without a map. Leaves out those that stand still and
   // returns how many are left, in their order.
-  int Sift(const FrameFeatures& before, const FrameFeatures& now, std::span<Match> matches, TimePoint time);
+  int Sift(const FrameFeatures& before, const FrameFeatures& now, std::span<Match> matches, TimePoint before_time,
+           TimePoint time);
 
   // The frame that later ones are compared with: kept until one has been, or until it is too old.
   bool is_due(TimePoint time) const;
@@ -46,7 +47,8 @@ class OverlayWatch {
   const StaticOverlay& overlay() const { return overlay_; }
 
  private:
-  double SecondsSinceLast(TimePoint time);
+  // What has not been observed yet of the time between two views.
+  double SecondsSinceLast(TimePoint before, TimePoint time);
   float Sigma(const Keypoint& keypoint) const;
 
   const InitialisationConfig& noise_;

@@ -22,9 +22,11 @@ constexpr int kMinCompanions = 3;  // a false match may have one by chance
 constexpr int kMinMoving = 6;
 constexpr double kMinMovingShare = 0.15;  // of all matches, for the picture as a whole
 constexpr int kReaches[] = {1, 2, 12};    // parts; the last is the whole picture
-// Seconds. Half a second of standing still is enough to know, and what is uncovered again is so twice as slowly: a
-// feature that passes beside a letter takes it for its own place now and then.
-constexpr double kRiseSeconds = 0.6;
+constexpr double kSlowShare = 0.5;        // of the still ones: the far end of the lumen has more slow ones around it
+// Seconds. The two views of a founding, a quarter of a second apart or more, are enough to know: a map that takes in
+// what stands still is soon held by nothing else. What is uncovered again is so more slowly: a feature that passes
+// beside a letter takes it for its own place now and then.
+constexpr double kRiseSeconds = 0.3;
 constexpr double kFallSeconds = 1.2;
 // Twins: scale and angle of one and the same picture element, seen twice through compression.
 constexpr float kTwinScale = 1.15f;
@@ -115,15 +117,18 @@ bool StaticOverlay::MovesTogether(std::span<const Motion> motions, std::size_t i
 bool StaticOverlay::IsBeforeMotion(int part) const {
   for (const int reach : kReaches) {
     const Surroundings around = Around(part, reach);
-    int num_moving = 0, num_slow = 0;
+    int num_moving = 0, num_slow = 0, num_still = 0;
     for (int row = around.first_row; row <= around.last_row; ++row) {
       for (int column = around.first_column; column <= around.last_column; ++column) {
         const Part& other = parts_[static_cast<std::size_t>(row * kPartColumns + column)];
         num_moving += other.num_moving;
         num_slow += other.num_slow;
+        num_still += other.num_still;
       }
     }
-    if (num_moving + num_slow >= kMinMoving) return num_moving >= kMinMoving && num_moving > num_slow;
+    // Where hardly anything but still features is, as within a panel, the slow ones are still ones, badly found.
+    if (num_slow < kSlowShare * num_still) num_slow = 0;
+    if (num_moving + num_slow >= kMinMoving) return num_moving > num_slow;
   }
   return false;
 }
@@ -147,6 +152,7 @@ void StaticOverlay::Observe(std::span<const Motion> motions, double seconds, std
       ++num_moving;
     }
     part.num_slow += kinds_[i] == Kind::kSlow ? 1 : 0;
+    part.num_still += kinds_[i] == Kind::kStill ? 1 : 0;
   }
   if (num_moving < kMinMovingShare * static_cast<double>(motions.size())) return;
   for (std::size_t i = 0; i < motions.size(); ++i) {

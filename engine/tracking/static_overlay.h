@@ -67,6 +67,7 @@ class StaticOverlay {
     int first = 0;  // in order_
     int num = 0;
     int num_slow = 0;
+    int num_still = 0;
     int num_moving = 0;  // together
   };
   // Parts up to so many away, cut off at the edges of the picture.

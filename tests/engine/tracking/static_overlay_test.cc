@@ -89,9 +89,9 @@ TEST(StaticOverlay, TextBeforeAMovingSceneIsToldAtOnce) {
 TEST(StaticOverlay, EvidenceRisesWithTimeNotWithFrames) {
   for (const double rate_hz : {10.0, 25.0, 60.0}) {
     StaticOverlay overlay(kWidth, kHeight, kMaxFeatures);
-    ShowFor(&overlay, Scene{}, 0.2, 1.0 / rate_hz);
+    ShowFor(&overlay, Scene{}, 0.1, 1.0 / rate_hz);
     EXPECT_EQ(NumTextFound(overlay), 0) << rate_hz;
-    ShowFor(&overlay, Scene{}, 0.6, 1.0 / rate_hz);
+    ShowFor(&overlay, Scene{}, 0.3, 1.0 / rate_hz);
     EXPECT_GE(NumTextFound(overlay), 57) << rate_hz;
   }
 }
@@ -158,7 +158,8 @@ TEST(StaticOverlay, MostOfThePictureMayBeStatic) {
   for (int i = 0; i < 600; ++i) {
     const Eigen::Vector2f at(static_cast<float>(rng.Uniform(0.0, 240.0)),
                              static_cast<float>(rng.Uniform(0.0, kHeight)));
-    motions.push_back({at, at, 1.0f});
+    // One in six is badly found.
+    motions.push_back({at, at + Eigen::Vector2f(i % 6 == 0 ? 1.7f : 0.0f, 0.0f), 1.0f});
   }
   for (int i = 0; i < 300; ++i) {
     const Eigen::Vector2f at(static_cast<float>(rng.Uniform(260.0, kWidth)),
@@ -167,7 +168,7 @@ TEST(StaticOverlay, MostOfThePictureMayBeStatic) {
   }
   std::vector<std::uint8_t> flags(motions.size());
   overlay.Observe(motions, 0.1, flags);
-  EXPECT_GE(CountStill(flags, 0, 600), 590);
+  EXPECT_GE(CountStill(flags, 0, 600), 490);
   EXPECT_EQ(CountStill(flags, 600, 900), 0);
 }
 
@@ -203,7 +204,8 @@ TEST(OverlayWatch, SiftsMatchesAndBlanksFeatures) {
       b.bearings[i] = {0.0f, 0.0f, 1.0f};
       matches.push_back({i, i, 0.99f, 0.5f});
     }
-    const int kept = watch.Sift(a, b, matches, TimePoint(std::chrono::milliseconds(200 * step)));
+    const int kept = watch.Sift(a, b, matches, TimePoint(std::chrono::milliseconds(200 * step)),
+                                TimePoint(std::chrono::milliseconds(200 * step + 200)));
     EXPECT_NEAR(kept, 400, 5);
     EXPECT_GE(matches[0].query, 60);
   }
@@ -220,7 +222,7 @@ TEST(OverlayWatch, SwitchedOffLeavesEverything) {
   OverlayWatch watch(noise, false, kWidth, kHeight, kMaxFeatures);
   FrameFeatures a(1), b(1);
   std::vector<Match> matches(1, {0, 0, 0.99f, 0.5f});
-  EXPECT_EQ(watch.Sift(a, b, matches, TimePoint{}), 1);
+  EXPECT_EQ(watch.Sift(a, b, matches, TimePoint{}, TimePoint{}), 1);
   EXPECT_FALSE(watch.is_due(TimePoint{}));
 }
 

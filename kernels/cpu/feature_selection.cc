@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/common/sift_parameters.h"
-
 namespace haustra::kernels {
 namespace {
 
@@ -54,10 +52,7 @@ std::span<const std::int32_t> FeatureSelection::Select(std::span<const ScaleSpac
     starts[c] = sum;
   }
   Ranked* ranked = ranked_.data();
-  for (int i = num_points - 1; i >= 0; --i) {
-    const float priority = points[i].octave < 0 ? kFinestOctavePriority * points[i].response : points[i].response;
-    ranked[--starts[cell_of(points[i])]] = {priority, i};
-  }
+  for (int i = num_points - 1; i >= 0; --i) ranked[--starts[cell_of(points[i])]] = {points[i].response, i};
 
   const auto is_before = [](const Ranked& a, const Ranked& b) {
     return a.priority != b.priority ? a.priority > b.priority : a.index < b.index;

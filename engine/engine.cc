@@ -31,6 +31,7 @@ ExtractOptions Engine::ExtractOptionsFor(const EngineConfig& config) {
   options.border_threshold = config.features.border_threshold;
   options.mask_dilation_px = config.features.mask_dilation_px;
   options.root_sift = config.features.root_sift;
+  options.upright_dark = config.features.upright_dark;
   return options;
 }
 

@@ -167,6 +167,8 @@ struct ExtractOptions {
   int border_threshold = 12;        // the dark surround of the scope's window; 0: none
   int mask_dilation_px = 4;         // at octave 0, doubled at each coarser octave
   bool root_sift = false;           // Arandjelovic 2012
+  // Dark blobs (DoG above 0) are described upright, with angle 0 and once; bright ones as ever, by their orientation.
+  bool upright_dark = false;
 };
 
 // thread-safe: one thread a lane at a time (see above).

@@ -18,11 +18,12 @@ constexpr double kMinPointParallax = 0.15 * kDegree;
 }  // namespace
 
 Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, LaneWait& lane,
-                         double scene_share, std::pmr::memory_resource* memory)
+                         OverlayWatch& overlay, double scene_share, std::pmr::memory_resource* memory)
     : config_(config),
       camera_(camera),
       device_(device),
       lane_(lane),
+      overlay_(overlay),
       window_{static_cast<float>(config.initialisation.max_disparity_deg * kDegree * camera.focal_px()),
               static_cast<float>(config.initialisation.max_disparity_deg * kDegree * camera.focal_px())},
       scene_share_(scene_share),
@@ -123,6 +124,9 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
   request.matches = matches_;
   request.num_matches = &num_matches_;
   if (!lane_.Match(request, deadline).ok()) return TrackingReason::kFewMatches;
+  num_matches_ = overlay_.Sift(reference_.features, view.features,
+                               std::span(matches_).first(static_cast<std::size_t>(num_matches_)), reference_.timestamp,
+                               view.timestamp);
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
   if (ToMilliseconds(view.timestamp - reference_.timestamp) < options.min_gap_ms) {
     return TrackingReason::kLowParallax;

@@ -14,6 +14,7 @@
 #include "engine/scheduler/lane_wait.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/keyframe_proposal.h"
+#include "engine/tracking/overlay_watch.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
@@ -22,9 +23,11 @@ class Initialiser {
  public:
   // scene_share: part of the image's area inside the scope's window, (0, 1]: spread is measured against what can be
   // seen.
-  // `lane` outlives this. What goes into proposals is taken from `memory`, which must be that of the proposals.
+  // `lane` and `overlay` outlive this; what stands still in front of the scene founds nothing. What goes into proposals
+  // is taken from `memory`, which must be that of the proposals.
   Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, LaneWait& lane,
-              double scene_share, std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+              OverlayWatch& overlay, double scene_share,
+              std::pmr::memory_resource* memory = std::pmr::get_default_resource());
   // What construction takes from an arena.
   static std::size_t BytesFor(int max_features, int max_between);
 
@@ -58,6 +61,7 @@ class Initialiser {
   const CameraModel& camera_;
   VisionDevice& device_;
   LaneWait& lane_;
+  OverlayWatch& overlay_;
   const DisparityWindow window_;
   const double scene_share_;
   TrackingReason Compare(const ProposedView& view, TimePoint deadline);

@@ -42,7 +42,9 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
       lane_(device),
       noise_meter_(config.noise),
       motion_radius_px_(config.tracking.motion_radius_deg * kDegree * camera.focal_px()),
-      initialiser_(config, camera, device, lane_, scene_share, memory),
+      overlay_(config.initialisation, config.features.finds_overlay, camera.width_px(), camera.height_px(),
+               config.features.max),
+      initialiser_(config, camera, device, lane_, overlay_, scene_share, memory),
       absolute_pose_(config.features.max),
       rng_(config.seed, 2),
       current_(config.features.max, memory),
@@ -66,6 +68,7 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
   ReserveTouched(&points_, num_features);
   ReserveTouched(&tolerance_, num_features);
   ReserveTouched(&depths_, num_features);
+  ReserveTouched(&tracked_, num_features);
 }
 
 MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
@@ -74,13 +77,14 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const std::size_t views = 2 * FrameFeatures::BytesFor(config.features.max) +
                             Initialiser::BytesFor(config.features.max, config.initialisation.kept_views);
   // matches_, seeds_, narrow_matches_, last_matches_, allowed_, observations_, inliers_, bearings_, points_,
-  // tolerance_, depths_; the robust estimators and what is compared in the initialiser.
+  // tolerance_, depths_, tracked_; the robust estimators and what is compared in the initialiser.
   const std::size_t of_feature = 3 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
                                  2 * sizeof(Eigen::Vector3d) + sizeof(Eigen::Vector2d) + 2 * sizeof(double) +
                                  AbsolutePoseRansac::kBytesPerMatch + TwoViewRansac::kBytesPerMatch + sizeof(Match) +
-                                 2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double);
+                                 2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(OverlayWatch::Tracked);
   const std::size_t longest = std::max(features, points);
-  const std::size_t workspace = features * of_feature + points * (1 + sizeof(DescriptorRef) + sizeof(GuidedQuery)) +
+  const std::size_t workspace = OverlayWatch::BytesFor(config.features.max) + features * of_feature +
+                                points * (1 + sizeof(DescriptorRef) + sizeof(GuidedQuery)) +
                                 longest * (sizeof(GuidedQuery) + sizeof(std::int32_t) + sizeof(Match));
   MemoryPlan plan;
   plan.Add(MemoryPlace::kHostArena, "frames of tracking",
@@ -138,6 +142,7 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
     if (state_ == TrackingState::kTracking) {
       FillPose(&result);
       MeasureNoise();
+      WatchOverlay();
       ConsiderKeyframe(&result);
     }
     EndFrame();
@@ -207,6 +212,7 @@ bool Tracker::Extract(const Frame& frame) {
     current_.features.bearings[i] = {static_cast<float>(bearing.x()), static_cast<float>(bearing.y()),
                                      static_cast<float>(bearing.z())};
   }
+  overlay_.Blank(&current_.features);
   return true;
 }
 
@@ -252,6 +258,7 @@ void Tracker::ReadSnapshot() {
     map_id_ = reframing.new_map_id;
     last_pose_ = TransformPose(last_pose_, reframing.new_from_old);
     last_keyframe_pose_ = TransformPose(last_keyframe_pose_, reframing.new_from_old);
+    overlay_map_ = kNoId;
     velocity_.translation *= reframing.new_from_old.scale;
   }
 }
@@ -424,7 +431,7 @@ bool Tracker::SearchLastFrame(const SE3& predicted, double radius_px) {
                         scale * tolerance});
     query_points_.push_back(point_idx);
   }
-  std::fill_n(allowed_.begin(), current_.features.num, std::uint8_t{1});
+  overlay_.Allow(current_.features, allowed_);
   if (!RunGuided()) return false;
   if (static_cast<int>(matches_.size()) < config_.tracking.min_motion_matches) return false;
   return OptimiseMatches();
@@ -464,7 +471,7 @@ bool Tracker::SearchLocalMap(double min_radius_px) {
   queries_.clear();
   query_points_.clear();
   decoys_.clear();
-  std::fill_n(allowed_.begin(), current_.features.num, std::uint8_t{1});
+  overlay_.Allow(current_.features, allowed_);
   std::fill_n(is_matched_point_.begin(), local_map().num_points, std::uint8_t{0});
   for (const PointMatch& match : matches_) {
     allowed_[match.feature_idx] = 0;
@@ -522,7 +529,7 @@ bool Tracker::MeasureChance() {
   num_searched_ = static_cast<double>(decoys_.size()) * kDecoyStep;
   // Short of time the last rate has to do.
   if (decoys_.empty() || (has_chance_rate_ && budget_.has_fewer_points())) return true;
-  std::fill_n(allowed_.begin(), current_.features.num, std::uint8_t{1});
+  overlay_.Allow(current_.features, allowed_);
   if (!GuidedMatch(decoys_)) return false;
   const double rate = static_cast<double>(num_found_) / static_cast<double>(decoys_.size());
   chance_rate_ = has_chance_rate_ ? kChanceMemory * chance_rate_ + (1.0 - kChanceMemory) * rate : rate;
@@ -593,6 +600,23 @@ void Tracker::MeasureNoise() {
   // The time without a pose does not age what was measured before: the video is the same.
   noise_meter_.EndFrame(has_velocity_ ? ToSeconds(current_.timestamp - last_timestamp_) : 0.0);
   last_timestamp_ = current_.timestamp;
+}
+
+// What stands still in front of the scene, by an earlier frame of the same map.
+void Tracker::WatchOverlay() {
+  if (!overlay_.is_due(current_.timestamp)) return;
+  if (overlay_.has_frame() && overlay_map_ == map_id_) {
+    tracked_.clear();
+    for (const PointMatch& match : matches_) {
+      Eigen::Vector2d pixel;
+      if (!camera_.Project(overlay_pose_ * local_map().points[match.point_idx].position, &pixel)) continue;
+      tracked_.push_back({match.feature_idx, pixel.cast<float>()});
+    }
+    overlay_.Compare(current_.features, tracked_, current_.timestamp);
+  }
+  overlay_.KeepFrame(current_.features, current_.timestamp);
+  overlay_pose_ = pose_;
+  overlay_map_ = map_id_;
 }
 
 void Tracker::KeepInliers() {

@@ -29,6 +29,7 @@
 #include "engine/tracking/initialiser.h"
 #include "engine/tracking/keyframe_proposal.h"
 #include "engine/tracking/noise_meter.h"
+#include "engine/tracking/overlay_watch.h"
 #include "hal/core/mailbox.h"
 #include "hal/core/spsc_ring.h"
 #include "hal/frame_source.h"
@@ -116,6 +117,7 @@ class Tracker {
   bool OptimiseMatches();
   const NoiseModel& noise() const { return noise_meter_.model(); }
   void MeasureNoise();
+  void WatchOverlay();
   void KeepInliers();
   void CountMatches();
   bool IsPlausibleMotion(const SE3& predicted) const;
@@ -142,6 +144,7 @@ class Tracker {
   NoiseMeter noise_meter_;
   bool has_no_time_ = false;  // the frame is answered without a measurement
   double motion_radius_px_;
+  OverlayWatch overlay_;
   Initialiser initialiser_;
   AbsolutePoseRansac absolute_pose_;
   Rng rng_;
@@ -201,6 +204,9 @@ class Tracker {
   double num_searched_ = 0.0;  // points of the local map in view
   double median_depth_ = 1.0;
   std::vector<double> depths_;
+  std::vector<OverlayWatch::Tracked> tracked_;
+  SE3 overlay_pose_;  // of the frame that overlay_ keeps, in map overlay_map_
+  MapId overlay_map_ = kNoId;
 };
 
 }  // namespace haustra

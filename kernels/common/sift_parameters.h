@@ -25,6 +25,11 @@ inline constexpr int kMaxRefinementSteps = 5;
 // As low as camera noise allows: the strongest are taken anyway, and what lies in the dark has little contrast.
 inline constexpr float kDefaultContrastThreshold = 0.0015f;
 
+// Selection: the responses of the finest octave count for so much. It finds most of the points, and its are the first
+// that compression and focus change; on pictures with more points than are wanted, others give more inliers for the
+// same number (kernels/decisions/2026-11-23-features-on-living-tissue.md).
+inline constexpr float kFinestOctavePriority = 0.5f;
+
 // Orientation (5): the pixels of a square of at most kOrientationReachPx (octave pixels) around the point, under a
 // Gaussian window in units of the keypoint's scale. The window is wider than Lowe's (1.5), and second orientations are
 // rarer (his share is 0.8): on endoscopic pictures both give more matches at different places (kernels/cpu/decisions

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/common/sift_parameters.h"
+
 namespace haustra::kernels {
 namespace {
 
@@ -52,7 +54,10 @@ std::span<const std::int32_t> FeatureSelection::Select(std::span<const ScaleSpac
     starts[c] = sum;
   }
   Ranked* ranked = ranked_.data();
-  for (int i = num_points - 1; i >= 0; --i) ranked[--starts[cell_of(points[i])]] = {points[i].response, i};
+  for (int i = num_points - 1; i >= 0; --i) {
+    const float priority = points[i].octave < 0 ? kFinestOctavePriority * points[i].response : points[i].response;
+    ranked[--starts[cell_of(points[i])]] = {priority, i};
+  }
 
   const auto is_before = [](const Ranked& a, const Ranked& b) {
     return a.priority != b.priority ? a.priority > b.priority : a.index < b.index;

@@ -1,6 +1,7 @@
 // Chooses which points become features when there are more than wanted: strong ones, spread over the image.
 //
-// The image is divided into squares. A point's priority is its response, halved for every so many stronger points of
+// The image is divided into squares. A point's priority is its response (of the finest octave
+// kFinestOctavePriority of it), halved for every so many stronger points of
 // its own square: where a square is crowded, its weaker points give way to the stronger points of poorer ones, and no
 // square is filled with noise only because it is empty.
 #pragma once

@@ -307,9 +307,14 @@ int SiftExtractor::OrientPoints(int limit, std::span<const std::int32_t> selecte
     const int last = std::min((task + 1) * kPointsPerTask, num_selected);
     for (int i = task * kPointsPerTask; i < last; ++i) {
       const ScaleSpacePoint& point = points_[selected[i]];
+      float* angles = angles_.data() + static_cast<std::size_t>(i) * kMaxOrientations;
+      if (options_.upright_dark && point.is_dark) {
+        angles[0] = 0.0f;
+        num_angles_[i] = 1;
+        continue;
+      }
       const Plane& level = octaves_[point.octave - kFirstOctave].levels[point.level];
-      num_angles_[i] = kernels_.FindOrientations(level, {point.x, point.y, point.scale, 0.0f},
-                                                 angles_.data() + static_cast<std::size_t>(i) * kMaxOrientations);
+      num_angles_[i] = kernels_.FindOrientations(level, {point.x, point.y, point.scale, 0.0f}, angles);
     }
   });
   // In order of priority until the limit, then in the order of the output.

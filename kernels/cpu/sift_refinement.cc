@@ -100,6 +100,7 @@ bool RefineExtremum(const Plane* levels, const Extremum& extremum, const Refinem
   point->scale = kBaseSigma * std::exp2((static_cast<float>(level) + ds) / kScalesPerOctave);
   point->response = response;
   point->level = static_cast<std::int16_t>(level);
+  point->is_dark = q.value > 0.0f;
   return true;
 }
 

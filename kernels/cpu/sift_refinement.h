@@ -15,6 +15,7 @@ struct ScaleSpacePoint {
   float response = 0.0f;  // |DoG| at the refined position
   std::int16_t octave = 0;
   std::int16_t level = 0;  // of the Gaussian image nearest in scale
+  bool is_dark = false;    // darker than what is around it
 };
 
 struct RefinementOptions {

@@ -102,7 +102,7 @@ struct PointKey {
   std::uint8_t octave;   // slot in the layout
   std::uint8_t level;    // of the Gaussian image nearest in scale
   std::uint8_t is_twin;  // another extremum of lower tie settled at the very same point
-  std::uint8_t spare;
+  std::uint8_t is_upright;
 };
 
 struct CellPoint {
@@ -175,6 +175,7 @@ struct ExtractSettings {
   int has_static_mask = 0;
   int num_features = 0;
   int root_sift = 0;
+  int upright_dark = 0;
   int can_launch_early = 0;  // kernel_launch.cuh
 };
 

@@ -47,6 +47,7 @@ Extractor::Extractor(const ExtractOptions& options, const ExtractMemory& memory,
   settings_.mask_dilation_px = options.mask_dilation_px;
   settings_.num_features = options.num_features;
   settings_.root_sift = options.root_sift ? 1 : 0;
+  settings_.upright_dark = options.upright_dark ? 1 : 0;
 }
 
 Extractor::~Extractor() {

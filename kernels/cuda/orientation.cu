@@ -167,15 +167,18 @@ __device__ void WriteSelected(const ScaleSpaceLayout& layout, const ExtractBuffe
   const ScaleSpacePoint point = buffers.points[point_idx];
   const PointKey key = buffers.keys[point_idx];
   const OctaveLayout& octave = layout.octaves[key.octave];
-  float* histogram = scratch.histograms + threadIdx.x % 32;
-#pragma unroll
-  for (int b = 0; b < kBins; ++b) histogram[b * 32] = 0.0f;
-  CollectGradients(buffers.planes + octave.first_value + key.level * octave.plane_size, octave, point, histogram);
-  __syncwarp();
-  AddHistograms(scratch);
-  __syncwarp();
   float angles[kMaxOrientations] = {};
-  const int count = FindPeaks(scratch, angles);
+  int count = 1;
+  if (!key.is_upright) {  // for the warp as one
+    float* histogram = scratch.histograms + threadIdx.x % 32;
+#pragma unroll
+    for (int b = 0; b < kBins; ++b) histogram[b * 32] = 0.0f;
+    CollectGradients(buffers.planes + octave.first_value + key.level * octave.plane_size, octave, point, histogram);
+    __syncwarp();
+    AddHistograms(scratch);
+    __syncwarp();
+    count = FindPeaks(scratch, angles);
+  }
   if (threadIdx.x % 32 != 0) return;
   SelectedPoint selected{point_idx, {}};
 #pragma unroll

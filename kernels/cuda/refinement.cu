@@ -93,7 +93,7 @@ __device__ bool SolveOffset(const Quadratic& q, float* dx, float* dy, float* ds)
 // By a warp, kLanesPerPoint lanes to a point, all of those alike. Lanes stay together whatever becomes of their point.
 __device__ bool Refine(const OctaveLayout& octave, const PlaneValue* planes, float contrast_threshold,
                        float edge_threshold, bool is_point, int x, int y, int level, ScaleSpacePoint* point,
-                       int* settled_level) {
+                       int* settled_level, bool* is_dark) {
   const PlaneValue* my_planes = planes + octave.first_value + threadIdx.x % kLanesPerPoint * octave.plane_size;
   Quadratic q;
   float dx = 0.0f;
@@ -137,6 +137,7 @@ __device__ bool Refine(const OctaveLayout& octave, const PlaneValue* planes, flo
   point->scale = kBaseSigma * exp2f((static_cast<float>(level) + ds) / kScalesPerOctave);
   point->response = response;
   *settled_level = level;
+  *is_dark = q.value > 0.0f;
   return true;
 }
 
@@ -162,8 +163,9 @@ __global__ void __launch_bounds__(kRefineThreads)
     const OctaveLayout& octave = layout.octaves[slot];
     ScaleSpacePoint point;
     int settled_level = 0;
+    bool is_dark = false;
     if (!Refine(octave, buffers.planes, settings.contrast_threshold, settings.edge_threshold, i < num_extrema, x, y,
-                level, &point, &settled_level)) {
+                level, &point, &settled_level, &is_dark)) {
       continue;
     }
     if (threadIdx.x % kLanesPerPoint != 0) continue;
@@ -183,8 +185,11 @@ __global__ void __launch_bounds__(kRefineThreads)
     buffers.points[index] = point;
     const std::uint32_t pixel = octave.first_pixel + static_cast<std::uint32_t>(y) * octave.width + x;
     const std::uint32_t tie = pixel * kScalesPerOctave + static_cast<std::uint32_t>(level - 1);
-    buffers.keys[index] = {tie, static_cast<std::uint8_t>(slot), static_cast<std::uint8_t>(settled_level), 0, 0};
-    buffers.cell_points[static_cast<std::size_t>(cell) * kMaxPointsPerCell + place] = {point.response, tie, index, 0};
+    const bool is_upright = is_dark && settings.upright_dark != 0;
+    buffers.keys[index] = {tie, static_cast<std::uint8_t>(slot), static_cast<std::uint8_t>(settled_level), 0,
+                           static_cast<std::uint8_t>(is_upright)};
+    const float priority = octave.octave < 0 ? kFinestOctavePriority * point.response : point.response;
+    buffers.cell_points[static_cast<std::size_t>(cell) * kMaxPointsPerCell + place] = {priority, tie, index, 0};
   }
 }
 

@@ -33,6 +33,10 @@ void AddFeatures(Fields* out) {
   out->push_back(Feature<&C::mask_dilation_px>("mask_dilation_px", {0, 32}, "px",
                                                "safe distance around masked pixels in the finest octave"));
   out->push_back(Feature<&C::root_sift>("root_sift", {}, "", "square roots of the L1-normalised descriptor"));
+  out->push_back(Feature<&C::upright_dark>("upright_dark", {}, "",
+                                           "dark blobs are described upright, bright ones by their orientation"));
+  out->push_back(Feature<&C::finds_overlay>("finds_overlay", {}, "",
+                                            "leave out what stands still in the picture while the scene moves"));
 }
 
 template <auto kMember>

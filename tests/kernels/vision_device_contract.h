@@ -408,6 +408,45 @@ TEST_P(VisionDeviceContract, ExtractSeesTheSameFeaturesAfterRotationAndScaling) 
   }
 }
 
+TEST_P(VisionDeviceContract, ExtractDescribesDarkBlobsUprightWhenAsked) {
+  // Blobs in pairs of unlike size, so that each has a direction; the left half is dark, the right one bright.
+  std::vector<Blob> blobs;
+  for (int row = 0; row < 5; ++row) {
+    for (int column = 0; column < 8; ++column) {
+      const double height = column < 4 ? -60.0 : 60.0;
+      const double x = 20.0 + 40.0 * column, y = 24.0 + 48.0 * row, angle = 0.7 + 0.5 * row + 0.9 * column;
+      blobs.push_back({x, y, 3.0, height});
+      blobs.push_back({x + 9.0 * std::cos(angle), y + 9.0 * std::sin(angle), 2.0, 0.6 * height});
+    }
+  }
+  const Picture picture = Render(blobs, kWidth, kHeight, 120.0);
+  ExtractOptions options = SmallOptions();
+  const HostFeatures oriented = Extract(*Create(SmallPlan(), options), picture.view());
+  options.upright_dark = true;
+  const HostFeatures features = Extract(*Create(SmallPlan(), options), picture.view());
+  const auto near_blob = [&](const Keypoint& k, bool is_dark) {
+    return std::any_of(blobs.begin(), blobs.end(), [&](const Blob& b) {
+      return (b.height < 0.0) == is_dark && std::hypot(b.x_px - k.x_px, b.y_px - k.y_px) < 1.0;
+    });
+  };
+  int num_dark = 0, num_bright = 0;
+  for (const Keypoint& k : features.keypoints) {
+    if (near_blob(k, true)) {
+      ++num_dark;
+      EXPECT_EQ(k.angle_rad, 0.0f);
+    } else if (near_blob(k, false)) {
+      ++num_bright;
+      EXPECT_TRUE(std::any_of(
+          oriented.keypoints.begin(), oriented.keypoints.end(),
+          [&](const Keypoint& o) { return o.x_px == k.x_px && o.y_px == k.y_px && o.angle_rad == k.angle_rad; }))
+          << k.x_px << ", " << k.y_px;
+      EXPECT_NE(k.angle_rad, 0.0f);
+    }
+  }
+  EXPECT_GE(num_dark, 20);
+  EXPECT_GE(num_bright, 20);
+}
+
 TEST_P(VisionDeviceContract, ExtractKeepsTheMarginOfTheMaskAtEveryOctave) {
   ExtractOptions options = SmallOptions();
   options.reflection_threshold = 250;

@@ -24,6 +24,7 @@ class VocabularyLoaderTest : public testing::Test {
     EXPECT_TRUE(sink.ok());
     EXPECT_TRUE(WriteVocabulary(Vocabulary::Train(ClusteredSample(1, 30, 3, 4), {}).value(), *sink).ok());
     EXPECT_TRUE(sink->Commit().ok());
+    config_.features.root_sift = false;
     config_.place.retrieval.kind = "vocabulary";
     config_.place.retrieval.vocabulary = path_;
   }

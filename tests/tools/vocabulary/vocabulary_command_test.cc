@@ -64,7 +64,7 @@ TEST(VocabularyCommand, RenderedColonsGiveTheSameWordsOnAnyNumberOfThreads) {
   ASSERT_TRUE(vocabulary.ok()) << vocabulary.status().ToString();
   EXPECT_EQ(vocabulary->tree().num_pictures, 4u);
   EXPECT_EQ(vocabulary->tree().num_descriptors, 1200u);
-  EXPECT_FALSE(vocabulary->tree().root_sift);
+  EXPECT_TRUE(vocabulary->tree().root_sift);
   EXPECT_GT(vocabulary->num_words(), 50);
 }
 
@@ -72,11 +72,11 @@ TEST(VocabularyCommand, LearnsFromEveryNthFrameOfSequencesWithTheirKindOfDescrip
   const TempFolder root;
   const std::string colon = root.Path("colon"), out = root.Path("words.voc");
   ASSERT_EQ(Call(AddRenderCommand, {"render", colon, "--seconds", "0.4", "--size", "360x270"}), kExitOk);
-  ASSERT_EQ(Learn({"--out", out, colon, colon, "--every-nth", "4", "--set", "features.root_sift=true"}), kExitOk);
+  ASSERT_EQ(Learn({"--out", out, colon, colon, "--every-nth", "4", "--set", "features.root_sift=false"}), kExitOk);
   const Result<Vocabulary> vocabulary = LoadVocabulary(out);
   ASSERT_TRUE(vocabulary.ok()) << vocabulary.status().ToString();
   EXPECT_EQ(vocabulary->tree().num_pictures, 6u);  // frames 0, 4, 8 of ten, twice
-  EXPECT_TRUE(vocabulary->tree().root_sift);
+  EXPECT_FALSE(vocabulary->tree().root_sift);
 }
 
 TEST(RunWithVocabulary, RunTakesTheWordsAndSaysWhatIsWrongWithThem) {
@@ -92,7 +92,7 @@ TEST(RunWithVocabulary, RunTakesTheWordsAndSaysWhatIsWrongWithThem) {
   EXPECT_EQ(run({kind}), kExitConfig);         // no file named
   EXPECT_EQ(run({kind, file}), kExitNoInput);  // none there
   ASSERT_EQ(Learn({"--out", words, colon, "--features", "200", "--depth", "2"}), kExitOk);
-  EXPECT_EQ(run({kind, file, "features.root_sift=true"}), kExitConfig);
+  EXPECT_EQ(run({kind, file, "features.root_sift=false"}), kExitConfig);
   EXPECT_FALSE(std::filesystem::exists(result));
   EXPECT_EQ(run({kind, file}), kExitOk);
   EXPECT_TRUE(std::filesystem::exists(result + "/summary.json"));

@@ -26,7 +26,7 @@ constexpr double kChanceSigmas = 3.0;
 // of many had 2, true ones had 8 and more.
 constexpr double kChosenFactor = 4.0;
 // A frame with fewer inliers than so many times the least that make a pose is nearly lost.
-constexpr int kThinFactor = 2;
+constexpr int kThinFactor = 3;
 // A prediction over more lost frames than this is worth nothing.
 constexpr int kMaxPredictedFrames = 3;
 
@@ -54,6 +54,7 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
   ReserveTouched(&matches_, num_features);
   ReserveTouched(&seeds_, num_features);
   ReserveTouched(&narrow_matches_, num_features);
+  ReserveTouched(&tracked_matches_, num_features);
   ReserveTouched(&last_matches_, num_features);
   ReserveTouched(&queries_, std::max(num_points, num_features));
   ReserveTouched(&decoys_, num_points);
@@ -76,9 +77,9 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto points = static_cast<std::size_t>(config.memory.max_local_points);
   const std::size_t views = 2 * FrameFeatures::BytesFor(config.features.max) +
                             Initialiser::BytesFor(config.features.max, config.initialisation.kept_views);
-  // matches_, seeds_, narrow_matches_, last_matches_, allowed_, observations_, inliers_, bearings_, points_,
+  // matches_, seeds_, narrow_matches_, tracked_matches_, last_matches_, allowed_, observations_, inliers_, bearings_, points_,
   // tolerance_, depths_, tracked_; the robust estimators and what is compared in the initialiser.
-  const std::size_t of_feature = 3 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
+  const std::size_t of_feature = 4 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
                                  2 * sizeof(Eigen::Vector3d) + sizeof(Eigen::Vector2d) + 2 * sizeof(double) +
                                  AbsolutePoseRansac::kBytesPerMatch + TwoViewRansac::kBytesPerMatch + sizeof(Match) +
                                  2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(OverlayWatch::Tracked);
@@ -156,10 +157,13 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   return result;
 }
 
+bool Tracker::IsThin(std::size_t num_inliers) const {
+  return static_cast<int>(num_inliers) < kThinFactor * config_.tracking.min_inliers;
+}
+
 // Lost, or nearly so: a young map was made of all features, and few would not find it again.
 bool Tracker::NeedsAllFeatures() const {
-  const bool is_thin = static_cast<int>(last_matches_.size()) < kThinFactor * config_.tracking.min_inliers;
-  return state_ == TrackingState::kLost || (state_ == TrackingState::kTracking && is_thin);
+  return state_ == TrackingState::kLost || (state_ == TrackingState::kTracking && IsThin(last_matches_.size()));
 }
 
 void Tracker::Measure(const Frame& frame, FrameResult* result) {
@@ -302,7 +306,8 @@ void Tracker::TrackMap(FrameResult* result) {
     result->reason = TrackingReason::kFewMatches;
   }
   if (has_no_time_ || lane_.has_pending()) return;
-  if (!has_pose && config_.tracking.brute_force_recovery && budget_.MayRecover(false) && RecoverPose()) {
+  if ((!has_pose || IsThin(matches_.size())) && config_.tracking.brute_force_recovery && budget_.MayRecover(false) &&
+      RecoverBetterPose(has_pose)) {
     has_pose = true;
     has_velocity_ = false;
     result->reason = TrackingReason::kRecovered;
@@ -696,6 +701,21 @@ bool Tracker::RecoverPose() {
   if (state_ == TrackingState::kTracking) return true;
   // A pose that was chosen as the best of many agrees with more than chance gives a single one.
   return static_cast<double>(matches_.size()) >= kChosenFactor * NumByChance();
+}
+
+// Around a prediction a few points hold a wrong pose as well as the right one, so what brute force finds is its rival.
+// False: the pose stays what it is.
+bool Tracker::RecoverBetterPose(bool has_pose) {
+  if (!has_pose) return RecoverPose();
+  tracked_matches_.assign(matches_.begin(), matches_.end());
+  const SE3 tracked_pose = pose_;
+  const int tracked_expected = num_expected_;
+  if (RecoverPose() && matches_.size() > tracked_matches_.size()) return true;
+  matches_.assign(tracked_matches_.begin(), tracked_matches_.end());
+  pose_ = tracked_pose;
+  num_expected_ = tracked_expected;
+  CountMatches();
+  return false;
 }
 
 // The keyframe of the window that shares most points with the frame.

@@ -87,6 +87,7 @@ class Tracker {
     std::int32_t point_idx = -1;
   };
 
+  bool IsThin(std::size_t num_inliers) const;
   bool NeedsAllFeatures() const;
   void Measure(const Frame& frame, FrameResult* result);
   bool Extract(const Frame& frame);
@@ -122,6 +123,7 @@ class Tracker {
   void CountMatches();
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose();
+  bool RecoverBetterPose(bool has_pose);
 
   void ConsiderKeyframe(FrameResult* result);
   void ProposeKeyframe(FrameResult* result);
@@ -165,6 +167,7 @@ class Tracker {
   std::vector<PointMatch> matches_;
   std::vector<PointMatch> seeds_;           // found around the prediction, right or wrong
   std::vector<PointMatch> narrow_matches_;  // before LookAround
+  std::vector<PointMatch> tracked_matches_; // before RecoverBetterPose
 
   bool has_last_ = false;
   FrameFeatures last_;

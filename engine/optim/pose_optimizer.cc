@@ -1,8 +1,10 @@
 #include "engine/optim/pose_optimizer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
+#include "engine/geometry/constants.h"
 #include "engine/optim/small_least_squares.h"
 
 namespace haustra {
@@ -144,6 +146,15 @@ bool OptimizePose(const CameraModel& camera, std::span<const PoseObservation> ob
   result->information = information;
   result->converged = converged;
   return true;
+}
+
+PoseUncertainty UncertaintyOf(const Matrix6d& information, double depth) {
+  const Eigen::FullPivLU<Matrix6d> solver(information);
+  if (!solver.isInvertible()) return {kInfinity, kInfinity};
+  const Matrix6d covariance = solver.inverse();
+  // A step rho of the left perturbation moves the camera by rho, seen from itself.
+  return {std::sqrt(covariance.topLeftCorner<3, 3>().trace()) / depth,
+          std::sqrt(covariance.bottomRightCorner<3, 3>().trace()) / kDegree};
 }
 
 }  // namespace haustra

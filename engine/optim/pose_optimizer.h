@@ -43,4 +43,11 @@ bool OptimizePose(const CameraModel& camera, std::span<const PoseObservation> ob
                   const SE3& initial_cam_from_world, const PoseOptimizerOptions& options,
                   std::span<std::uint8_t> inliers, PoseOptimizerResult* result);
 
+struct PoseUncertainty {
+  double position_sigma = 0.0;  // of the camera, over the depth; infinite when the information is singular
+  double rotation_sigma_deg = 0.0;
+};
+// What the information of a pose leaves open, seen from the camera; depth in map units, positive.
+PoseUncertainty UncertaintyOf(const Matrix6d& information, double depth);
+
 }  // namespace haustra

@@ -192,16 +192,13 @@ void Relocaliser::KeepInliers() {
 
 RelocalisationVerdict Relocaliser::CheckCertainty(const Atlas& atlas, const PoseOptimizerResult& result,
                                                   RelocalisationCounts* counts) const {
-  const Eigen::FullPivLU<Matrix6d> solver(result.information);
-  if (!solver.isInvertible()) return RelocalisationVerdict::kUncertain;
-  const Matrix6d covariance = solver.inverse();
   std::vector<double> depths;
   for (const Pair& pair : pairs_) depths.push_back((result.cam_from_world * atlas.point(pair.point).position).norm());
   const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
   std::nth_element(depths.begin(), middle, depths.end());
-  // A step rho of the left perturbation moves the camera by rho, seen from itself.
-  counts->position_sigma = std::sqrt(covariance.topLeftCorner<3, 3>().trace()) / *middle;
-  counts->rotation_sigma_deg = std::sqrt(covariance.bottomRightCorner<3, 3>().trace()) / kDegree;
+  const PoseUncertainty uncertainty = UncertaintyOf(result.information, *middle);
+  counts->position_sigma = uncertainty.position_sigma;
+  counts->rotation_sigma_deg = uncertainty.rotation_sigma_deg;
   const bool is_certain = counts->position_sigma <= options_.max_position_sigma &&
                           counts->rotation_sigma_deg <= options_.max_rotation_sigma_deg;
   return is_certain ? RelocalisationVerdict::kAccepted : RelocalisationVerdict::kUncertain;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/geometry/constants.h"
+#include "engine/geometry/ellipse_spread.h"
 #include "engine/tracking/reserve_touched.h"
 
 namespace haustra {
@@ -55,6 +56,8 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
   ReserveTouched(&seeds_, num_features);
   ReserveTouched(&narrow_matches_, num_features);
   ReserveTouched(&tracked_matches_, num_features);
+  ReserveTouched(&alike_, num_features);
+  ReserveTouched(&pixels_, num_features);
   ReserveTouched(&last_matches_, num_features);
   ReserveTouched(&queries_, std::max(num_points, num_features));
   ReserveTouched(&decoys_, num_points);
@@ -77,9 +80,9 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto points = static_cast<std::size_t>(config.memory.max_local_points);
   const std::size_t views = 2 * FrameFeatures::BytesFor(config.features.max) +
                             Initialiser::BytesFor(config.features.max, config.initialisation.kept_views);
-  // matches_, seeds_, narrow_matches_, tracked_matches_, last_matches_, allowed_, observations_, inliers_, bearings_, points_,
+  // matches_, seeds_, narrow_matches_, tracked_matches_, alike_, last_matches_, allowed_, observations_, inliers_, bearings_, points_,
   // tolerance_, depths_, tracked_; the robust estimators and what is compared in the initialiser.
-  const std::size_t of_feature = 4 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
+  const std::size_t of_feature = 5 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
                                  2 * sizeof(Eigen::Vector3d) + sizeof(Eigen::Vector2d) + 2 * sizeof(double) +
                                  AbsolutePoseRansac::kBytesPerMatch + TwoViewRansac::kBytesPerMatch + sizeof(Match) +
                                  2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(OverlayWatch::Tracked);
@@ -306,12 +309,8 @@ void Tracker::TrackMap(FrameResult* result) {
     result->reason = TrackingReason::kFewMatches;
   }
   if (has_no_time_ || lane_.has_pending()) return;
-  if ((!has_pose || IsThin(matches_.size())) && config_.tracking.brute_force_recovery && budget_.MayRecover(false) &&
-      RecoverBetterPose(has_pose)) {
-    has_pose = true;
-    has_velocity_ = false;
-    result->reason = TrackingReason::kRecovered;
-    result->num_matches = static_cast<int>(matches_.size());
+  if (config_.tracking.brute_force_recovery && (!has_pose || IsThin(matches_.size())) && budget_.MayRecover(false)) {
+    RecoverOrConfirm(&has_pose, result);
   }
   if (lane_.has_pending()) return;
   if (!has_pose) SetLost();
@@ -591,6 +590,7 @@ bool Tracker::OptimiseMatches() {
     return false;
   }
   pose_ = optimised.cam_from_world;
+  information_ = optimised.information;
   return optimised.num_inliers >= kMinSeedInliers;
 }
 
@@ -656,6 +656,7 @@ bool Tracker::IsPlausibleMotion(const SE3& predicted) const {
 // Everything in the picture against everything in the snapshot; no prediction is needed.
 bool Tracker::SearchByBruteForce() {
   matches_.clear();
+  alike_.clear();
   refs_.clear();
   for (int i = 0; i < local_map().num_points; ++i) refs_.push_back(local_map().points[i].descriptor);
   if (refs_.empty()) return false;
@@ -668,6 +669,7 @@ bool Tracker::SearchByBruteForce() {
   request.num_matches = &num_found_;
   if (!lane_.Match(request, budget_.wait_deadline()).ok()) return false;
   for (int i = 0; i < num_found_; ++i) matches_.push_back({found_[i].query, found_[i].train});
+  alike_.assign(matches_.begin(), matches_.end());
   return true;
 }
 
@@ -697,25 +699,58 @@ bool Tracker::RecoverPose() {
   if (!SearchLocalMap(0.0) || !OptimiseMatches()) return false;
   KeepInliers();
   LookAround();
-  if (!MeasureChance() || !HasEvidence(config_.tracking.min_recovery_inliers)) return false;
+  if (!MeasureChance() || !HasEvidence(config_.tracking.min_recovery_inliers) || !IsChosenPoseEvident()) return false;
   if (state_ == TrackingState::kTracking) return true;
   // A pose that was chosen as the best of many agrees with more than chance gives a single one.
   return static_cast<double>(matches_.size()) >= kChosenFactor * NumByChance();
 }
 
-// Around a prediction a few points hold a wrong pose as well as the right one, so what brute force finds is its rival.
-// False: the pose stays what it is.
-bool Tracker::RecoverBetterPose(bool has_pose) {
-  if (!has_pose) return RecoverPose();
+// Around a prediction a few points hold a wrong pose as well as the right one. Brute force knows no prediction: it agrees
+// with the pose that was tracked, or finds a better one, or there is none.
+void Tracker::RecoverOrConfirm(bool* has_pose, FrameResult* result) {
   tracked_matches_.assign(matches_.begin(), matches_.end());
   const SE3 tracked_pose = pose_;
   const int tracked_expected = num_expected_;
-  if (RecoverPose() && matches_.size() > tracked_matches_.size()) return true;
+  if (RecoverPose() && (!*has_pose || matches_.size() > tracked_matches_.size())) {
+    *has_pose = true;
+    has_velocity_ = false;
+    result->reason = TrackingReason::kRecovered;
+    result->num_matches = static_cast<int>(matches_.size());
+    return;
+  }
+  if (!*has_pose) return;
   matches_.assign(tracked_matches_.begin(), tracked_matches_.end());
   pose_ = tracked_pose;
   num_expected_ = tracked_expected;
   CountMatches();
-  return false;
+  if (BruteForceAgrees()) return;
+  *has_pose = false;
+  result->reason = TrackingReason::kWeakEvidence;
+}
+
+// Of what looks alike a share has to lie where the pose says. Where walls are only alike, little does.
+bool Tracker::BruteForceAgrees() const {
+  const auto agrees = [&](const PointMatch& match) {
+    Eigen::Vector2d pixel;
+    if (!camera_.Project(pose_ * local_map().points[match.point_idx].position, &pixel)) return false;
+    const double sigma = noise().SigmaPx(current_.features.keypoints[match.feature_idx].scale_px);
+    return (pixel - current_.features.pixel(match.feature_idx)).squaredNorm() <= kChi2TwoDof * sigma * sigma;
+  };
+  const auto num = std::count_if(alike_.begin(), alike_.end(), agrees);
+  return static_cast<double>(num) >= config_.place.relocalisation.min_match_share * static_cast<double>(alike_.size());
+}
+
+// The gates of relocalisation: what agrees covers the picture and holds all six degrees of freedom.
+bool Tracker::IsChosenPoseEvident() {
+  const RelocalisationConfig& gates = config_.place.relocalisation;
+  if (!BruteForceAgrees()) return false;
+  pixels_.clear();
+  for (const PointMatch& match : matches_) pixels_.push_back(current_.features.pixel(match.feature_idx));
+  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < gates.min_spread) return false;
+  CountMatches();
+  const PoseUncertainty uncertainty = UncertaintyOf(information_, median_depth_);
+  return uncertainty.position_sigma <= gates.max_position_sigma &&
+         uncertainty.rotation_sigma_deg <= gates.max_rotation_sigma_deg;
 }
 
 // The keyframe of the window that shares most points with the frame.
@@ -743,6 +778,8 @@ void Tracker::FillPose(FrameResult* result) {
 }
 
 void Tracker::ConsiderKeyframe(FrameResult* result) {
+  // A pose that was found without the last one waits for the next frame to confirm it.
+  if (result->reason != TrackingReason::kTracked) return;
   const KeyframeConfig& options = config_.keyframes;
   const double spacing_ms = ToMilliseconds(current_.timestamp - last_keyframe_time_);
   if (spacing_ms < options.min_spacing_ms) return;

@@ -123,7 +123,9 @@ class Tracker {
   void CountMatches();
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose();
-  bool RecoverBetterPose(bool has_pose);
+  void RecoverOrConfirm(bool* has_pose, FrameResult* result);
+  bool BruteForceAgrees() const;
+  bool IsChosenPoseEvident();
 
   void ConsiderKeyframe(FrameResult* result);
   void ProposeKeyframe(FrameResult* result);
@@ -167,7 +169,8 @@ class Tracker {
   std::vector<PointMatch> matches_;
   std::vector<PointMatch> seeds_;           // found around the prediction, right or wrong
   std::vector<PointMatch> narrow_matches_;  // before LookAround
-  std::vector<PointMatch> tracked_matches_; // before RecoverBetterPose
+  std::vector<PointMatch> tracked_matches_;  // before RecoverOrConfirm
+  std::vector<PointMatch> alike_;            // all that brute force found in the current frame
 
   bool has_last_ = false;
   FrameFeatures last_;
@@ -197,6 +200,7 @@ class Tracker {
   std::vector<PoseObservation> observations_;
   std::vector<std::uint8_t> inliers_;
   std::vector<DescriptorRef> refs_;
+  std::vector<Eigen::Vector2d> pixels_;
   std::vector<Eigen::Vector3d> bearings_;
   std::vector<Eigen::Vector3d> points_;
   std::vector<double> tolerance_;
@@ -205,6 +209,7 @@ class Tracker {
   bool has_chance_rate_ = false;
   double chance_rate_ = 0.0;   // of the local map's points, those that are found where they are not
   double num_searched_ = 0.0;  // points of the local map in view
+  Matrix6d information_ = Matrix6d::Zero();  // of pose_, from the last optimisation
   double median_depth_ = 1.0;
   std::vector<double> depths_;
   std::vector<OverlayWatch::Tracked> tracked_;

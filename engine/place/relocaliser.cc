@@ -30,6 +30,7 @@ std::string_view ToString(RelocalisationVerdict verdict) {
     case RelocalisationVerdict::kLowInlierShare: return "low_inlier_share";
     case RelocalisationVerdict::kLowSpread: return "low_spread";
     case RelocalisationVerdict::kUncertain: return "uncertain";
+    case RelocalisationVerdict::kAmbiguous: return "ambiguous";
   }
   return "unknown";
 }
@@ -67,19 +68,50 @@ bool Relocaliser::Relocalise(const Atlas& atlas, const FrameFeatures& features,
   if (candidates_.empty()) tried->push_back({.verdict = RelocalisationVerdict::kNoCandidate});
   tried_.clear();
   int num_tried = 0;
-  for (const RetrievalCandidate& candidate : candidates_) {
-    if (num_tried == options_.max_candidates) break;
+  for (std::size_t i = 0; i < candidates_.size() && num_tried < options_.max_candidates; ++i) {
     // Its points were matched already with another candidate.
-    if (std::find(tried_.begin(), tried_.end(), candidate.keyframe) != tried_.end()) continue;
+    if (IsTried(candidates_[i].keyframe)) continue;
     ++num_tried;
-    *out = Relocalisation{};
-    out->map = atlas.keyframe(candidate.keyframe).map;
-    out->counts.keyframe = atlas.keyframe(candidate.keyframe).id;
-    out->counts.map_id = atlas.map(out->map).id;
-    out->counts.num_votes = candidate.num_votes;
-    out->counts.verdict = Try(atlas, features, candidate.keyframe, out);
+    const bool is_accepted = TryNext(atlas, features, candidates_[i], out) == RelocalisationVerdict::kAccepted;
+    if (is_accepted && HasRival(atlas, features, i, *out)) out->counts.verdict = RelocalisationVerdict::kAmbiguous;
     tried->push_back(out->counts);
-    if (out->counts.verdict == RelocalisationVerdict::kAccepted) return true;
+    if (is_accepted) return out->counts.verdict == RelocalisationVerdict::kAccepted;
+  }
+  return false;
+}
+
+bool Relocaliser::IsTried(KeyframeHandle keyframe) const {
+  return std::find(tried_.begin(), tried_.end(), keyframe) != tried_.end();
+}
+
+RelocalisationVerdict Relocaliser::TryNext(const Atlas& atlas, const FrameFeatures& features,
+                                           const RetrievalCandidate& candidate, Relocalisation* out) {
+  *out = Relocalisation{};
+  const Keyframe& keyframe = atlas.keyframe(candidate.keyframe);
+  out->map = keyframe.map;
+  out->counts.keyframe = keyframe.id;
+  out->counts.map_id = atlas.map(out->map).id;
+  out->counts.num_votes = candidate.num_votes;
+  out->counts.verdict = Try(atlas, features, candidate.keyframe, out);
+  return out->counts.verdict;
+}
+
+// Poses in two maps cannot be compared: both may be right.
+bool Relocaliser::HasRival(const Atlas& atlas, const FrameFeatures& features, std::size_t accepted_idx,
+                           const Relocalisation& accepted) {
+  const RecognitionConfig& recognition = config_.place.recognition;
+  const double min_votes = recognition.rival_share * accepted.counts.num_votes;
+  const double max_apart = recognition.rival_agreement * accepted.median_depth;
+  int num_tried = 0;
+  for (std::size_t i = accepted_idx + 1; i < candidates_.size() && num_tried < options_.max_candidates; ++i) {
+    const RetrievalCandidate& candidate = candidates_[i];
+    if (candidate.num_votes < min_votes || IsTried(candidate.keyframe)) continue;
+    if (atlas.keyframe(candidate.keyframe).map != accepted.map) continue;
+    ++num_tried;
+    if (TryNext(atlas, features, candidate, &rival_) != RelocalisationVerdict::kAccepted) continue;
+    const double apart =
+        (accepted.cam_from_map.InverseTranslation() - rival_.cam_from_map.InverseTranslation()).norm();
+    if (apart > max_apart) return true;
   }
   return false;
 }
@@ -158,7 +190,7 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
   for (const Pair& pair : pairs_) pixels.push_back(features.pixel(pair.feature_idx));
   counts.spread = EllipseSpread(pixels, camera_.width_px(), camera_.height_px());
   if (counts.spread < options_.min_spread) return RelocalisationVerdict::kLowSpread;
-  if (const auto verdict = CheckCertainty(atlas, result, &counts); verdict != RelocalisationVerdict::kAccepted) {
+  if (const auto verdict = CheckCertainty(atlas, result, out); verdict != RelocalisationVerdict::kAccepted) {
     return verdict;
   }
   for (const Pair& pair : pairs_) out->seen.push_back({pair.feature_idx, pair.point});
@@ -191,16 +223,17 @@ void Relocaliser::KeepInliers() {
 }
 
 RelocalisationVerdict Relocaliser::CheckCertainty(const Atlas& atlas, const PoseOptimizerResult& result,
-                                                  RelocalisationCounts* counts) const {
+                                                  Relocalisation* out) const {
   std::vector<double> depths;
   for (const Pair& pair : pairs_) depths.push_back((result.cam_from_world * atlas.point(pair.point).position).norm());
   const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
   std::nth_element(depths.begin(), middle, depths.end());
   const PoseUncertainty uncertainty = UncertaintyOf(result.information, *middle);
-  counts->position_sigma = uncertainty.position_sigma;
-  counts->rotation_sigma_deg = uncertainty.rotation_sigma_deg;
-  const bool is_certain = counts->position_sigma <= options_.max_position_sigma &&
-                          counts->rotation_sigma_deg <= options_.max_rotation_sigma_deg;
+  out->median_depth = *middle;
+  out->counts.position_sigma = uncertainty.position_sigma;
+  out->counts.rotation_sigma_deg = uncertainty.rotation_sigma_deg;
+  const bool is_certain = uncertainty.position_sigma <= options_.max_position_sigma &&
+                          uncertainty.rotation_sigma_deg <= options_.max_rotation_sigma_deg;
   return is_certain ? RelocalisationVerdict::kAccepted : RelocalisationVerdict::kUncertain;
 }
 

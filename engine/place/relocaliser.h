@@ -1,6 +1,7 @@
 // Where a frame without a pose stands in a stored map (system.md 8): retrieves the most similar keyframes, matches the
 // frame by brute force against the points of each and its best covisible ones, pose by RANSAC, guided search around it,
-// robust pose optimisation, acceptance. Reads the atlas only; runs on request of the tracker, whose own recovery knows
+// robust pose optimisation, acceptance. Then its rivals are asked: when another place of the same map agrees as well and
+// says something else, nobody knows. Reads the atlas only; runs on request of the tracker, whose own recovery knows
 // just the window around the last keyframe. thread-bound(mapping), deterministic for one seed.
 #pragma once
 
@@ -35,6 +36,7 @@ enum class RelocalisationVerdict : std::uint8_t {
   kLowInlierShare,  // too many of the guided matches disagree
   kLowSpread,       // what is found covers too little of the image
   kUncertain,       // what is found does not hold all six degrees of freedom
+  kAmbiguous,       // another place of the same map agrees as well
 };
 std::string_view ToString(RelocalisationVerdict verdict);
 
@@ -63,6 +65,7 @@ struct Relocalisation {
     MapPointHandle point;
   };
   std::vector<Seen> seen;  // inliers, each feature and point at most once
+  double median_depth = 0.0;  // of the points seen, map units
   RelocalisationCounts counts;
 };
 
@@ -74,8 +77,9 @@ class Relocaliser {
               KeyframeRetrieval& retrieval);
 
   // Keyframes for which `is_excluded` is true are not looked at (other maps than the last one, say); may be empty.
-  // True when accepted; `out` then says where. `tried`, replaced, holds every candidate with its reason, or one entry
-  // kNoCandidate or kDeviceFailed. Cost: one retrieval and max_candidates brute-force matches of the whole frame.
+  // True when accepted; `out` then says where. `tried`, replaced, holds every candidate with its reason (not the rivals), or one entry
+  // kNoCandidate or kDeviceFailed. Cost: one retrieval and max_candidates brute-force matches of the whole frame; when a
+  // place is accepted, at most as many again.
   bool Relocalise(const Atlas& atlas, const FrameFeatures& features,
                   const std::function<bool(KeyframeHandle, const Keyframe&)>& is_excluded, Relocalisation* out,
                   std::vector<RelocalisationCounts>* tried);
@@ -90,8 +94,13 @@ class Relocaliser {
                             Relocalisation* out);
   bool Optimise(const Atlas& atlas, const FrameFeatures& features, const SE3& initial, PoseOptimizerResult* result);
   void KeepInliers();
+  bool IsTried(KeyframeHandle keyframe) const;
+  RelocalisationVerdict TryNext(const Atlas& atlas, const FrameFeatures& features, const RetrievalCandidate& candidate,
+                                Relocalisation* out);
+  bool HasRival(const Atlas& atlas, const FrameFeatures& features, std::size_t accepted_idx,
+                const Relocalisation& accepted);
   RelocalisationVerdict CheckCertainty(const Atlas& atlas, const PoseOptimizerResult& result,
-                                       RelocalisationCounts* counts) const;
+                                       Relocalisation* out) const;
   void ChooseReference(const Atlas& atlas, Relocalisation* out) const;
 
   const EngineConfig& config_;
@@ -108,6 +117,7 @@ class Relocaliser {
 
   std::vector<std::int32_t> strongest_;
   std::vector<RetrievalCandidate> candidates_;
+  Relocalisation rival_;
   std::vector<KeyframeHandle> group_;
   std::vector<KeyframeHandle> wide_group_;
   std::vector<KeyframeHandle> tried_;

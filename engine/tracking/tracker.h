@@ -124,7 +124,8 @@ class Tracker {
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose();
   void RecoverOrConfirm(bool* has_pose, FrameResult* result);
-  bool BruteForceAgrees() const;
+  bool IsTrackedPoseConfirmed();
+  bool BruteForceAgrees(double min_share) const;
   bool IsChosenPoseEvident();
 
   void ConsiderKeyframe(FrameResult* result);

@@ -4,9 +4,11 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
+#include "engine/geometry/constants.h"
 #include "tests/geometry/allocation_counter.h"
 #include "tests/geometry/synthetic.h"
 
@@ -270,6 +272,16 @@ TEST(PoseOptimizer, NeverAllocates) {
   const bool found = OptimizePose(camera, scene.observations, start, {}, inliers, &result);
   EXPECT_EQ(counter.count(), 0u);
   EXPECT_TRUE(found);
+}
+
+TEST(PoseOptimizer, UncertaintyIsThatOfTheInverseInformation) {
+  Matrix6d information = Matrix6d::Zero();
+  information.diagonal() << 100.0, 400.0, 400.0, 1e4, 1e4, 2.5e3;
+  const PoseUncertainty uncertainty = UncertaintyOf(information, 2.0);
+  EXPECT_NEAR(uncertainty.position_sigma, std::sqrt(0.01 + 0.0025 + 0.0025) / 2.0, 1e-12);
+  EXPECT_NEAR(uncertainty.rotation_sigma_deg, std::sqrt(1e-4 + 1e-4 + 4e-4) / kDegree, 1e-9);
+  information(2, 2) = 0.0;  // nothing holds the camera along its axis
+  EXPECT_TRUE(std::isinf(UncertaintyOf(information, 2.0).position_sigma));
 }
 
 }  // namespace

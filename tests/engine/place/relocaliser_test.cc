@@ -78,6 +78,18 @@ TEST_F(RelocaliserTest, AlikeWallOfOtherShapeIsRefused) {
   }
 }
 
+// Two places that cannot be told apart: the better one of two guesses is a guess.
+TEST_F(RelocaliserTest, SecondPlaceThatAgreesMakesItAmbiguous) {
+  RecordProperty("req", "MRG-001");
+  // A multiple of 97: the responses of the copy are the same, too.
+  const int wall = colon_.AddWall(0.0, 7.0, 25 * 97);
+  colon_.AddTwin(wall, 25 * 97, 20.0, 0.0, true);
+  colon_.AddMap(&atlas_, 0.0, 24.0, 90, map_from_world_);
+  EXPECT_FALSE(Relocalise(See(colon_.ViewFrom(2.1))));
+  ASSERT_GE(tried_.size(), 1u);
+  EXPECT_EQ(ToString(tried_.back().verdict), "ambiguous");
+}
+
 TEST_F(RelocaliserTest, ExcludedMapIsNotSearched) {
   colon_.AddWall(0.0, 12.0, 4000);
   colon_.AddMap(&atlas_, 0.0, 8.0, 30, map_from_world_);

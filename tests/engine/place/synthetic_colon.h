@@ -60,13 +60,13 @@ class SyntheticColon {
     return first;
   }
   // A copy of `count` landmarks from `first`, `offset` farther along, that looks the same but is another wall; the
-  // landmarks are displaced by up to `jitter`.
-  int AddTwin(int first, int count, double offset, double jitter) {
+  // landmarks are displaced by up to `jitter`. Not even the descriptors of an indistinguishable one differ.
+  int AddTwin(int first, int count, double offset, double jitter, bool is_indistinguishable = false) {
     const int twin = static_cast<int>(landmarks_.size());
     for (int i = first; i < first + count; ++i) {
       Landmark landmark = landmarks_[i];
       landmark.position += Eigen::Vector3d(0, 0, offset) + rng_.Uniform(0.0, jitter) * RandomDirection(rng_);
-      landmark.appearance.landmark_id = static_cast<std::uint32_t>(landmarks_.size()) + 1;
+      if (!is_indistinguishable) landmark.appearance.landmark_id = static_cast<std::uint32_t>(landmarks_.size()) + 1;
       landmarks_.push_back(landmark);
     }
     return twin;

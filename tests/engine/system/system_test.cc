@@ -62,6 +62,19 @@ class Procedure {
     }
     source_.AddFrame(TimePoint(kPeriod * index));
   }
+  // What is seen from z, but of every `num_apart` landmarks only one where it should be: another wall that looks alike.
+  void AddAlike(double z, int num_apart) {
+    const auto index = static_cast<std::uint32_t>(truth_.size());
+    Add(z);
+    std::vector<ScriptedFeature> features = See(truth_.back());
+    for (std::size_t i = 0; i < features.size(); ++i) {
+      if (i % num_apart == 0) continue;
+      const ScriptedFeature& other = features[(i + features.size() / 2) % features.size()];
+      features[i].keypoint.x_px = other.keypoint.x_px;
+      features[i].keypoint.y_px = other.keypoint.y_px;
+    }
+    device_.SetFrame(index, features);
+  }
   void Move(double from, double to, int num_frames) {
     for (int i = 0; i < num_frames; ++i) Add(from + (to - from) * i / (num_frames - 1));
   }
@@ -208,6 +221,23 @@ TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {
   EXPECT_EQ(procedure.results()[75].reason, TrackingReason::kFewFeatures);
   EXPECT_EQ(procedure.results()[90].reason, TrackingReason::kRelocalised);
   EXPECT_EQ(procedure.results()[90].map_id, procedure.results()[74].map_id);
+}
+
+// One landmark in twelve agrees with a pose, and these are more than a pose needs; the others contradict it.
+TEST(System, WallThatIsOnlyAlikeIsNotTakenForTheMap) {
+  RecordProperty("req", "TRK-001");
+  for (const bool has_gate : {true, false}) {
+    EngineConfig config = test::SmallEngineConfig();
+    if (!has_gate) config.place.relocalisation.min_match_share = 0.0;
+    Procedure procedure(config);
+    procedure.Move(0.0, 3.0, 75);
+    procedure.Occlude(5);
+    for (int i = 0; i < 5; ++i) procedure.AddAlike(3.0, 12);
+    procedure.Run();
+    const bool is_placed = std::any_of(procedure.results().begin() + 80, procedure.results().end(),
+                                       [](const FrameResult& r) { return r.state == TrackingState::kTracking; });
+    EXPECT_NE(is_placed, has_gate);
+  }
 }
 
 // The third stretch shows what the stored map holds; the map tracked last holds nothing of it.

@@ -2,38 +2,87 @@
 // <rig><camera><camera_model type=".."> with <width>, <height> and <params> [ a; b; .. ] in the order that the type's
 // name gives.
 #include <algorithm>
+#include <cstddef>
+#include <pugixml.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "capture/calibration/formats.h"
-#include "capture/calibration/xml_elements.h"
 #include "capture/number.h"
 
 namespace haustra::capture::internal {
 namespace {
 
-std::string Where(const std::string& path, const XmlElement& element) {
-  return path + ":" + std::to_string(element.line) + ": <" + element.name + ">";
+// Of a place in the file, from 1.
+std::string LineOf(std::string_view text, std::ptrdiff_t offset) {
+  const auto end = text.begin() + std::clamp<std::ptrdiff_t>(offset, 0, std::ssize(text));
+  return std::to_string(1 + std::count(text.begin(), end, '\n'));
 }
 
-// The one child of this name; the files that are read hold one camera, so a flat list is enough.
-Result<const XmlElement*> FindOne(const std::string& path, const std::vector<XmlElement>& elements,
-                                  std::string_view name) {
-  const XmlElement* found = nullptr;
-  for (const XmlElement& element : elements) {
-    if (element.name != name) continue;
-    if (found != nullptr) {
-      return InvalidArgument(Where(path, element) + " comes twice; rigs with more than one camera are not supported");
-    }
-    found = &element;
+struct Element {
+  std::string text;   // directly inside it, comments left out
+  std::string type;   // its attribute of this name
+  std::string where;  // for messages
+};
+
+// The one element of this name, wherever it is; the files that are read hold one camera.
+class OneElement final : public pugi::xml_tree_walker {
+ public:
+  explicit OneElement(std::string_view name) : name_(name) {}
+  bool for_each(pugi::xml_node& node) override {
+    if (node.type() != pugi::node_element || node.name() != name_) return true;
+    if (found_) second_ = node;
+    if (!found_) found_ = node;
+    return !second_;
   }
-  if (found == nullptr)
-    return InvalidArgument(path + ": no <" + std::string(name) + ">; this is not a Calibu camera rig");
-  return found;
-}
+  pugi::xml_node found() const { return found_; }
+  pugi::xml_node second() const { return second_; }
+
+ private:
+  std::string_view name_;
+  pugi::xml_node found_, second_;
+};
+
+class Rig {
+ public:
+  Rig(const std::string& path, std::string_view text) : path_(path), text_(text) {}
+
+  // kInvalidArgument: not well formed.
+  Status Parse() {
+    const pugi::xml_parse_result result =
+        document_.load_buffer(text_.data(), text_.size(), pugi::parse_default, pugi::encoding_utf8);
+    if (result) return Status::Ok();
+    return InvalidArgument(path_ + ":" + LineOf(text_, result.offset) + ": not valid XML: " + result.description());
+  }
+
+  Result<Element> One(std::string_view name) {
+    OneElement search(name);
+    document_.traverse(search);
+    if (search.second()) {
+      return InvalidArgument(Where(search.second()) + " comes twice; rigs with more than one camera are not supported");
+    }
+    const pugi::xml_node node = search.found();
+    if (!node) return InvalidArgument(path_ + ": no <" + std::string(name) + ">; this is not a Calibu camera rig");
+    Element element{"", node.attribute("type").value(), Where(node)};
+    for (const pugi::xml_node& child : node.children()) {
+      if (child.type() == pugi::node_pcdata) element.text += child.value();
+    }
+    return element;
+  }
+
+ private:
+  std::string Where(const pugi::xml_node& node) const {
+    return path_ + ":" + LineOf(text_, node.offset_debug()) + ": <" + node.name() + ">";
+  }
+
+  const std::string& path_;
+  std::string_view text_;
+  pugi::xml_document document_;
+};
 
 // "[ 717.2; 717.5 ]": numbers between brackets, separated by semicolons, commas or spaces.
-Result<std::vector<double>> ParseList(const std::string& path, const XmlElement& element) {
+Result<std::vector<double>> ParseList(const Element& element) {
   std::vector<double> numbers;
   std::string word;
   for (const char c : element.text + " ") {
@@ -46,7 +95,7 @@ Result<std::vector<double>> ParseList(const std::string& path, const XmlElement&
     if (word.empty()) continue;
     const Result<double> number = ParseDouble(word);
     if (!number.ok()) {
-      return InvalidArgument(Where(path, element) + " number " + std::to_string(numbers.size() + 1) + ": " +
+      return InvalidArgument(element.where + " number " + std::to_string(numbers.size() + 1) + ": " +
                              number.status().message());
     }
     numbers.push_back(*number);
@@ -55,26 +104,27 @@ Result<std::vector<double>> ParseList(const std::string& path, const XmlElement&
   return numbers;
 }
 
-Result<int> ParseSide(const std::string& path, const std::vector<XmlElement>& elements, std::string_view name) {
-  HAUSTRA_ASSIGN(const XmlElement* element, FindOne(path, elements, name));
-  HAUSTRA_ASSIGN(const std::vector<double> numbers, ParseList(path, *element));
+Result<int> ParseSide(Rig* rig, std::string_view name) {
+  HAUSTRA_ASSIGN(const Element element, rig->One(name));
+  HAUSTRA_ASSIGN(const std::vector<double> numbers, ParseList(element));
   const bool is_side = numbers.size() == 1 && numbers[0] >= kMinImageSidePx && numbers[0] <= kMaxImageSidePx &&
                        numbers[0] == static_cast<int>(numbers[0]);
   if (is_side) return static_cast<int>(numbers[0]);
-  return InvalidArgument(Where(path, *element) + " is not one number of pixels, " + std::to_string(kMinImageSidePx) +
-                         " to " + std::to_string(kMaxImageSidePx));
+  return InvalidArgument(element.where + " is not one number of pixels, " + std::to_string(kMinImageSidePx) + " to " +
+                         std::to_string(kMaxImageSidePx));
 }
 
 }  // namespace
 
 Result<CameraCalibration> ReadCalibuFormat(const std::string& path, std::string_view text) {
-  HAUSTRA_ASSIGN(const std::vector<XmlElement> elements, ParseXml(path, text));
-  HAUSTRA_ASSIGN(const XmlElement* model, FindOne(path, elements, "camera_model"));
-  HAUSTRA_ASSIGN(const XmlElement* params, FindOne(path, elements, "params"));
-  HAUSTRA_ASSIGN(const std::vector<double> values, ParseList(path, *params));
+  Rig rig(path, text);
+  HAUSTRA_TRY(rig.Parse());
+  HAUSTRA_ASSIGN(const Element model, rig.One("camera_model"));
+  HAUSTRA_ASSIGN(const Element params, rig.One("params"));
+  HAUSTRA_ASSIGN(const std::vector<double> values, ParseList(params));
 
   CameraCalibration calibration;
-  const std::string type = model->Attribute("type");
+  const std::string type = model.type;
   // Positions of the coefficients after the first four (or two) numbers, in the order of hal/camera_calibration.h.
   std::vector<std::size_t> slots;
   std::size_t num_intrinsics = 4;
@@ -94,13 +144,13 @@ Result<CameraCalibration> ReadCalibuFormat(const std::string& path, std::string_
     num_intrinsics = 2;
     slots = {0, 1, 2, 3, 4, 5, 6};  // its e f g are our c d e
   } else {
-    return InvalidArgument(Where(path, *model) + " has type '" + type +
+    return InvalidArgument(model.where + " has type '" + type +
                            "'; supported: calibu_fu_fv_u0_v0 and that with _k1_k2, _k1_k2_k3 or _kb4, "
                            "ocamcalib_cx_cy_a0_a2_a3_a4_e_f_g");
   }
   if (values.size() != num_intrinsics + slots.size()) {
-    return InvalidArgument(Where(path, *params) + " holds " + std::to_string(values.size()) + " numbers; type '" +
-                           type + "' has " + std::to_string(num_intrinsics + slots.size()));
+    return InvalidArgument(params.where + " holds " + std::to_string(values.size()) + " numbers; type '" + type +
+                           "' has " + std::to_string(num_intrinsics + slots.size()));
   }
 
   if (num_intrinsics == 4) {
@@ -110,10 +160,10 @@ Result<CameraCalibration> ReadCalibuFormat(const std::string& path, std::string_
   calibration.cx = values[num_intrinsics - 2];
   calibration.cy = values[num_intrinsics - 1];
   for (std::size_t i = 0; i < slots.size(); ++i) calibration.coefficients[slots[i]] = values[num_intrinsics + i];
-  HAUSTRA_ASSIGN(calibration.width_px, ParseSide(path, elements, "width"));
-  HAUSTRA_ASSIGN(calibration.height_px, ParseSide(path, elements, "height"));
-  HAUSTRA_TRY(CheckCalibration(
-      calibration, [&](std::string_view field) { return Where(path, *params) + ": " + std::string(field); }));
+  HAUSTRA_ASSIGN(calibration.width_px, ParseSide(&rig, "width"));
+  HAUSTRA_ASSIGN(calibration.height_px, ParseSide(&rig, "height"));
+  HAUSTRA_TRY(
+      CheckCalibration(calibration, [&](std::string_view field) { return params.where + ": " + std::string(field); }));
   return calibration;
 }
 

@@ -1,4 +1,4 @@
-// libjpeg-turbo behind a Status. Bytes in memory only; messages do not name a file, the caller adds it. reentrant.
+// TurboJPEG behind a Status. Bytes in memory only; messages do not name a file, the caller adds it. reentrant.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 namespace haustra::capture::internal {
 
 bool IsJpeg(std::span<const std::uint8_t> bytes);
-// kDataLoss also for what libjpeg only warns of: a file cut short or with bad entropy codes decodes to grey or shifted
-// blocks, which look like a scene to everything downstream.
+// kDataLoss also for what the library only warns of: a file cut short or with bad entropy codes decodes to grey or
+// shifted blocks, which look like a scene to everything downstream.
 Status DecodeJpeg(std::span<const std::uint8_t> bytes, ChannelChoice channels, Image* image);
 Result<ImageSize> DecodeJpegSize(std::span<const std::uint8_t> bytes);
 Status EncodeJpeg(ImageView image, int quality, std::vector<std::uint8_t>* bytes);

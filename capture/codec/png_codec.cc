@@ -7,8 +7,9 @@
 #include <cstring>
 #include <string>
 
-// libpng reports errors by a call that must not return. It jumps back to the setjmp of the function that called libpng,
-// and no object with a destructor lives in those functions: everything that needs cleaning up belongs to their callers.
+// Reading has its reasons not to use the simplified interface (../decisions/2026-11-23-png-as-stored.md), and errors
+// are reported by a call that must not return. It jumps back to the setjmp of the function that called libpng, and no
+// object with a destructor lives in those functions: everything that needs cleaning up belongs to their callers.
 
 namespace haustra::capture::internal {
 namespace {
@@ -16,7 +17,6 @@ namespace {
 struct PngIo {
   std::span<const std::uint8_t> input;
   std::size_t position = 0;
-  std::vector<std::uint8_t>* output = nullptr;
   char error[200] = "";
 };
 
@@ -36,17 +36,6 @@ void ReadBytes(png_structp png, png_bytep data, png_size_t size) {
   io->position += size;
 }
 
-void WriteBytes(png_structp png, png_bytep data, png_size_t size) {
-  auto* io = static_cast<PngIo*>(png_get_io_ptr(png));
-  try {
-    io->output->insert(io->output->end(), data, data + size);
-  } catch (...) {
-    png_error(png, "out of memory");
-  }
-}
-
-void FlushBytes(png_structp) {}
-
 class ReadHandle {
  public:
   explicit ReadHandle(PngIo* io)
@@ -55,24 +44,6 @@ class ReadHandle {
   ~ReadHandle() { png_destroy_read_struct(&png_, &info_, nullptr); }
   ReadHandle(const ReadHandle&) = delete;
   ReadHandle& operator=(const ReadHandle&) = delete;
-
-  bool is_valid() const { return info_ != nullptr; }
-  png_structp png() const { return png_; }
-  png_infop info() const { return info_; }
-
- private:
-  png_structp png_;
-  png_infop info_;
-};
-
-class WriteHandle {
- public:
-  explicit WriteHandle(PngIo* io)
-      : png_(png_create_write_struct(PNG_LIBPNG_VER_STRING, io, OnError, OnWarning)),
-        info_(png_ == nullptr ? nullptr : png_create_info_struct(png_)) {}
-  ~WriteHandle() { png_destroy_write_struct(&png_, &info_); }
-  WriteHandle(const WriteHandle&) = delete;
-  WriteHandle& operator=(const WriteHandle&) = delete;
 
   bool is_valid() const { return info_ != nullptr; }
   png_structp png() const { return png_; }
@@ -105,20 +76,6 @@ bool ReadRows(png_structp png, png_bytepp rows) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
   png_read_image(png, rows);
   png_read_end(png, nullptr);
-  return true;
-}
-
-bool WriteAll(png_structp png, png_infop info, PngIo* io, const ImageView& image, png_bytepp rows) {
-  if (setjmp(png_jmpbuf(png)) != 0) return false;
-  png_set_write_fn(png, io, WriteBytes, FlushBytes);
-  const int color_type = image.format == PixelFormat::kGrey8 ? PNG_COLOR_TYPE_GRAY : PNG_COLOR_TYPE_RGB;
-  png_set_IHDR(png, info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height), 8, color_type,
-               PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
-  png_set_compression_level(png, 4);
-  png_write_info(png, info);
-  png_set_bgr(png);
-  png_write_image(png, rows);
-  png_write_end(png, info);
   return true;
 }
 
@@ -174,17 +131,19 @@ Result<ImageSize> DecodePngSize(std::span<const std::uint8_t> bytes) {
 }
 
 Status EncodePng(ImageView image, std::vector<std::uint8_t>* bytes) {
-  bytes->clear();
-  PngIo io;
-  io.output = bytes;
-  const WriteHandle handle(&io);
-  if (!handle.is_valid()) return Internal("libpng cannot start");
-  std::vector<png_bytep> rows(static_cast<std::size_t>(image.height));
-  // libpng takes rows to write as mutable pointers and does not change them.
-  for (int y = 0; y < image.height; ++y) rows[static_cast<std::size_t>(y)] = const_cast<png_bytep>(image.row(y));
-  if (!WriteAll(handle.png(), handle.info(), &io, image, rows.data())) {
-    return Internal(std::string("PNG not written: ") + io.error);
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  png.width = static_cast<png_uint_32>(image.width);
+  png.height = static_cast<png_uint_32>(image.height);
+  png.format = image.format == PixelFormat::kGrey8 ? PNG_FORMAT_GRAY : PNG_FORMAT_BGR;
+  png.flags = PNG_IMAGE_FLAG_FAST;  // a recording must keep up with its camera
+  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(png);
+  bytes->resize(size);
+  if (png_image_write_to_memory(&png, bytes->data(), &size, 0, image.data, static_cast<png_int_32>(image.pitch_bytes),
+                                nullptr) == 0) {
+    return Internal(std::string("PNG not written: ") + png.message);
   }
+  bytes->resize(size);
   return Status::Ok();
 }
 

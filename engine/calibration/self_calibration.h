@@ -35,8 +35,9 @@ struct Residual {
 
 struct CalibrationEstimate {
   Intrinsics intrinsics;
-  IntrinsicVector sigma;  // standard deviations, from the spread over windows and from the noise, the larger
-  int num_windows = 0;    // that had a say
+  // Standard deviations, from the spread over windows and from the noise, the larger.
+  IntrinsicVector sigma = IntrinsicVector::Zero();
+  int num_windows = 0;  // that had a say
   int num_windows_offered = 0;
   int num_points = 0;
   double rms_px = 0.0;

@@ -46,7 +46,7 @@ BruteForceMatcher::BruteForceMatcher(int max_list, const FeatureSetPool& sets, S
   train_inverse_norms_ = AlignedBuffer<float>(num_train);
   train_is_valid_ = AlignedBuffer<std::int32_t>(num_train);
   train_gates_ = AlignedBuffer<GateBlock>(num_train / kTrainBlock);
-  results_ = AlignedBuffer<TopTwo>(num_queries);
+  results_ = AlignedBuffer<TwoNearest>(num_queries);
   query_bytes_.SetZero();
   train_best_similarity_.reserve(pool.num_threads());
   train_best_query_.reserve(pool.num_threads());
@@ -66,7 +66,7 @@ std::size_t BruteForceMatcher::BytesFor(int max_list, int num_threads) {
          Bytes::BytesFor(num_queries) + AlignedBuffer<GatePoint>::BytesFor(num_queries) +
          Bytes::BytesFor(num_train * kDescriptorBytes) + Integers::BytesFor(num_train) + Floats::BytesFor(num_train) +
          Integers::BytesFor(num_train) + AlignedBuffer<GateBlock>::BytesFor(num_train / kTrainBlock) +
-         AlignedBuffer<TopTwo>::BytesFor(num_queries) +
+         AlignedBuffer<TwoNearest>::BytesFor(num_queries) +
          num_threads *
              (sizeof(Floats) + sizeof(Integers) + Floats::BytesFor(num_train) + Integers::BytesFor(num_train));
 }
@@ -224,7 +224,7 @@ int BruteForceMatcher::Match(const MatchRequest& request) {
 
   int num_matches = 0;
   for (int i = 0; i < num_queries; ++i) {
-    const TopTwo& top = results_[i];
+    const TwoNearest& top = results_[i];
     if (top.best_idx < 0 || !IsAccepted(top.best, top.second, request.options)) continue;
     if (is_mutual && train_best_query_[0][top.best_idx] != i) continue;
     request.matches[num_matches++] = {i, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};

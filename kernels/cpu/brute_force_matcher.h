@@ -54,7 +54,7 @@ class BruteForceMatcher {
   AlignedBuffer<float> train_inverse_norms_;
   AlignedBuffer<std::int32_t> train_is_valid_;
   AlignedBuffer<GateBlock> train_gates_;
-  AlignedBuffer<TopTwo> results_;
+  AlignedBuffer<TwoNearest> results_;
   // Of each range of queries, then joined into the first.
   std::vector<AlignedBuffer<float>> train_best_similarity_;
   std::vector<AlignedBuffer<std::int32_t>> train_best_query_;

@@ -22,7 +22,7 @@ GuidedMatcher::GuidedMatcher(const VisionPlan& plan, const FeatureSetPool& sets,
       owners_(plan.max_features) {}
 
 std::size_t GuidedMatcher::BytesFor(const VisionPlan& plan) {
-  return AlignedBuffer<TopTwo>::BytesFor(plan.max_match_list) +
+  return AlignedBuffer<TwoNearest>::BytesFor(plan.max_match_list) +
          AlignedBuffer<std::int32_t>::BytesFor(plan.max_features);
 }
 
@@ -31,9 +31,9 @@ void GuidedMatcher::Prefault() {
   owners_.SetZero();
 }
 
-TopTwo GuidedMatcher::MatchOne(const GuidedQuery& query, const FeatureSet& train,
-                               const GuidedMatchRequest& request) const {
-  TopTwo top;
+TwoNearest GuidedMatcher::MatchOne(const GuidedQuery& query, const FeatureSet& train,
+                                   const GuidedMatchRequest& request) const {
+  TwoNearest top;
   const FeatureSet* set = sets_.Get(query.descriptor.set);
   const int feature = query.descriptor.feature_idx;
   if (set == nullptr || feature < 0 || feature >= set->num_features) return top;
@@ -86,7 +86,7 @@ int GuidedMatcher::Match(const GuidedMatchRequest& request) {
 
   std::fill_n(owners_.data(), train.num_features, -1);
   for (int i = 0; i < num_queries; ++i) {
-    TopTwo& top = results_[i];
+    TwoNearest& top = results_[i];
     if (top.best_idx < 0 || !IsAccepted(top.best, top.second, request.options)) {
       top.best_idx = -1;
       continue;
@@ -96,7 +96,7 @@ int GuidedMatcher::Match(const GuidedMatchRequest& request) {
   }
   int num_matches = 0;
   for (int i = 0; i < num_queries; ++i) {
-    const TopTwo& top = results_[i];
+    const TwoNearest& top = results_[i];
     if (top.best_idx < 0 || owners_[top.best_idx] != i) continue;
     request.matches[num_matches++] = {i, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};
   }

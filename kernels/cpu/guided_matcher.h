@@ -27,13 +27,13 @@ class GuidedMatcher {
   int Match(const GuidedMatchRequest& request);
 
  private:
-  TopTwo MatchOne(const GuidedQuery& query, const FeatureSet& train, const GuidedMatchRequest& request) const;
+  TwoNearest MatchOne(const GuidedQuery& query, const FeatureSet& train, const GuidedMatchRequest& request) const;
 
   const FeatureSetPool& sets_;
   const MatchKernels& kernels_;
   LanePool& pool_;
   Lane lane_;
-  AlignedBuffer<TopTwo> results_;
+  AlignedBuffer<TwoNearest> results_;
   AlignedBuffer<std::int32_t> owners_;  // query that holds each feature of the train set
 };
 

@@ -59,7 +59,7 @@ struct GateOptions {
 };
 
 // Best and second best train descriptor of a query; -1: none admissible. Ties go to the lower index.
-struct TopTwo {
+struct TwoNearest {
   float best = -1.0f;
   float second = -1.0f;
   std::int32_t best_idx = -1;
@@ -76,7 +76,7 @@ struct MatchKernels {
   // float(product) * (inverse norm of the query * inverse norm of the train descriptor).
   // `train_best` (optional: similarity == nullptr) is updated with the queries in ascending order.
   void (*MatchQueries)(const QueryList& queries, int begin, int end, const TrainBlocks& train, const GateOptions& gate,
-                       TopTwo* results, const TrainBest& train_best);
+                       TwoNearest* results, const TrainBest& train_best);
   // Exact product of two descriptors of 128 bytes.
   std::int32_t (*Dot)(const std::uint8_t* a, const std::uint8_t* b);
 };

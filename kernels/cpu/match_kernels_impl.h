@@ -37,14 +37,14 @@ inline VecI Admissible(const GatePoint& query, const GateBlock& train, const Gat
   return mask;
 }
 
-struct LaneTopTwo {
+struct LaneTwoNearest {
   alignas(64) float best[kTrainBlock];
   alignas(64) float second[kTrainBlock];
   alignas(64) std::int32_t best_idx[kTrainBlock];
 };
 
-inline TopTwo Reduce(const LaneTopTwo& lanes) {
-  TopTwo top;
+inline TwoNearest Reduce(const LaneTwoNearest& lanes) {
+  TwoNearest top;
   for (int i = 0; i < kTrainBlock; ++i) {
     const float best = lanes.best[i];
     const bool is_better = best > top.best || (best == top.best && best >= 0.0f && lanes.best_idx[i] < top.best_idx);
@@ -60,15 +60,15 @@ inline TopTwo Reduce(const LaneTopTwo& lanes) {
 }
 
 void MatchQueries(const QueryList& queries, int begin, int end, const TrainBlocks& train, const GateOptions& gate,
-                  TopTwo* results, const TrainBest& train_best) {
+                  TwoNearest* results, const TrainBest& train_best) {
   const bool has_gate = train.gates != nullptr;
   alignas(64) std::int32_t lane_numbers[kTrainBlock];
   for (int i = 0; i < kTrainBlock; ++i) lane_numbers[i] = i;
   const VecF none = Splat(-1.0f);
   for (int tile = begin; tile < end; tile += kQueryTile) {
     const int num_queries = end - tile < kQueryTile ? end - tile : kQueryTile;
-    LaneTopTwo tops[kQueryTile];
-    for (LaneTopTwo& top : tops) {
+    LaneTwoNearest tops[kQueryTile];
+    for (LaneTwoNearest& top : tops) {
       for (int i = 0; i < kTrainBlock; ++i) {
         top.best[i] = -1.0f;
         top.second[i] = -1.0f;
@@ -82,7 +82,7 @@ void MatchQueries(const QueryList& queries, int begin, int end, const TrainBlock
       for (int q = 0; q < num_queries; ++q) {
         const int query = tile + q;
         if (!queries.is_valid[query]) continue;
-        LaneTopTwo& top = tops[q];
+        LaneTwoNearest& top = tops[q];
         for (int v = 0; v < kVectors; ++v) {
           const int lane = v * kLanes;
           const int train_lane = b * kTrainBlock + lane;

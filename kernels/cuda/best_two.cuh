@@ -37,7 +37,7 @@ __device__ __forceinline__ void FindSimilarities(const int (&sums)[2][4][4], con
 // Whether any of a part may be above the second best of its row. Most need no more than a bound to be told: the product
 // times the norm of the train descriptor, rounded once.
 __device__ __forceinline__ bool MayEnter(const int (&sums)[2][4][4], const float* query_norms, const float* train_norms,
-                                         const TopTwo& top) {
+                                         const TwoNearest& top) {
   const int lane = threadIdx.x % 32;
   float bounds[4] = {};
 #pragma unroll
@@ -66,7 +66,7 @@ __device__ __forceinline__ bool MayEnter(const int (&sums)[2][4][4], const float
 // best is in it, too, or is the second highest maximum. So all but one group need no more than that.
 template <int kParts>
 __device__ __forceinline__ void Enter(const float (&values)[kParts][4][8], int first_column, float* slots,
-                                      TopTwo& top) {
+                                      TwoNearest& top) {
   const int lane = threadIdx.x % 32;
   float maxima[kParts][4];
   float best[4];

@@ -62,7 +62,7 @@ __device__ __forceinline__ unsigned long long ColumnKey(float similarity, int qu
 // The results of a tile to the host, a query to a thread; threads beyond have a rejected one. By all threads of a
 // block. Fewer bytes take less time, most of all to read on the host. Each is written at once, with its mark: nothing
 // has to wait until host memory has it, which takes 2 us.
-__device__ void WriteResults(const MatchJob& job, int tile, TopTwo top) {
+__device__ void WriteResults(const MatchJob& job, int tile, TwoNearest top) {
   constexpr int kWarps = kMatchTile / 32;
   __shared__ int counts[kWarps];
   const int thread = threadIdx.x;
@@ -105,7 +105,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   float* query_norms = reinterpret_cast<float*>(shared + SharedLayout::kQueryNorms);
   unsigned long long* column_best = reinterpret_cast<unsigned long long*>(shared + SharedLayout::kColumnBest);
   float* query_gates = reinterpret_cast<float*>(shared + SharedLayout::kQueryGates);
-  TopTwo* join = reinterpret_cast<TopTwo*>(shared + SharedLayout::kJoin);
+  TwoNearest* join = reinterpret_cast<TwoNearest*>(shared + SharedLayout::kJoin);
 
   WaitForKernelBefore();
   const int thread = threadIdx.x;
@@ -186,8 +186,8 @@ __global__ void __launch_bounds__(kThreads, 2)
   }
 
   const float* norms_of_warp = query_norms + warp_row * 32;
-  TopTwo row_top;  // plain: of row `lane` of the warp's 32
-  TopTwo tops[4];  // otherwise: of rows 8 * r + lane / 4
+  TwoNearest row_top;  // plain: of row `lane` of the warp's 32
+  TwoNearest tops[4];  // otherwise: of rows 8 * r + lane / 4
   float norms_of_rows[4];
   // Nothing gets past this; never looked at.
   if (norms_of_warp[lane] < 0.0f) row_top.second = 2.0f;
@@ -352,7 +352,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   WaitForCopies<0>();
 
   // Four lanes of a row, then the two warps of a row.
-  TopTwo* rows = join + warp_row * 32;
+  TwoNearest* rows = join + warp_row * 32;
   if constexpr (kPlain) {
     if (warp_column == 1) rows[lane] = row_top;
   } else {
@@ -370,7 +370,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   }
   __syncthreads();
   const int padded_queries = gridDim.x * kQueryTile;
-  const auto hand_over = [&](int row, TopTwo top) {
+  const auto hand_over = [&](int row, TwoNearest top) {
     Join(top, rows[row].best, rows[row].second, rows[row].best_idx);
     work.partial[static_cast<std::size_t>(blockIdx.y) * padded_queries + blockIdx.x * kQueryTile + warp_row * 32 +
                  row] = top;
@@ -385,7 +385,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   }
 
   if (!IsLastPart(&work.counters[1 + query_tile], gridDim.y)) return;
-  TopTwo top;
+  TwoNearest top;
   if (thread < kQueryTile) {
     const int query = first_query + thread;
     if (query < job.query.size && query_norms[thread] >= 0.0f) {
@@ -417,7 +417,7 @@ __global__ void __launch_bounds__(kMatchTile)
     MutualKernel(const __grid_constant__ MatchJob job, const __grid_constant__ MatchWork work) {
   WaitForKernelBefore();
   const int query = blockIdx.x * kMatchTile + threadIdx.x;
-  TopTwo top;
+  TwoNearest top;
   if (query < job.query.size) {
     const int4 raw = __ldcg(reinterpret_cast<const int4*>(work.merged) + query);
     top = {__int_as_float(raw.x), __int_as_float(raw.y), raw.z, raw.w};

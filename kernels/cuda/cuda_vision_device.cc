@@ -35,12 +35,12 @@ TimePoint Now() {
 std::size_t AlignUp(std::size_t size, std::size_t alignment) { return (size + alignment - 1) / alignment * alignment; }
 
 // The answer of the device to one query, judged for good.
-bool IsMatch(const TopTwo& top, const MatchOptions& options) {
+bool IsMatch(const TwoNearest& top, const MatchOptions& options) {
   const std::uint32_t state = static_cast<std::uint32_t>(top.state) & kStateMask;
   return state == kAccepted || (state == kBorderline && IsAccepted(top.best, top.second, options));
 }
 
-Match ToMatch(std::int32_t query, const TopTwo& top) {
+Match ToMatch(std::int32_t query, const TwoNearest& top) {
   return {query, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};
 }
 
@@ -71,8 +71,8 @@ struct Work {
   // Input of matching is put together here, and copied to the device in one piece.
   std::uint8_t* input = nullptr;
   std::uint8_t* device_input = nullptr;
-  TopTwo* results = nullptr;
-  TopTwo* device_results = nullptr;
+  TwoNearest* results = nullptr;
+  TwoNearest* device_results = nullptr;
   DoneWord* own_word = nullptr;  // of guided matching
   DoneWord* device_word = nullptr;
 };
@@ -182,7 +182,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     mask_width_ = mask.is_empty() ? 0 : mask.width;
     mask_height_ = mask.is_empty() ? 0 : mask.height;
     for (LaneState& lane : lanes_) {
-      if (lane.extractor != nullptr) HAUSTRA_TRY(Lose(lane.extractor->SetStaticMask(mask)));
+      if (lane.extractor != nullptr) HAUSTRA_TRY(RecordLoss(lane.extractor->SetStaticMask(mask)));
     }
     return Status::Ok();
   }
@@ -213,7 +213,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (status.ok()) status = ToStatus(cudaEventRecord(state.extraction.done, state.stream), "event");
     if (!status.ok()) {
       slots_.AbandonWrite(request.set);
-      return Lose(status);
+      return RecordLoss(status);
     }
     Work& work = state.extraction;
     // One owner more until the work is done: the caller may release the set before, and its slot must not be reused.
@@ -244,7 +244,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (work->num_queries > 0 && work->num_train > 0) {
       if (const Status status = LaunchMatch(state, request, *work); !status.ok()) {
         work->kind = WorkKind::kNone;
-        return Lose(status);
+        return RecordLoss(status);
       }
     }
     return TicketOf(lane, work->number);
@@ -266,7 +266,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (work->num_queries > 0 && work->num_train > 0) {
       if (const Status status = LaunchGuidedMatch(state, request, *work); !status.ok()) {
         work->kind = WorkKind::kNone;
-        return Lose(status);
+        return RecordLoss(status);
       }
     }
     return TicketOf(lane, work->number);
@@ -305,9 +305,9 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     const std::lock_guard lock(utility_mutex_);
     const std::uint8_t* from =
         sets_.descriptors + static_cast<std::size_t>(handle.index) * plan_.max_features * kDescriptorBytes;
-    HAUSTRA_TRY(Lose(ToStatus(cudaMemcpyAsync(out.data(), from, num_bytes, cudaMemcpyDeviceToHost, utility_stream_),
-                              "reading descriptors")));
-    return Lose(ToStatus(cudaStreamSynchronize(utility_stream_), "reading descriptors"));
+    HAUSTRA_TRY(RecordLoss(ToStatus(
+        cudaMemcpyAsync(out.data(), from, num_bytes, cudaMemcpyDeviceToHost, utility_stream_), "reading descriptors")));
+    return RecordLoss(ToStatus(cudaStreamSynchronize(utility_stream_), "reading descriptors"));
   }
 
   Status WriteFeatures(FeatureSetHandle handle, std::span<const Keypoint> keypoints,
@@ -322,7 +322,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     }
     if (const Status status = CopyFeatures(handle.index, keypoints, descriptors); !status.ok()) {
       slots_.AbandonWrite(handle);
-      return Lose(status);
+      return RecordLoss(status);
     }
     slots_.Publish(handle, static_cast<std::int32_t>(keypoints.size()));
     return Status::Ok();
@@ -387,7 +387,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (graph != nullptr) (void)cudaGraphDestroy(graph);
     if (begin != nullptr) (void)cudaEventDestroy(begin);
     if (end != nullptr) (void)cudaEventDestroy(end);
-    HAUSTRA_TRY(Lose(ToStatus(error, "measurement of matching")));
+    HAUSTRA_TRY(RecordLoss(ToStatus(error, "measurement of matching")));
     std::sort(times.begin(), times.end());
     *median_us = times[times.size() / 2];
     *p99_us = times[times.size() * 99 / 100];
@@ -396,7 +396,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
 
   Status MeasureLimits(DeviceLimits* limits) override {
     HAUSTRA_TRY(Select());
-    return Lose(ToStatus(MeasureDeviceLimits(limits), "measurement of the device's limits"));
+    return RecordLoss(ToStatus(MeasureDeviceLimits(limits), "measurement of the device's limits"));
   }
 
  private:
@@ -465,11 +465,11 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   // Makes the device current for the calling thread; refuses when it was lost.
   Status Select() {
     if (is_lost_.load(std::memory_order_relaxed)) return Unavailable("CUDA device lost by an earlier error");
-    return Lose(ToStatus(cudaSetDevice(device_options_.device), "selection of the device"));
+    return RecordLoss(ToStatus(cudaSetDevice(device_options_.device), "selection of the device"));
   }
 
   // Remembers when the device is gone.
-  Status Lose(Status status) {
+  Status RecordLoss(Status status) {
     if (status.code() == StatusCode::kUnavailable) is_lost_.store(true, std::memory_order_relaxed);
     return status;
   }
@@ -484,7 +484,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     work.done_number = static_cast<std::uint32_t>(work.number);
     work.num_there = 0;
     if (work.mark == kLastMark) {  // marks begin anew: no result may have one from before
-      std::fill_n(work.results, max_list_, TopTwo{});
+      std::fill_n(work.results, max_list_, TwoNearest{});
       work.mark = 0;
     }
     ++work.mark;
@@ -538,7 +538,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
             slots_.Release(work.set);
           }
           work.kind = WorkKind::kNone;
-          return Lose(ToStatus(error, "work on the device"));
+          return RecordLoss(ToStatus(error, "work on the device"));
         }
         next_doubt = now + kDoubt;
       }
@@ -587,7 +587,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
       for (std::int32_t first = 0; first < work.num_queries; first += kMatchTile) {
         const std::int32_t end = std::min(first + kMatchTile, work.num_queries);
         for (std::int32_t i = first; i < end; ++i) {
-          const TopTwo& top = work.results[i];
+          const TwoNearest& top = work.results[i];
           const auto state = static_cast<std::uint32_t>(top.state);
           if ((state & kStateMask) == kRejected) break;
           const auto query = first + static_cast<std::int32_t>(state >> kQueryShift) % kMatchTile;
@@ -604,7 +604,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (work.num_train > 0) {
       std::fill_n(owners.begin(), work.num_train, -1);
       for (std::int32_t i = 0; i < work.num_queries; ++i) {
-        TopTwo& top = work.results[i];
+        TwoNearest& top = work.results[i];
         if (!IsMatch(top, work.options)) {
           top.best_idx = -1;
           continue;
@@ -613,7 +613,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
         if (owner < 0 || top.best > work.results[owner].best) owner = i;
       }
       for (std::int32_t i = 0; i < work.num_queries; ++i) {
-        const TopTwo& top = work.results[i];
+        const TwoNearest& top = work.results[i];
         if (top.best_idx >= 0 && owners[top.best_idx] == i) work.matches[num_matches++] = ToMatch(i, top);
       }
     }

@@ -91,8 +91,8 @@ MatchMemory DealMatchMemory(const VisionPlan& plan, MemoryDealers* dealers) {
   MatchMemory memory;
   MatchWork& work = memory.work;
   work.max_partial = MaxPartialResults(max_list, kMaxMatchBlocks);
-  work.partial = device.Deal<TopTwo>(work.max_partial);
-  work.merged = device.Deal<TopTwo>(AlignUp(list, 128));
+  work.partial = device.Deal<TwoNearest>(work.max_partial);
+  work.merged = device.Deal<TwoNearest>(AlignUp(list, 128));
   work.counters = device.Deal<std::int32_t>(NumMatchCounters(max_list));
   work.train_best = device.Deal<unsigned long long>(list);
   work.query_gates = {device.Deal<float>(kGateValues * list), max_list};
@@ -100,7 +100,7 @@ MatchMemory DealMatchMemory(const VisionPlan& plan, MemoryDealers* dealers) {
   memory.input_bytes = MaxInputBytes(plan);
   memory.input = dealers->DealMapped<std::uint8_t>(kQueueLength * memory.input_bytes).host;
   memory.device_input = device.Deal<std::uint8_t>(kQueueLength * memory.input_bytes);
-  memory.results = dealers->DealMapped<TopTwo>(kQueueLength * list);
+  memory.results = dealers->DealMapped<TwoNearest>(kQueueLength * list);
   memory.words = dealers->DealMapped<DoneWord>(kQueueLength);
   return memory;
 }

@@ -52,7 +52,7 @@ struct MatchMemory {
   std::uint8_t* input = nullptr;  // pinned
   std::uint8_t* device_input = nullptr;
   std::size_t input_bytes = 0;  // of one request
-  Mapped<TopTwo> results;       // MaxList of each request
+  Mapped<TwoNearest> results;   // MaxList of each request
   Mapped<DoneWord> words;       // one of each request
 };
 

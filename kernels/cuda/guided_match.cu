@@ -15,7 +15,7 @@ __device__ __forceinline__ void MatchQuery(const GuidedJob& job, const SetBuffer
   const int lane = threadIdx.x % 32;
   const int warp = threadIdx.x / 32;
   const GuidedRow query = job.queries[index];
-  TopTwo top;
+  TwoNearest top;
   // Negated so that NaN finds nothing.
   const bool is_usable = query.row >= 0 && query.radius_px >= 0.0f && isfinite(query.x_px) && isfinite(query.y_px);
   if (is_usable) {

@@ -6,7 +6,7 @@
 namespace haustra::kernels::cuda {
 
 // Joins two results over different train descriptors; ties go to the lower index.
-__device__ __forceinline__ void Join(TopTwo& top, float best, float second, std::int32_t best_idx) {
+__device__ __forceinline__ void Join(TwoNearest& top, float best, float second, std::int32_t best_idx) {
   if (best > top.best || (best == top.best && best_idx < top.best_idx)) {
     top.second = fmaxf(top.best, second);
     top.best = best;
@@ -16,7 +16,7 @@ __device__ __forceinline__ void Join(TopTwo& top, float best, float second, std:
   }
 }
 
-__device__ __forceinline__ MatchState Judge(const TopTwo& top, const MatchOptions& options) {
+__device__ __forceinline__ MatchState Judge(const TwoNearest& top, const MatchOptions& options) {
   if (top.best_idx < 0 || top.best < 0.0f || top.best < options.min_similarity) return kRejected;
   if (options.max_angle_ratio >= 1.0f) return kAccepted;
   // The arc cosines of two libraries differ by some 1e-7.

@@ -27,7 +27,7 @@ enum MatchState : std::int32_t { kRejected = 0, kAccepted = 1, kBorderline = 2 }
 
 // Best and second best of a query; -1: none. In the results of brute force, state has more in it: mark << kMarkShift |
 // query's place in its tile << kQueryShift | MatchState.
-struct alignas(16) TopTwo {
+struct alignas(16) TwoNearest {
   float best = -1.0f;
   float second = -1.0f;
   std::int32_t best_idx = -1;
@@ -69,11 +69,11 @@ struct GateInput {
 
 // What a lane's matching works with. Counters and train_best are zero between launches.
 struct MatchWork {
-  TopTwo* partial = nullptr;  // splits x queries, rounded up to tiles
+  TwoNearest* partial = nullptr;  // splits x queries, rounded up to tiles
   std::size_t max_partial = 0;
   std::int32_t* counters = nullptr;  // one for guided matching, then one a query tile
   unsigned long long* train_best = nullptr;
-  TopTwo* merged = nullptr;
+  TwoNearest* merged = nullptr;
   GateArrays query_gates;
   GateArrays train_gates;
 };
@@ -85,7 +85,7 @@ struct MatchJob {
   MatchOptions options;
   bool is_gated = false;
   GateInput gate;
-  TopTwo* results = nullptr;
+  TwoNearest* results = nullptr;
   std::uint32_t mark = 0;  // 1 to kLastMark
 };
 
@@ -125,7 +125,7 @@ struct GuidedJob {
   std::int32_t num_train = 0;
   const std::uint8_t* train_allowed = nullptr;  // optional
   MatchOptions options;
-  TopTwo* results = nullptr;  // mapped host memory, one a query
+  TwoNearest* results = nullptr;  // mapped host memory, one a query
   Completion done;
 };
 

@@ -89,7 +89,7 @@ void ControlServer::Serve(TimePoint now) {
   for (const auto& [id, client] : clients_) {
     if (!client.is_waiting && now - client.last_active > limits_.idle_limit) expired.push_back(id);
   }
-  for (const ClientId id : expired) PutOut(id);
+  for (const ClientId id : expired) Disconnect(id);
 }
 
 void ControlServer::Accept(TimePoint now) {
@@ -122,11 +122,11 @@ void ControlServer::Receive(ClientId id, TimePoint now) {
   const ssize_t count = ::recv(client.socket, packet.data(), packet.size(), MSG_DONTWAIT | MSG_TRUNC);
   if (count < 0 && (errno == EAGAIN || errno == EINTR)) return;
   // An empty packet looks like a closed connection, and nobody has reason to send one.
-  if (count <= 0) return PutOut(id);
+  if (count <= 0) return Disconnect(id);
   client.last_active = now;
   if (client.is_waiting) {
     ++num_malformed_;
-    return PutOut(id);  // one request at a time
+    return Disconnect(id);  // one request at a time
   }
   // MSG_TRUNC: the length that it had, which may be more than what was kept.
   const std::size_t kept = std::min(static_cast<std::size_t>(count), packet.size());
@@ -151,10 +151,10 @@ void ControlServer::Send(ClientId id, const Result<std::string>& reply) {
   const std::string text = ReplyText(reply);
   const ssize_t sent = ::send(clients_.at(id).socket, text.data(), text.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
   // One that does not read its answers gets no more of them.
-  if (sent != static_cast<ssize_t>(text.size())) PutOut(id);
+  if (sent != static_cast<ssize_t>(text.size())) Disconnect(id);
 }
 
-void ControlServer::PutOut(ClientId id) {
+void ControlServer::Disconnect(ClientId id) {
   ::close(clients_.at(id).socket);
   clients_.erase(id);
 }

@@ -21,7 +21,7 @@ namespace haustra {
 struct ControlLimits {
   int max_clients = 16;
   int max_clients_per_user = 8;                    // so that one user's programs cannot keep all others out
-  Duration idle_limit = std::chrono::seconds(30);  // a client that asks nothing for so long is put out
+  Duration idle_limit = std::chrono::seconds(30);  // a client that asks nothing for so long is disconnected
 };
 
 // Who asks, as the kernel says.
@@ -42,7 +42,7 @@ class ControlServer {
   // caller's. kNotFound: no such folder; kInvalidArgument: the path is too long for a socket; kUnavailable: others.
   static Result<std::unique_ptr<ControlServer>> Create(const std::string& path, mode_t mode, gid_t group,
                                                        const ControlLimits& limits, Handler handler);
-  // Puts out all clients and removes the name.
+  // Disconnects all clients and removes the name.
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;
   ControlServer& operator=(const ControlServer&) = delete;
@@ -70,7 +70,7 @@ class ControlServer {
   void Accept(TimePoint now);
   void Receive(ClientId id, TimePoint now);
   void Send(ClientId id, const Result<std::string>& reply);
-  void PutOut(ClientId id);
+  void Disconnect(ClientId id);
 
   std::string path_;
   int listener_;

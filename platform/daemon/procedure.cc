@@ -22,9 +22,9 @@ std::uint64_t NumChanges(const MapperCounters& counters) {
 }  // namespace
 
 Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config, std::unique_ptr<FrameSource> source,
-                                                      const Surroundings& surroundings) {
-  std::unique_ptr<Procedure> procedure(new Procedure(config, surroundings));
-  procedure->source_ = std::make_unique<SupervisedSource>(std::move(source), surroundings.clock);
+                                                      const Context& context) {
+  std::unique_ptr<Procedure> procedure(new Procedure(config, context));
+  procedure->source_ = std::make_unique<SupervisedSource>(std::move(source), context.clock);
   const CameraCalibration& calibration = procedure->source_->calibration();
   const ImageView mask = procedure->source_->static_mask();
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
@@ -38,13 +38,13 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
   HAUSTRA_ASSIGN(procedure->vocabulary_, LoadVocabularyFor(config.engine));
   procedure->engine_ = std::make_unique<Engine>(config.engine, camera, *procedure->device_, Engine::Mode::kRealTime,
-                                                &surroundings.clock, SceneShare(mask), procedure->vocabulary_.get());
+                                                &context.clock, SceneShare(mask), procedure->vocabulary_.get());
   return procedure;
 }
 
-Procedure::Procedure(const DaemonConfig& config, const Surroundings& surroundings)
+Procedure::Procedure(const DaemonConfig& config, const Context& context)
     : config_(config),
-      with_(surroundings),
+      context_(context),
       snapshot_(std::make_unique<haustra_snapshot>()),
       snapshot_interval_ns_(
           std::chrono::nanoseconds(std::chrono::milliseconds(config.publish.snapshot_interval_ms)).count()) {
@@ -54,7 +54,7 @@ Procedure::Procedure(const DaemonConfig& config, const Surroundings& surrounding
 Procedure::~Procedure() {
   Stop();
   // Jobs of the worker hold no part of this, but sinks of files that this one wrote.
-  with_.files.Finish();
+  context_.files.Finish();
 }
 
 Status Procedure::Load(const std::string& path) { return LoadAtlasFile(path, engine_.get()); }
@@ -65,7 +65,7 @@ void Procedure::Start(std::uint64_t number, const ProcedureCounts& counts) {
   counts_.has_frame = false;
   counts_.maps = counts_.keyframes = counts_.points = 0;
   source_->Begin();
-  const TimePoint now = with_.clock.Now();
+  const TimePoint now = context_.clock.Now();
   tracking_beat_.Beat(now);
   mapping_beat_.Beat(now);
   merging_beat_.Beat(now);
@@ -78,7 +78,7 @@ void Procedure::Run() {
   options.rt = config_.engine.rt;
   options.heartbeat = &tracking_beat_;
   options.hooks = this;
-  const Result<SessionSummary> summary = RunRealTime(*source_, *engine_, with_.clock, options, *this, stop_);
+  const Result<SessionSummary> summary = RunRealTime(*source_, *engine_, context_.clock, options, *this, stop_);
   if (summary.ok() && summary->heap_growth_bytes > 0) {
     Log(LogLevel::kWarning, "heap_grew",
         {{"bytes", std::to_string(summary->heap_growth_bytes)}, {"beyond", "rt.heap_prefault_mb"}});
@@ -87,7 +87,7 @@ void Procedure::Run() {
     const std::lock_guard lock(mutex_);
     ended_ = summary.ok() ? Internal("the session ended by itself") : summary.status();
   }
-  with_.wake();
+  context_.wake();
 }
 
 void Procedure::Stop() {
@@ -134,11 +134,11 @@ void Procedure::Save(const std::string& path, Saved saved) {
 // Mapping thread, or the service thread when that has ended. The mapper waits only until the bytes are handed to the
 // system; that they are on the disk is the worker's business.
 void Procedure::WriteMaps(SaveRequest request) {
-  const TimePoint begin = with_.clock.Now();
+  const TimePoint begin = context_.clock.Now();
   has_changed_.store(false, std::memory_order_relaxed);
   const auto failed = [&](Status status) {
     has_changed_.store(true, std::memory_order_relaxed);
-    with_.files.Do([saved = std::move(request.saved), status = std::move(status)] { saved(status); });
+    context_.files.Do([saved = std::move(request.saved), status = std::move(status)] { saved(status); });
   };
   Result<FileSink> created = FileSink::Create(request.path);
   if (!created.ok()) return failed(created.status());
@@ -146,9 +146,9 @@ void Procedure::WriteMaps(SaveRequest request) {
   if (const Status status = engine_->SaveAtlas(*sink); !status.ok()) return failed(status);
   {
     const std::lock_guard lock(mutex_);
-    counts_.checkpoint_pause = with_.clock.Now() - begin;
+    counts_.checkpoint_pause = context_.clock.Now() - begin;
   }
-  with_.files.Do([sink, saved = std::move(request.saved), this] {
+  context_.files.Do([sink, saved = std::move(request.saved), this] {
     const Status status = sink->Commit();
     if (!status.ok()) has_changed_.store(true, std::memory_order_relaxed);
     saved(status);
@@ -156,12 +156,12 @@ void Procedure::WriteMaps(SaveRequest request) {
 }
 
 void Procedure::OnTracked(const FrameOutcome& outcome) {
-  const TimePoint now = with_.clock.Now();
-  with_.ring.PublishPose(PoseRecord(outcome.result, now - outcome.latency, now, number_));
+  const TimePoint now = context_.clock.Now();
+  context_.ring.PublishPose(PoseRecord(outcome.result, now - outcome.latency, now, number_));
 }
 
 void Procedure::BetweenMapSteps() {
-  const TimePoint now = with_.clock.Now();
+  const TimePoint now = context_.clock.Now();
   mapping_beat_.Beat(now);
   if (!engine_->is_merging()) merging_beat_.Beat(now);
   const std::uint64_t changes = NumChanges(engine_->mapper_counters());
@@ -184,7 +184,7 @@ void Procedure::BetweenMapSteps() {
 
 void Procedure::PublishSnapshot(TimePoint now) {
   FillSnapshot(*engine_, now, number_, &snapshot_points_, snapshot_.get());
-  with_.ring.PublishSnapshot(*snapshot_);
+  context_.ring.PublishSnapshot(*snapshot_);
   const std::lock_guard lock(mutex_);
   counts_.maps = snapshot_->num_maps;
   counts_.keyframes = static_cast<std::uint32_t>(engine_->atlas().keyframes().size());
@@ -214,7 +214,7 @@ void Procedure::OnFrame(const FrameOutcome& outcome) {
 }
 
 void Procedure::OnMapEvent(const MapEvent& event) {
-  with_.ring.PublishEvent(EventRecord(event, with_.clock.Now(), number_));
+  context_.ring.PublishEvent(EventRecord(event, context_.clock.Now(), number_));
   Log(event.kind == MapEventKind::kFrameNotFound || event.kind == MapEventKind::kMergeRejected ? LogLevel::kDebug
                                                                                                : LogLevel::kInfo,
       ToString(event.kind),

@@ -28,7 +28,7 @@ namespace haustra {
 class Procedure final : private SessionObserver, private SessionHooks {
  public:
   // What it works with; all outlive it.
-  struct Surroundings {
+  struct Context {
     const Clock& clock;
     PoseRingWriter& ring;
     FileWorker& files;
@@ -38,7 +38,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   // Takes all memory, if its plan fits (kCapacityExceeded names the line that does not). Errors: those of the source,
   // the camera model, the device, the vocabulary.
   static Result<std::unique_ptr<Procedure>> Prepare(const DaemonConfig& config, std::unique_ptr<FrameSource> source,
-                                                    const Surroundings& surroundings);
+                                                    const Context& context);
   // Stops. Memory is overwritten as it is freed (wipe_memory.h).
   ~Procedure() override;
 
@@ -71,7 +71,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
     Saved saved;
   };
 
-  Procedure(const DaemonConfig& config, const Surroundings& surroundings);
+  Procedure(const DaemonConfig& config, const Context& context);
 
   // Session thread.
   void Run();
@@ -88,7 +88,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   void WriteMaps(SaveRequest request);
 
   DaemonConfig config_;
-  Surroundings with_;
+  Context context_;
   std::unique_ptr<SupervisedSource> source_;
   std::unique_ptr<VisionDevice> device_;
   std::unique_ptr<const Vocabulary> vocabulary_;

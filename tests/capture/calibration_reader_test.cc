@@ -266,9 +266,9 @@ TEST_F(CalibrationReaderTest, CalibuMistakesAreNamed) {
   EXPECT_THAT(MessageOf(Replaced(kCalibu, "717.4816;", "")), HasSubstr("<params> holds 7 numbers"));
   EXPECT_THAT(MessageOf(Replaced(kCalibu, "717.4816", "nan")),
               HasSubstr("calib.yaml:11: <params> number 2: 'nan' is not finite"));
-  EXPECT_THAT(MessageOf(Replaced(kCalibu, "</rig>", "")), HasSubstr("the file ends inside <rig>"));
+  EXPECT_THAT(MessageOf(Replaced(kCalibu, "</rig>", "")), HasSubstr("not valid XML: Start-end tags mismatch"));
   EXPECT_THAT(MessageOf(Replaced(kCalibu, "</pose>", "</poze>")),
-              HasSubstr("calib.yaml:15: not valid XML: </poze> closes nothing"));
+              HasSubstr("calib.yaml:15: not valid XML: Start-end tags mismatch"));
   EXPECT_THAT(MessageOf(Replaced(kCalibu, "<width> 1440", "<width> -3")),
               HasSubstr("<width> is not one number of pixels"));
 }

@@ -1,13 +1,9 @@
 #!/usr/bin/env python3
 """Proves that tools/checks/layers.py fails on a tree that breaks the rules, and only then."""
 
-import subprocess
-import sys
-import tempfile
 import unittest
-from pathlib import Path
 
-CHECKER = Path(__file__).resolve().parents[2] / "tools" / "checks" / "layers.py"
+from checked_tree import run_checker
 
 GOOD_TREE = {
     "hal/CMakeLists.txt": "add_library(h STATIC core.cc)\ntarget_link_libraries(h PUBLIC haustra_flags)\n",
@@ -75,13 +71,7 @@ BAD_FILES = [
 
 class LayersTest(unittest.TestCase):
     def check(self, files):
-        with tempfile.TemporaryDirectory() as folder:
-            for name, text in files.items():
-                path = Path(folder) / name
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(text, encoding="utf-8")
-            done = subprocess.run([sys.executable, str(CHECKER), folder], capture_output=True, text=True, check=False)
-            return done.returncode, done.stdout + done.stderr
+        return run_checker("layers.py", files)
 
     def test_tree_that_keeps_the_rules_passes(self):
         code, output = self.check(GOOD_TREE)

@@ -1,13 +1,9 @@
 #!/usr/bin/env python3
 """Proves that tools/checks/readme.py fails on a tree that breaks the rules, and only then."""
 
-import subprocess
-import sys
-import tempfile
 import unittest
-from pathlib import Path
 
-CHECKER = Path(__file__).resolve().parents[2] / "tools" / "checks" / "readme.py"
+from checked_tree import run_checker
 
 BLOCK = """<!-- results: begin -->
 | sequence | live % | error | ORB-SLAM3: % |
@@ -92,14 +88,7 @@ BAD_FILES = [
 
 class ReadmeTest(unittest.TestCase):
     def check(self, files):
-        with tempfile.TemporaryDirectory() as folder:
-            for name, text in files.items():
-                if text is not None:
-                    path = Path(folder) / name
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    path.write_text(text, encoding="utf-8")
-            done = subprocess.run([sys.executable, str(CHECKER), folder], capture_output=True, text=True, check=False)
-            return done.returncode, done.stdout + done.stderr
+        return run_checker("readme.py", files)
 
     def test_tree_that_keeps_the_rules_passes(self):
         self.assertEqual(self.check(GOOD_TREE), (0, "readme: clean\n"))

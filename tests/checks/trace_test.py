@@ -1,29 +1,23 @@
 #!/usr/bin/env python3
 """tools/checks/trace.py finds each fault that it is there for, in small trees made for it."""
 
-import subprocess
-import sys
-import tempfile
 import unittest
-from pathlib import Path
 
-CHECKER = Path(__file__).resolve().parents[2] / "tools/checks/trace.py"
+from checked_tree import run_checker
+
 HEAD = "id,hazard,requirement\n"
 TEST = 'TEST(Pose, IsWhole) {\n  RecordProperty("req", "%s");\n}\n'
 
 
 class Trace(unittest.TestCase):
     def run_on(self, csv=HEAD + "A-001,H1,holds\n", test=TEST % "A-001", hazards="| H1 | x |\n", script="", more=()):
-        with tempfile.TemporaryDirectory() as folder:
-            root = Path(folder)
-            (root / "tests").mkdir()
-            (root / "platform/daemon").mkdir(parents=True)
-            (root / "tests/requirements.csv").write_text(csv)
-            (root / "tests/pose_test.cc").write_text(test)
-            (root / "tests/run.sh").write_text(script)
-            (root / "platform/daemon/README.md").write_text(hazards)
-            result = subprocess.run([sys.executable, CHECKER, folder, *more], capture_output=True, text=True)
-            return result.returncode, result.stdout
+        files = {
+            "tests/requirements.csv": csv,
+            "tests/pose_test.cc": test,
+            "tests/run.sh": script,
+            "platform/daemon/README.md": hazards,
+        }
+        return run_checker("trace.py", files, *more)
 
     def test_tree_in_order_is_clean(self):
         self.assertEqual(self.run_on(), (0, "trace: 1 requirements, each with a test\n"))

@@ -16,7 +16,7 @@ namespace {
 constexpr double kHalfPixelRad = 0.5 / 400.0;  // half a pixel of the colon camera
 constexpr double kHalfPixelTolerance = 1.96 * kHalfPixelRad;
 
-constexpr int kTrials = test::Trials(200);
+constexpr int kScenes = test::Trials(200);
 
 enum class Shape { kBox, kTube, kPlane };
 
@@ -90,17 +90,17 @@ int CountSuccesses(Rng& rng, Shape shape, int trials, double outlier_share, bool
 
 TEST(TwoViewRansac, FindsSidewaysMotionInABoxAmongOutliers) {
   Rng rng(1);
-  EXPECT_GE(CountSuccesses(rng, Shape::kBox, kTrials, 0.35, false, 0.4 * kDegree, 3.0 * kDegree), kTrials * 99 / 100);
+  EXPECT_GE(CountSuccesses(rng, Shape::kBox, kScenes, 0.35, false, 0.4 * kDegree, 3.0 * kDegree), kScenes * 99 / 100);
 }
 
 TEST(TwoViewRansac, FindsForwardMotionInATubeAmongOutliers) {
   Rng rng(2);
-  EXPECT_GE(CountSuccesses(rng, Shape::kTube, kTrials, 0.35, true, 0.4 * kDegree, 3.0 * kDegree), kTrials * 99 / 100);
+  EXPECT_GE(CountSuccesses(rng, Shape::kTube, kScenes, 0.35, true, 0.4 * kDegree, 3.0 * kDegree), kScenes * 99 / 100);
 }
 
 TEST(TwoViewRansac, FindsSidewaysMotionInATubeAmongOutliers) {
   Rng rng(3);
-  EXPECT_GE(CountSuccesses(rng, Shape::kTube, kTrials, 0.35, false, 0.4 * kDegree, 3.0 * kDegree), kTrials * 99 / 100);
+  EXPECT_GE(CountSuccesses(rng, Shape::kTube, kScenes, 0.35, false, 0.4 * kDegree, 3.0 * kDegree), kScenes * 99 / 100);
 }
 
 TEST(TwoViewRansac, ExactDataGivesTheExactMotionAndPoints) {
@@ -140,7 +140,7 @@ TEST(TwoViewRansac, InliersAreMostTrueMatchesAndFewOthers) {
 TEST(TwoViewRansac, PureRotationIsRefused) {
   Rng rng(6);
   TwoViewRansac ransac(300);
-  for (int trial = 0; trial < kTrials / 2; ++trial) {
+  for (int trial = 0; trial < kScenes / 2; ++trial) {
     const TwoViewScene scene = MakeTwoViewScene(rng, Shape::kBox, 250, Eigen::Vector3d::Zero(), 0.1, kHalfPixelRad);
     TwoViewRansac::Estimate estimate;
     EXPECT_FALSE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
@@ -152,15 +152,15 @@ TEST(TwoViewRansac, PlaneIsSolvedOrRefusedButNotMistaken) {
   Rng rng(7);
   TwoViewRansac ransac(300);
   int solved = 0, mistaken = 0;
-  for (int trial = 0; trial < kTrials; ++trial) {
+  for (int trial = 0; trial < kScenes; ++trial) {
     const TwoViewScene scene =
         MakeTwoViewScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.1, 0.3 * kHalfPixelRad);
     TwoViewRansac::Estimate estimate;
     if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
     ++(TranslationAngle(estimate.b_from_a, scene.b_from_a) < 5.0 * kDegree ? solved : mistaken);
   }
-  EXPECT_GE(solved, kTrials * 30 / 100);
-  EXPECT_LE(mistaken, kTrials * 2 / 100);
+  EXPECT_GE(solved, kScenes * 30 / 100);
+  EXPECT_LE(mistaken, kScenes * 2 / 100);
 }
 
 TEST(TwoViewRansac, SlightlyCurvedWallIsSolved) {
@@ -168,7 +168,7 @@ TEST(TwoViewRansac, SlightlyCurvedWallIsSolved) {
   Rng rng(17);
   TwoViewRansac ransac(300);
   int solved = 0;
-  for (int trial = 0; trial < kTrials / 2; ++trial) {
+  for (int trial = 0; trial < kScenes / 2; ++trial) {
     TwoViewScene scene = MakeTwoViewScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.0, 0.0);
     for (int i = 0; i < 200; ++i) {
       scene.points[i].z() += 0.3 * std::sin(3.0 * scene.points[i].x());
@@ -179,7 +179,7 @@ TEST(TwoViewRansac, SlightlyCurvedWallIsSolved) {
     if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
     if (TranslationAngle(estimate.b_from_a, scene.b_from_a) < 5.0 * kDegree) ++solved;
   }
-  EXPECT_GE(solved, kTrials / 2 * 99 / 100);
+  EXPECT_GE(solved, kScenes / 2 * 99 / 100);
 }
 
 TEST(TwoViewRansac, UselessInputIsRefusedAndOutputsAreKept) {

@@ -2,7 +2,7 @@
 # The service under a real systemd, in a container of this machine's own /usr (systemd-nspawn): ready, reload, hang and
 # restart, kill -9, stop in time, end of a procedure, clock jumps, full disk, wrong configuration. About two minutes.
 #
-#     sudo tests/service/run.sh BUILD SEQUENCE        BUILD: build/release; SEQUENCE: a folder of frames
+#     sudo tests/service/run.sh BUILD [SEQUENCE]      BUILD: build/release; SEQUENCE: a folder of frames, default: it renders one
 #
 # Needs root, systemd-container and libfaketime. Exit codes: 0 all checks hold, 1 some do not, 77 this machine cannot.
 set -euo pipefail
@@ -11,15 +11,15 @@ skip() {
   echo "skipped: $1"
   exit 77
 }
-[ "$#" -eq 2 ] || { sed -n 2,8p "$0"; exit 64; }
+[ "$#" -eq 1 ] || [ "$#" -eq 2 ] || { sed -n 2,8p "$0"; exit 64; }
 build=$(realpath "$1")
-sequence=$(realpath "$2")
 here=$(cd "$(dirname "$0")" && pwd)
 root_of_tree=$(cd "$here/../.." && pwd)
 for program in "$build/platform/daemon/haustrad" "$build/tools/haustra"; do
   [ -x "$program" ] || { echo "$program: not built"; exit 66; }
 done
-[ -d "$sequence/frames" ] || { echo "$sequence: not a folder with frames/"; exit 66; }
+sequence=${2:+$(realpath -- "$2")}
+[ -z "$sequence" ] || [ -d "$sequence/frames" ] || { echo "$sequence: not a folder with frames/"; exit 66; }
 [ "$(id -u)" -eq 0 ] || skip "needs root"
 command -v systemd-nspawn > /dev/null || skip "systemd-nspawn is not installed (package systemd-container)"
 [ -x /usr/lib/systemd/systemd ] || skip "systemd is not installed"
@@ -30,6 +30,10 @@ faketime=$(find /usr/lib -name libfaketime.so.1 | head -1)
 work=$(mktemp -d "${TMPDIR:-/tmp}/haustra-service.XXXXXX")
 [ -n "$work" ] && [ -d "$work" ] || exit 70
 trap 'rm -rf --one-file-system "${work:?}"' EXIT
+if [ -z "$sequence" ]; then
+  sequence="$work/colon"
+  "$build/tools/haustra" render "$sequence" --seconds 30 --size 360x270 --events none --quiet
+fi
 
 # A tree without a system of its own: this machine's programs, nothing of its configuration.
 root="$work/root"

@@ -23,7 +23,7 @@ printf '%s\n' 'model: kannala_brandt' 'width_px: 640' 'height_px: 360' 'intrinsi
   'coefficients: {k1: 0, k2: 0, k3: 0, k4: 0}' > /tmp/camera.yaml
 check "$haustra" capture vivid,size=640x360,input=0 --calibration /tmp/camera.yaml --frames 20 --out /tmp/recording
 check test "$(ls /tmp/recording/frames | wc -l)" -eq 20
-check "$haustra" run /tmp/recording --out /tmp/replayed
+check "$haustra" run /tmp/recording --set memory.profile=small --out /tmp/replayed
 check timeout --preserve-status -s INT 5 "$haustra" run v4l2:vivid,size=640x360,input=0 --calibration /tmp/camera.yaml \
   --mode realtime --set memory.profile=small --out /tmp/live
 check test "$(grep -c '' /tmp/live/frames.csv)" -gt 20

@@ -8,7 +8,8 @@ The rules are the tables below. One line a violation, "path:line: what is wrong"
 
 import re
 import sys
-from pathlib import Path
+
+from checker import Violations, root_of, verdict
 
 # What a folder may include and link, beside itself.
 ALLOWED = {
@@ -88,14 +89,7 @@ def is_yardstick(folder):
     return folder.split("/")[0] == "tests" or "benchmarks" in folder.split("/")
 
 
-class Checker:
-    def __init__(self, root):
-        self.root = root
-        self.violations = []
-
-    def report(self, path, line, message):
-        self.violations.append((path.relative_to(self.root).as_posix(), line, message))
-
+class Checker(Violations):
     def files(self):
         for layer in ALLOWED:
             for path in sorted((self.root / layer).rglob("*")):
@@ -202,25 +196,16 @@ class Checker:
             elif path.name == "CMakeLists.txt" or path.suffix == ".cmake":
                 cmake_files.append((layer, path))
         self.check_links(cmake_files)
-        return sorted(self.violations)
+        return self.lines()
+
+
+def missing(root):
+    return None if any((root / layer).is_dir() for layer in ALLOWED) else f"holds none of {', '.join(ALLOWED)}"
 
 
 def main(arguments):
-    if len(arguments) > 1:
-        print(__doc__, file=sys.stderr)
-        return 64
-    root = Path(arguments[0]) if arguments else Path(__file__).resolve().parents[2]
-    if not any((root / layer).is_dir() for layer in ALLOWED):
-        print(f"layers.py: {root} holds none of {', '.join(ALLOWED)}", file=sys.stderr)
-        return 64
-    violations = Checker(root).run()
-    for path, line, message in violations:
-        print(f"{path}:{line}: {message}")
-    if violations:
-        print(f"{len(violations)} layer violations")
-        return 1
-    print("layers: clean")
-    return 0
+    root = root_of(arguments, __doc__, missing)
+    return verdict(Checker(root).run(), "layer violations", "layers: clean")
 
 
 if __name__ == "__main__":

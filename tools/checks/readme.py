@@ -21,6 +21,8 @@ import re
 import sys
 from pathlib import Path
 
+from checker import Violations, root_of, verdict
+
 MAX_LINES, MAX_WORDS = 120, 35
 TOP_FOLDERS = ["hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"]
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
@@ -91,14 +93,7 @@ def known_numbers(path):
     return {float(n) for n in re.findall(r"(?<![\w.])\d+(?:\.\d+)?", path.read_text(encoding="utf-8"))}
 
 
-class Checker:
-    def __init__(self, root):
-        self.root = root
-        self.violations = []
-
-    def report(self, path, line, message):
-        self.violations.append((path.relative_to(self.root).as_posix(), line, message))
-
+class Checker(Violations):
     def documents(self):
         """Every .md file of the tree; what is built and what is hidden are no part of it, .github is."""
         for folder, folders, files in os.walk(self.root):
@@ -193,25 +188,12 @@ class Checker:
                     inside = text[text.index(BEGIN):text.index(END)]
                     text = text.replace(inside, "\n" * inside.count("\n"))
             self.check_figures(path, text)
-        return sorted(self.violations)
+        return self.lines()
 
 
 def main(arguments):
-    if len(arguments) > 1:
-        print(__doc__, file=sys.stderr)
-        return 64
-    root = Path(arguments[0]).resolve() if arguments else Path(__file__).resolve().parents[2]
-    if not (root / "README.md").is_file():
-        print(f"readme.py: {root} has no README.md", file=sys.stderr)
-        return 64
-    violations = Checker(root).run()
-    for path, line, message in violations:
-        print(f"{path}:{line}: {message}")
-    if violations:
-        print(f"{len(violations)} things to put in order")
-        return 1
-    print("readme: clean")
-    return 0
+    root = root_of(arguments, __doc__, lambda root: None if (root / "README.md").is_file() else "has no README.md")
+    return verdict(Checker(root).run(), "things to put in order", "readme: clean")
 
 
 if __name__ == "__main__":

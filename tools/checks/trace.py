@@ -15,7 +15,8 @@ clean, 1 violations, 64 usage.
 import csv
 import re
 import sys
-from pathlib import Path
+
+from checker import root_of, verdict
 
 REQUIREMENTS = "tests/requirements.csv"
 HAZARDS = "platform/daemon/README.md"
@@ -70,13 +71,7 @@ def find_proofs(root, problems):
 def main(arguments):
     wants_matrix = "--matrix" in arguments
     arguments = [argument for argument in arguments if argument != "--matrix"]
-    if len(arguments) > 1:
-        print(__doc__, file=sys.stderr)
-        return 64
-    root = Path(arguments[0]) if arguments else Path(__file__).resolve().parents[2]
-    if not (root / REQUIREMENTS).is_file():
-        print(f"trace.py: {root / REQUIREMENTS} is not there", file=sys.stderr)
-        return 64
+    root = root_of(arguments, __doc__, lambda root: None if (root / REQUIREMENTS).is_file() else f"has no {REQUIREMENTS}")
     problems = []
     requirements = read_requirements(root, problems)
     tests_of = {identity: [] for identity in requirements}
@@ -103,14 +98,8 @@ def main(arguments):
         print("| requirement | hazard | text | tests |\n|---|---|---|---|")
         for identity, (hazard, requirement) in requirements.items():
             print(f"| {identity} | {hazard} | {requirement} | {', '.join(tests_of[identity])} |")
-    for problem in problems:
-        print(problem)
-    if problems:
-        print(f"{len(problems)} faults in the trace")
-        return 1
-    if not wants_matrix:
-        print(f"trace: {len(requirements)} requirements, each with a test")
-    return 0
+    clean = None if wants_matrix else f"trace: {len(requirements)} requirements, each with a test"
+    return verdict(problems, "faults in the trace", clean)
 
 
 if __name__ == "__main__":

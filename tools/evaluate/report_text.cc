@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t kLabelWidth = 18;
 
-std::string Line(std::string_view label, const std::string& value) {
+std::string Item(std::string_view label, const std::string& value) {
   return std::string("  ").append(PadRight(label, kLabelWidth)).append(value).append("\n");
 }
 
@@ -21,7 +21,7 @@ std::string Count(std::size_t count, const char* singular, const char* plural) {
 std::string CoverageLines(const Evaluation& e) {
   const auto line = [](std::string_view label, double coverage, std::size_t localised, std::size_t frames,
                        const char* which) {
-    return Line(label, Fixed(coverage, 2) + " %   (" + std::to_string(localised) + " of " +
+    return Item(label, Fixed(coverage, 2) + " %   (" + std::to_string(localised) + " of " +
                            Count(frames, "frame", "frames") + which + ")");
   };
   std::string text =
@@ -32,14 +32,14 @@ std::string CoverageLines(const Evaluation& e) {
                  " in which the scene can be seen");
     text += line("visible coverage", *e.visible_coverage, *e.visible_localised, *e.visible_frames, ", at the end");
   } else {
-    text += Line("visible coverage", "-   (it is not known when the scene can be seen)");
+    text += Item("visible coverage", "-   (it is not known when the scene can be seen)");
   }
   if (e.unanswered_frames > 0) {
     text +=
-        Line("", Count(e.unanswered_frames, "frame", "frames") + " of the sequence without an answer: not localised");
+        Item("", Count(e.unanswered_frames, "frame", "frames") + " of the sequence without an answer: not localised");
   }
   if (e.frames_without_groundtruth > 0) {
-    text += Line("no true pose", Count(e.frames_without_groundtruth, "frame", "frames"));
+    text += Item("no true pose", Count(e.frames_without_groundtruth, "frame", "frames"));
   }
   return text;
 }
@@ -47,19 +47,19 @@ std::string CoverageLines(const Evaluation& e) {
 std::string ErrorLines(const Evaluation& e) {
   std::string text;
   if (e.rms_ate) {
-    text += Line("RMS ATE", Fixed(e.rms_ate, 4) + " " + e.unit + "   (max " + Fixed(e.max_error, 3) + ", " +
+    text += Item("RMS ATE", Fixed(e.rms_ate, 4) + " " + e.unit + "   (max " + Fixed(e.max_error, 3) + ", " +
                                 Count(e.ate_frames, "frame", "frames") + " in " +
                                 Count(e.maps - e.left_out_maps, "map", "maps") + ", each with its own Sim(3))");
   } else {
-    text += Line("RMS ATE", "-   (no map has 10 localised frames with a true pose)");
+    text += Item("RMS ATE", "-   (no map has 10 localised frames with a true pose)");
   }
   if (e.left_out_maps > 0 || e.left_out_frames > 0) {
-    text += Line("", "left out: " + Count(e.left_out_maps, "map", "maps") + " with too few frames or on a line, " +
+    text += Item("", "left out: " + Count(e.left_out_maps, "map", "maps") + " with too few frames or on a line, " +
                          Count(e.left_out_frames, "localised frame", "localised frames") + " in all");
   }
-  if (e.scene_depth) text += Line("scene depth", Fixed(e.scene_depth, 2) + " " + e.unit);
+  if (e.scene_depth) text += Item("scene depth", Fixed(e.scene_depth, 2) + " " + e.unit);
   if (e.largest_map_rms_ate_percent_of_depth) {
-    text += Line("largest map", "RMS ATE " + Fixed(e.largest_map_rms_ate, 4) + " " + e.unit + ", " +
+    text += Item("largest map", "RMS ATE " + Fixed(e.largest_map_rms_ate, 4) + " " + e.unit + ", " +
                                     Fixed(e.largest_map_rms_ate_percent_of_depth, 2) + " % of its depth");
   }
   return text;
@@ -75,18 +75,18 @@ std::string JoinText(const JoinCount& count) {
 }
 
 std::string JoinLines(const Evaluation& e) {
-  std::string text = Line("maps", std::to_string(e.maps) + "   (" + std::to_string(e.maps_created) +
+  std::string text = Item("maps", std::to_string(e.maps) + "   (" + std::to_string(e.maps_created) +
                                       " begun; largest: " + Count(e.largest_map_frames, "frame", "frames") + ")");
-  text += Line("merges", JoinText(e.merges));
-  text += Line("loops", JoinText(e.loops));
-  text += Line("relocalisations", JoinText(e.relocalisations) + ", " + Count(e.losses, "loss", "losses"));
-  text += Line("recoveries", JoinText(e.recoveries) + "   (by brute force while tracking)");
-  text += Line("false merges", std::to_string(e.false_merges) + "   (of all four kinds)");
-  text += Line("merge recall", RecallText(e.merge_recall, "pairs of maps that share a view"));
-  text += Line("relocal. recall", RecallText(e.relocalisation_recall, "losses with the lost map in view again"));
+  text += Item("merges", JoinText(e.merges));
+  text += Item("loops", JoinText(e.loops));
+  text += Item("relocalisations", JoinText(e.relocalisations) + ", " + Count(e.losses, "loss", "losses"));
+  text += Item("recoveries", JoinText(e.recoveries) + "   (by brute force while tracking)");
+  text += Item("false merges", std::to_string(e.false_merges) + "   (of all four kinds)");
+  text += Item("merge recall", RecallText(e.merge_recall, "pairs of maps that share a view"));
+  text += Item("relocal. recall", RecallText(e.relocalisation_recall, "losses with the lost map in view again"));
   for (const JoinEvaluation& join : e.joins) {
     if (join.verdict != Verdict::kFalse) continue;
-    text += Line("", "FALSE " + std::string(ToString(join.kind)) + " at frame " + std::to_string(join.frame_idx) +
+    text += Item("", "FALSE " + std::string(ToString(join.kind)) + " at frame " + std::to_string(join.frame_idx) +
                          ": " + join.reason + " (ATE " + Fixed(join.ate_parts, 3) + " -> " + Fixed(join.ate_joined, 3) +
                          ", " + Fixed(join.rotation_error_deg, 1) + " deg, " + Fixed(join.translation_error_depths, 2) +
                          " depths)");
@@ -102,26 +102,26 @@ std::string TimesText(const Percentiles& ms) {
 std::string TimeLines(const Evaluation& e) {
   std::string text;
   if (e.frame_ms) {
-    text += Line("frame time", TimesText(*e.frame_ms) + (e.mode == "sequential" ? "   (processing, not latency)" : ""));
+    text += Item("frame time", TimesText(*e.frame_ms) + (e.mode == "sequential" ? "   (processing, not latency)" : ""));
   }
   if (e.joining_frame_ms) {
-    text += Line("  while joining", TimesText(*e.joining_frame_ms) + "   (" +
+    text += Item("  while joining", TimesText(*e.joining_frame_ms) + "   (" +
                                         Count(e.joining_frames, "frame", "frames") + " while maps were joined)");
-    text += Line("  otherwise", TimesText(*e.other_frame_ms));
+    text += Item("  otherwise", TimesText(*e.other_frame_ms));
   }
   if (e.deadline_misses) {
-    text += Line("deadline misses",
+    text += Item("deadline misses",
                  std::to_string(*e.deadline_misses) + "   (deadline " + Fixed(e.deadline_ms, 1) + " ms)");
   }
-  text += Line("dropped, damaged", std::to_string(e.dropped) + ", " + Count(e.damaged, "frame", "frames"));
-  if (e.realtime_ratio) text += Line("real-time ratio", Fixed(e.realtime_ratio, 2));
-  if (e.peak_rss_mb) text += Line("peak memory", Fixed(e.peak_rss_mb, 0) + " MB");
+  text += Item("dropped, damaged", std::to_string(e.dropped) + ", " + Count(e.damaged, "frame", "frames"));
+  if (e.realtime_ratio) text += Item("real-time ratio", Fixed(e.realtime_ratio, 2));
+  if (e.peak_rss_mb) text += Item("peak memory", Fixed(e.peak_rss_mb, 0) + " MB");
   if (e.stages.empty() && !e.mean_stage_ms.empty()) {
     std::string stages;
     for (const auto& [name, mean_ms] : e.mean_stage_ms) {
       stages += (stages.empty() ? "" : ", ") + name + " " + Fixed(mean_ms, 1);
     }
-    text += Line("mapping stages", stages + " ms a keyframe");
+    text += Item("mapping stages", stages + " ms a keyframe");
   }
   return text;
 }

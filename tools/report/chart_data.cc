@@ -40,7 +40,8 @@ class Rounder {
 };
 
 double SecondsOf(const RunOutput& run, std::int64_t timestamp_ns) {
-  return static_cast<double>((timestamp_ns - run.frames[0].timestamp_ns) / 1000) * 1e-6;
+  const std::int64_t whole_us = (timestamp_ns - run.frames[0].timestamp_ns) / 1000;
+  return static_cast<double>(whole_us) * 1e-6;
 }
 
 // --- Coverage.

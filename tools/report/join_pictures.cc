@@ -5,7 +5,9 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <pugixml.hpp>
 #include <set>
+#include <sstream>
 #include <system_error>
 #include <vector>
 
@@ -121,10 +123,20 @@ SharedPoints FindSharedPoints(const std::map<int, MapModel>& models, std::int64_
   return shared;
 }
 
-std::string ImageTag(const Picture& picture, int x_px) {
-  return "<image x=\"" + std::to_string(x_px) + "\" y=\"0\" width=\"" + std::to_string(picture.width_px) +
-         "\" height=\"" + std::to_string(picture.height_px) + "\" href=\"data:image/jpeg;base64," + picture.data +
-         "\"/>\n";
+void AddImage(const Picture& picture, int x_px, pugi::xml_node* svg) {
+  pugi::xml_node image = svg->append_child("image");
+  image.append_attribute("x") = x_px;
+  image.append_attribute("y") = 0;
+  image.append_attribute("width") = picture.width_px;
+  image.append_attribute("height") = picture.height_px;
+  image.append_attribute("href") = ("data:image/jpeg;base64," + picture.data).c_str();
+}
+
+void AddDot(const std::string& x, const std::string& y, pugi::xml_node* svg) {
+  pugi::xml_node dot = svg->append_child("circle");
+  dot.append_attribute("cx") = x.c_str();
+  dot.append_attribute("cy") = y.c_str();
+  dot.append_attribute("r") = "2.5";
 }
 
 // Both pictures with the lines between them. camera_width_px: of the pixels of `shared`.
@@ -133,19 +145,30 @@ std::string PairSvg(const Picture& a, const std::optional<Picture>& b, const Sha
   const int offset_px = a.width_px + kGapPx;
   const int width_px = offset_px + (b ? b->width_px : a.width_px);
   const int height_px = std::max(a.height_px, b ? b->height_px : 0);
-  std::string svg = "<svg class=\"pair\" viewBox=\"0 0 " + std::to_string(width_px) + " " + std::to_string(height_px) +
-                    "\" role=\"img\">\n" + ImageTag(a, 0);
-  if (b) svg += ImageTag(*b, offset_px);
-  const double scale = camera_width_px > 0 ? static_cast<double>(a.width_px) / camera_width_px : 1.0;
+  pugi::xml_document document;
+  pugi::xml_node svg = document.append_child("svg");
+  svg.append_attribute("class") = "pair";
+  svg.append_attribute("viewBox") = ("0 0 " + std::to_string(width_px) + " " + std::to_string(height_px)).c_str();
+  svg.append_attribute("role") = "img";
+  AddImage(a, 0, &svg);
   if (b) {
+    AddImage(*b, offset_px, &svg);
+    const double scale = camera_width_px > 0 ? static_cast<double>(a.width_px) / camera_width_px : 1.0;
     for (const PixelPair& pair : shared.shown) {
       const std::string xa = Fixed(scale * pair.a.x(), 1), ya = Fixed(scale * pair.a.y(), 1);
       const std::string xb = Fixed(offset_px + scale * pair.b.x(), 1), yb = Fixed(scale * pair.b.y(), 1);
-      svg += "<line x1=\"" + xa + "\" y1=\"" + ya + "\" x2=\"" + xb + "\" y2=\"" + yb + "\"/><circle cx=\"" + xa +
-             "\" cy=\"" + ya + "\" r=\"2.5\"/><circle cx=\"" + xb + "\" cy=\"" + yb + "\" r=\"2.5\"/>\n";
+      pugi::xml_node line = svg.append_child("line");
+      line.append_attribute("x1") = xa.c_str();
+      line.append_attribute("y1") = ya.c_str();
+      line.append_attribute("x2") = xb.c_str();
+      line.append_attribute("y2") = yb.c_str();
+      AddDot(xa, ya, &svg);
+      AddDot(xb, yb, &svg);
     }
   }
-  return svg + "</svg>\n";
+  std::ostringstream text;
+  document.save(text, "", pugi::format_raw | pugi::format_no_declaration);
+  return text.str();
 }
 
 std::string FigureHtml(const RunEventRow& event, const evaluate::JoinEvaluation& join,

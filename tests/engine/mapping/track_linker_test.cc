@@ -45,8 +45,7 @@ class TrackLinkerTest : public testing::Test {
     });
     return found;
   }
-  int LandmarkSeenBy(const MapPoint& point, const Observation& observation) const {
-    (void)point;
+  int LandmarkSeenBy(const Observation& observation) const {
     return colon_.FrameOf(observation.keyframe).landmarks[observation.feature_idx];
   }
   int Link() {
@@ -86,7 +85,7 @@ TEST_F(TrackLinkerTest, GivesTheKeyframeThePointsThatItsNeighboursSee) {
   EXPECT_GT(ShareLinked(), 0.95);
   atlas_.points().ForEach([&](MapPointHandle, const MapPoint& point) {
     for (const Observation& observation : point.observations) {
-      EXPECT_EQ(LandmarkSeenBy(point, observation), LandmarkSeenBy(point, *point.observations.begin()));
+      EXPECT_EQ(LandmarkSeenBy(observation), LandmarkSeenBy(*point.observations.begin()));
     }
   });
 }

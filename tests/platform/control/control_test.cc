@@ -193,7 +193,7 @@ TEST_F(ControlSocket, ClientsAboveTheLimitAreRefusedAndTheOthersServed) {
   EXPECT_TRUE(Connect().Ask("status", kLimit).ok());
 }
 
-TEST_F(ControlSocket, IdleClientsAndThoseThatDoNotReadArePutOut) {
+TEST_F(ControlSocket, IdleClientsAndThoseThatDoNotReadAreDisconnected) {
   RecordProperty("req", "CTL-002");
   Start({});
   ControlClient idle = Connect();

@@ -3,10 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "tests/tools/command/call_command.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tools/exit_codes.h"
 
@@ -39,22 +38,11 @@ class EvaluateCommandTest : public ::testing::Test {
 
   // Exit code of `haustra evaluate ...`; what it prints is in out_ and err_.
   int Run(std::vector<std::string> arguments) {
-    CLI::App app;
-    std::function<int()> action;
-    AddEvaluateCommand(app, action);
     arguments.insert(arguments.begin(), "evaluate");
-    std::reverse(arguments.begin(), arguments.end());
-    try {
-      app.parse(arguments);
-    } catch (const CLI::ParseError&) {
-      return kExitUsage;
-    }
-    ::testing::internal::CaptureStdout();
-    ::testing::internal::CaptureStderr();
-    const int code = action();
-    out_ = ::testing::internal::GetCapturedStdout();
-    err_ = ::testing::internal::GetCapturedStderr();
-    return code;
+    const CommandAnswer answer = CallCommand({AddEvaluateCommand}, arguments);
+    out_ = answer.out;
+    err_ = answer.err;
+    return answer.code;
   }
   std::string Truth() const { return folder_.At("colon/groundtruth.txt"); }
 

@@ -4,13 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <bit>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tests/tools/command/call_command.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tests/tools/report/small_report.h"
 #include "tools/exit_codes.h"
@@ -47,23 +47,11 @@ class ExportTest : public ::testing::Test {
     }
   }
   int Export(const std::string& format, const std::vector<std::string>& more = {}) {
-    CLI::App app;
-    std::function<int()> action;
-    AddExportCommand(app, action);
     std::vector<std::string> arguments = {"export", folder_.At("out"), "--format", format, "--out", folder_.At("to")};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    std::reverse(arguments.begin(), arguments.end());
-    try {
-      app.parse(arguments);
-    } catch (const CLI::ParseError&) {
-      return kExitUsage;
-    }
-    ::testing::internal::CaptureStdout();
-    ::testing::internal::CaptureStderr();
-    const int code = action();
-    ::testing::internal::GetCapturedStdout();
-    err_ = ::testing::internal::GetCapturedStderr();
-    return code;
+    const CommandAnswer answer = CallCommand({AddExportCommand}, arguments);
+    err_ = answer.err;
+    return answer.code;
   }
   std::string Exported(const std::string& name) const { return folder_.Read("to/" + name); }
   // Of the frames that are in map 0 at the end.
@@ -86,7 +74,9 @@ TEST_F(ExportTest, TumHasEightColumnsSortedByTimeAndUnitQuaternions) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     ASSERT_EQ(rows[i].size(), 8u);
     EXPECT_NEAR(rows[i][0], static_cast<double>(frames[i].timestamp_ns) * 1e-9, 1e-9);
-    if (i > 0) EXPECT_GT(rows[i][0], rows[i - 1][0]);
+    if (i > 0) {
+      EXPECT_GT(rows[i][0], rows[i - 1][0]);
+    }
     EXPECT_NEAR(Eigen::Map<const Eigen::Vector4d>(&rows[i][4]).norm(), 1.0, 1e-9);
     EXPECT_NEAR((Eigen::Map<const Eigen::Vector3d>(&rows[i][1]) - frames[i].world_from_cam.translation).norm(), 0,
                 1e-9);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tests/capture/temp_folder.h"
+#include "tests/tools/command/call_command.h"
 #include "tools/exit_codes.h"
 
 namespace haustra {
@@ -15,13 +16,8 @@ namespace {
 
 // Exit code of `haustra render ARGUMENTS`.
 int Render(std::vector<std::string> arguments) {
-  CLI::App app;
-  std::function<int()> action;
-  AddRenderCommand(app, action);
-  std::vector<const char*> argv = {"haustra", "render"};
-  for (const std::string& argument : arguments) argv.push_back(argument.c_str());
-  app.parse(static_cast<int>(argv.size()), argv.data());
-  return action();
+  arguments.insert(arguments.begin(), "render");
+  return CallCommand({AddRenderCommand}, arguments).code;
 }
 
 TEST(RenderCommand, WrongArgumentsAreUsageErrors) {

@@ -9,34 +9,34 @@
 namespace haustra::report {
 namespace {
 
-using nlohmann::json;
+using Json = nlohmann::json;
 
-json DataOf(const evaluate::RunOutput& run, const evaluate::Reference& reference,
+Json DataOf(const evaluate::RunOutput& run, const evaluate::Reference& reference,
             const std::map<int, MapModel>& models = {}) {
-  return json::parse(MakeChartData(run, reference, EvaluateRun(run, reference, {}), models));
+  return Json::parse(MakeChartData(run, reference, EvaluateRun(run, reference, {}), models));
 }
 
 TEST(ChartData, CoverageHasOneSegmentForEachStretch) {
-  const json data = DataOf(SmallRun(), ShiftedReference(60));
+  const Json data = DataOf(SmallRun(), ShiftedReference(60));
   ASSERT_EQ(data["coverage"].size(), 2u);
   EXPECT_EQ(data["coverage"][0]["name"], "as answered");
   EXPECT_EQ(data["coverage"][0]["segments"],
-            json::parse("[[0.0,0.2,-2],[0.2,1.0,0],[1.0,1.2,-1],[1.2,2.0,1],[2.0,2.2,-1],[2.2,2.4,0]]"));
+            Json::parse("[[0.0,0.2,-2],[0.2,1.0,0],[1.0,1.2,-1],[1.2,2.0,1],[2.0,2.2,-1],[2.2,2.4,0]]"));
   EXPECT_EQ(data["coverage"][1]["segments"],
-            json::parse("[[0.0,0.2,-1],[0.2,1.0,0],[1.0,1.2,-1],[1.2,2.0,0],[2.0,2.2,-1],[2.2,2.4,0]]"));
+            Json::parse("[[0.0,0.2,-1],[0.2,1.0,0],[1.0,1.2,-1],[1.2,2.0,0],[2.0,2.2,-1],[2.2,2.4,0]]"));
   EXPECT_NEAR(data["duration_s"].get<double>(), 2.4, 1e-9);
 }
 
 TEST(ChartData, HiddenSceneIsARowOfItsOwn) {
   evaluate::Reference reference = ShiftedReference(60);
   reference.events = std::vector<evaluate::SequenceEvent>{{25, 29, "redout", false}};
-  const json rows = DataOf(SmallRun(), reference)["coverage"];
+  const Json rows = DataOf(SmallRun(), reference)["coverage"];
   ASSERT_EQ(rows.size(), 3u);
-  EXPECT_EQ(rows[0]["segments"][1], json::parse("[1.0,1.2,-4]"));
+  EXPECT_EQ(rows[0]["segments"][1], Json::parse("[1.0,1.2,-4]"));
 }
 
 TEST(ChartData, MarksAreJoinsWithTheirVerdictsAndLosses) {
-  const json marks = DataOf(SmallRun(), ShiftedReference(60))["marks"];
+  const Json marks = DataOf(SmallRun(), ShiftedReference(60))["marks"];
   ASSERT_EQ(marks.size(), 3u);
   EXPECT_EQ(marks[0]["kind"], "loss");
   EXPECT_EQ(marks[0]["t"], 1.0);
@@ -53,14 +53,14 @@ TEST(ChartData, AlignedMapLiesOnTheTrueTrajectory) {
   // A point 5 mm in front of the camera of frame 10, in the map.
   const Eigen::Vector3d seen = evaluate::TruePose(10) * Eigen::Vector3d(0, 0, 5);
   model.points = {evaluate::MapFromWorld(0) * seen};
-  const json views = DataOf(run, ShiftedReference(60), {{0, model}})["views"];
+  const Json views = DataOf(run, ShiftedReference(60), {{0, model}})["views"];
   ASSERT_EQ(views.size(), 1u);
   EXPECT_EQ(views[0]["unit"], "mm");
   EXPECT_EQ(views[0]["truth"].size(), 60u);
-  const json& map = views[0]["maps"][0];
+  const Json& map = views[0]["maps"][0];
   ASSERT_EQ(map["lines"].size(), 3u);  // broken where there was no pose
   ASSERT_EQ(map["lines"][1].size(), 20u);
-  const auto distance = [](const json& a, const json& b) {
+  const auto distance = [](const Json& a, const Json& b) {
     return std::hypot(a[0].get<double>() - b[0].get<double>(), a[1].get<double>() - b[1].get<double>(),
                       a[2].get<double>() - b[2].get<double>());
   };
@@ -69,26 +69,26 @@ TEST(ChartData, AlignedMapLiesOnTheTrueTrajectory) {
 }
 
 TEST(ChartData, WithoutGroundTruthMapsAreInTheirOwnUnits) {
-  const json views = DataOf(SmallRun(), evaluate::Reference())["views"];
+  const Json views = DataOf(SmallRun(), evaluate::Reference())["views"];
   ASSERT_EQ(views.size(), 1u);
   EXPECT_EQ(views[0]["unit"], "map units");
   EXPECT_TRUE(views[0]["truth"].empty());
 }
 
 TEST(ChartData, ErrorsAreDistancesFromTheTruth) {
-  const json data = DataOf(SmallRun(), ShiftedReference(60));
+  const Json data = DataOf(SmallRun(), ShiftedReference(60));
   ASSERT_EQ(data["errors"].size(), 1u);
   EXPECT_EQ(data["errors"][0]["samples"].size(), 45u);
-  for (const json& sample : data["errors"][0]["samples"]) EXPECT_NEAR(sample[1].get<double>(), 0.1, 0.05);
+  for (const Json& sample : data["errors"][0]["samples"]) EXPECT_NEAR(sample[1].get<double>(), 0.1, 0.05);
 }
 
 TEST(ChartData, TimesAreTheSamplesOfEachStage) {
-  const json times = DataOf(SmallRun(), ShiftedReference(60))["times"];
+  const Json times = DataOf(SmallRun(), ShiftedReference(60))["times"];
   ASSERT_EQ(times.size(), 2u);
   EXPECT_EQ(times[0]["stage"], "tracking/total");
   EXPECT_EQ(times[0]["samples"].size(), 60u);
-  EXPECT_EQ(times[0]["samples"][5], json::parse("[0.2, 25.0]"));
-  EXPECT_EQ(times[1]["samples"], json::parse("[[1.96, 123.25]]"));
+  EXPECT_EQ(times[0]["samples"][5], Json::parse("[0.2, 25.0]"));
+  EXPECT_EQ(times[1]["samples"], Json::parse("[[1.96, 123.25]]"));
 }
 
 }  // namespace

@@ -3,10 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <CLI/CLI.hpp>
-#include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "tests/tools/command/call_command.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tests/tools/report/small_report.h"
 #include "tools/evaluate/evaluate_command.h"
@@ -35,23 +34,10 @@ class ReportCommandTest : public ::testing::Test {
   }
 
   // Exit code of one subcommand; what it prints on stderr is in err_.
-  int Run(std::vector<std::string> arguments) {
-    CLI::App app;
-    std::function<int()> action;
-    AddReportCommand(app, action);
-    AddEvaluateCommand(app, action);
-    std::reverse(arguments.begin(), arguments.end());
-    try {
-      app.parse(arguments);
-    } catch (const CLI::ParseError&) {
-      return kExitUsage;
-    }
-    ::testing::internal::CaptureStdout();
-    ::testing::internal::CaptureStderr();
-    const int code = action();
-    ::testing::internal::GetCapturedStdout();
-    err_ = ::testing::internal::GetCapturedStderr();
-    return code;
+  int Run(const std::vector<std::string>& arguments) {
+    const CommandAnswer answer = CallCommand({AddReportCommand, AddEvaluateCommand}, arguments);
+    err_ = answer.err;
+    return answer.code;
   }
   std::string At(const std::string& name) const { return folder_.At(name); }
 

@@ -10,6 +10,7 @@
 
 #include "platform/vocabulary_loader.h"
 #include "tests/capture/temp_folder.h"
+#include "tests/tools/command/call_command.h"
 #include "tools/exit_codes.h"
 #include "tools/render/render_command.h"
 #include "tools/run/run_command.h"
@@ -17,20 +18,10 @@
 namespace haustra {
 namespace {
 
-int Call(void (*add_command)(CLI::App&, std::function<int()>&), std::vector<std::string> arguments) {
-  CLI::App app;
-  std::function<int()> action;
-  add_command(app, action);
-  std::vector<const char*> argv = {"haustra"};
-  for (const std::string& argument : arguments) argv.push_back(argument.c_str());
-  app.parse(static_cast<int>(argv.size()), argv.data());
-  return action();
-}
-
 // Exit code of `haustra vocabulary ARGUMENTS`.
 int Learn(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), {"vocabulary"});
-  return Call(AddVocabularyCommand, std::move(arguments));
+  return CallCommand({AddVocabularyCommand}, arguments).code;
 }
 
 std::string BytesOf(const std::string& path) {
@@ -71,7 +62,7 @@ TEST(VocabularyCommand, RenderedColonsGiveTheSameWordsOnAnyNumberOfThreads) {
 TEST(VocabularyCommand, LearnsFromEveryNthFrameOfSequencesWithTheirKindOfDescriptors) {
   const TempFolder root;
   const std::string colon = root.Path("colon"), out = root.Path("words.voc");
-  ASSERT_EQ(Call(AddRenderCommand, {"render", colon, "--seconds", "0.4", "--size", "360x270"}), kExitOk);
+  ASSERT_EQ(CallCommand({AddRenderCommand}, {"render", colon, "--seconds", "0.4", "--size", "360x270"}).code, kExitOk);
   ASSERT_EQ(Learn({"--out", out, colon, colon, "--every-nth", "4", "--set", "features.root_sift=false"}), kExitOk);
   const Result<Vocabulary> vocabulary = LoadVocabulary(out);
   ASSERT_TRUE(vocabulary.ok()) << vocabulary.status().ToString();
@@ -82,11 +73,11 @@ TEST(VocabularyCommand, LearnsFromEveryNthFrameOfSequencesWithTheirKindOfDescrip
 TEST(RunWithVocabulary, RunTakesTheWordsAndSaysWhatIsWrongWithThem) {
   const TempFolder root;
   const std::string colon = root.Path("colon"), words = root.Path("words.voc"), result = root.Path("result");
-  ASSERT_EQ(Call(AddRenderCommand, {"render", colon, "--seconds", "0.4", "--size", "360x270"}), kExitOk);
+  ASSERT_EQ(CallCommand({AddRenderCommand}, {"render", colon, "--seconds", "0.4", "--size", "360x270"}).code, kExitOk);
   const auto run = [&](std::vector<std::string> settings) {
     std::vector<std::string> arguments = {"run", colon, "--out", result, "--overwrite", "--device", "cpu"};
     for (std::string& setting : settings) arguments.insert(arguments.end(), {"--set", std::move(setting)});
-    return Call(AddRunCommand, std::move(arguments));
+    return CallCommand({AddRunCommand}, arguments).code;
   };
   const std::string kind = "retrieval.kind=vocabulary", file = "retrieval.vocabulary=" + words;
   EXPECT_EQ(run({kind}), kExitConfig);         // no file named

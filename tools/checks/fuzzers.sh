@@ -1,22 +1,22 @@
 #!/usr/bin/env bash
 # Runs every fuzzer of tests/fuzz on its corpus, as many at once as there are processors.
 #
-#     tools/check_fuzzers.sh [SECONDS [NAME...]]      default: 600 seconds for each; NAME: atlas_reader, image, ...
+#     tools/checks/fuzzers.sh [SECONDS [NAME...]]      default: 600 seconds for each; NAME: atlas_reader, image, ...
 #
 # Built with clang, AddressSanitizer and UndefinedBehaviorSanitizer in build/fuzz. New inputs that reach new code stay in
 # build/fuzz/corpus, inputs that fail in build/fuzz/failures; the corpus in the tree stays as it is. Needs clang with
 # libFuzzer (Debian: clang, libclang-rt-14-dev).
 set -euo pipefail
-cd "$(dirname "${BASH_SOURCE[0]}")/.."
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 seconds="${1:-600}"
-[[ "$seconds" =~ ^[0-9]+$ ]] || { echo "check_fuzzers.sh: '$seconds' is no number of seconds" >&2; exit 64; }
+[[ "$seconds" =~ ^[0-9]+$ ]] || { echo "fuzzers.sh: '$seconds' is no number of seconds" >&2; exit 64; }
 shift || true
-command -v clang++ > /dev/null || { echo "check_fuzzers.sh: clang++ is missing: apt install clang" >&2; exit 1; }
+command -v clang++ > /dev/null || { echo "fuzzers.sh: clang++ is missing: apt install clang" >&2; exit 1; }
 
 cmake --preset fuzz > /dev/null
 mapfile -t targets < <(cmake --build --preset fuzz --target help | sed -n 's/^\(fuzz_[a-z_0-9]*\): phony$/\1/p' |
   grep -v '^fuzz_make_corpus$')
-[ "${#targets[@]}" -gt 0 ] || { echo "check_fuzzers.sh: the build has no fuzzers" >&2; exit 1; }
+[ "${#targets[@]}" -gt 0 ] || { echo "fuzzers.sh: the build has no fuzzers" >&2; exit 1; }
 if [ "$#" -gt 0 ]; then targets=("${@/#/fuzz_}"); fi
 cmake --build --preset fuzz --target "${targets[@]}"
 
@@ -35,7 +35,7 @@ fuzz() {
 export -f fuzz
 export seconds
 if ! printf '%s\n' "${targets[@]}" | xargs -P "$(nproc)" -I{} bash -c 'fuzz {}'; then
-  echo "check_fuzzers.sh: failed; see build/fuzz/failures" >&2
+  echo "fuzzers.sh: failed; see build/fuzz/failures" >&2
   exit 1
 fi
 echo "all fuzzers are clean"

@@ -1,37 +1,27 @@
 #!/usr/bin/env bash
 # Builds for 64-bit Arm and runs it under emulation. Makes the sysroot if there is none.
 #
-#     tools/check_aarch64.sh tests     the tests of all libraries: half an hour of processor time
-#     tools/check_aarch64.sh small     of these hal, kernels and geometry, without what takes minutes under emulation
-#     tools/check_aarch64.sh colon     end to end: a colon rendered on this machine is mapped there, and as well as here
-#     tools/check_aarch64.sh engine    the tests of the engine, without what takes minutes under emulation
-#     tools/check_aarch64.sh rest      those of capture, platform and tools, likewise
-#     tools/check_aarch64.sh sysroot   nothing more than what comes before: the packages and the sysroot
+#     tools/checks/aarch64.sh tests     the tests of all libraries: half an hour of processor time
+#     tools/checks/aarch64.sh small     of these hal, kernels and geometry, without what takes minutes under emulation
+#     tools/checks/aarch64.sh colon     end to end: a colon rendered on this machine is mapped there, and as well as here
+#     tools/checks/aarch64.sh engine    the tests of the engine, without what takes minutes under emulation
+#     tools/checks/aarch64.sh rest      those of capture, platform and tools, likewise
+#     tools/checks/aarch64.sh sysroot   nothing more than what comes before: the packages and the sysroot
 #
-# Default: tests and colon. Exit code 77: skipped, this machine lacks what it needs and cannot install it, or it was not done
-# before HAUSTRA_DONE_BEFORE (seconds since 1970, if given).
+# Default: tests and colon. Exit code 77: skipped, this machine lacks what it needs and cannot install it.
 set -euo pipefail
-cd "$(dirname "${BASH_SOURCE[0]}")/.."
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 if [ "$#" -eq 0 ]; then set -- tests colon; fi
 for part in "$@"; do
   case "$part" in
     tests | small | colon | engine | rest | sysroot) ;;
-    *) echo "check_aarch64.sh: '$part' is not one of tests, small, colon, engine, rest, sysroot" >&2; exit 64 ;;
+    *) echo "aarch64.sh: '$part' is not one of tests, small, colon, engine, rest, sysroot" >&2; exit 64 ;;
   esac
 done
 skip() {
   echo "skipped: aarch64 ($*): $reason"
   exit 77
 }
-if [ -n "${HAUSTRA_DONE_BEFORE:-}" ]; then
-  reason="this machine was too slow to be done in time"
-  left_s="$((HAUSTRA_DONE_BEFORE - $(date +%s)))"
-  if [ "$left_s" -lt 60 ]; then skip "$@"; fi
-  status=0
-  env -u HAUSTRA_DONE_BEFORE timeout "$left_s" bash tools/check_aarch64.sh "$@" || status="$?"
-  if [ "$status" -eq 124 ]; then skip "$@"; fi
-  exit "$status"
-fi
 reason="g++-aarch64-linux-gnu, qemu-user-static or mmdebstrap cannot be installed here"
 bash tools/setup.sh g++-aarch64-linux-gnu qemu-user-static mmdebstrap || skip "$@"
 reason="a sysroot of arm64 packages cannot be made here; the cause stands above"
@@ -43,7 +33,7 @@ cmake --preset aarch64 > /dev/null
 left_out='-'
 # A test that dies on purpose starts itself again, which needs the kernel to know the emulator (binfmt_misc).
 if [ ! -e /proc/sys/fs/binfmt_misc/qemu-aarch64 ]; then
-  echo "check_aarch64.sh: left out: tests of what ends the program (*DeathTest*)"
+  echo "aarch64.sh: left out: tests of what ends the program (*DeathTest*)"
   left_out+='*DeathTest*:'
 fi
 
@@ -89,7 +79,7 @@ map_colon() {  # map_colon NAME PROGRAM...
       printf "%s: %d frames, coverage %s %%, %d map, %d keyframes, %d points, RMS ATE %s mm\n", name, figure["frames"],
         figure["coverage"], figure["maps"], figure["keyframes"], figure["map_points"], figure["rms_ate"]
       exit !(figure["frames"] == 50 && figure["coverage"] >= 95 && figure["maps"] == 1 && figure["rms_ate"] < 0.8)
-    }' "build/aarch64/colon_$name.csv" || { echo "check_aarch64.sh: $name did not map the colon" >&2; return 1; }
+    }' "build/aarch64/colon_$name.csv" || { echo "aarch64.sh: $name did not map the colon" >&2; return 1; }
 }
 
 run_colon() {

@@ -4,13 +4,13 @@
 # presets, the toolchain files and the code; what is linked against it is of no use on a board. Exit code 77: skipped, a
 # program is missing.
 #
-#     tools/check_jetpack.sh [6|7...]      default: those that nvcc knows
+#     tools/checks/jetpack.sh [6|7...]      default: those that nvcc knows
 set -euo pipefail
-cd "$(dirname "${BASH_SOURCE[0]}")/.."
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 toolkit="$(dirname "$(dirname "$(realpath "${CUDACXX:-$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)}")")")"
 for program in "$toolkit/bin/nvcc" aarch64-linux-gnu-g++ cmake; do
   if ! command -v "$program" > /dev/null; then
-    echo "check_jetpack.sh: skipped: $program is missing"
+    echo "jetpack.sh: skipped: $program is missing"
     exit 77
   fi
 done
@@ -45,7 +45,7 @@ for version in "$@"; do
   cmake --build "$folder" --target haustra_kernels_cuda
   for library in "$folder"/kernels/cuda/*.a; do
     file="$(aarch64-linux-gnu-objdump -f "$library" | grep -c 'elf64-littleaarch64')"
-    [ "$file" -gt 0 ] || { echo "check_jetpack.sh: $library is not for aarch64" >&2; exit 1; }
+    [ "$file" -gt 0 ] || { echo "jetpack.sh: $library is not for aarch64" >&2; exit 1; }
   done
   echo "$preset: configured, and its CUDA device compiled"
 done

@@ -3,15 +3,15 @@
 # compiler, and links the device code. Nothing is run, and no CUDA library of the board is needed. Exit code 77: skipped,
 # nvcc or the cross compiler is not there.
 #
-#     tools/check_cuda_aarch64.sh [SOURCE...]      default: kernels/cuda/*.cu
+#     tools/checks/cuda_aarch64.sh [SOURCE...]      default: kernels/cuda/*.cu
 #
 # CUDACXX names another nvcc; it must be of CUDA 13 for sm_110, else only sm_87 is compiled (CUDA 12.6 of JetPack 6).
 set -euo pipefail
-cd "$(dirname "${BASH_SOURCE[0]}")/.."
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 nvcc="${CUDACXX:-$(command -v nvcc || echo /usr/local/cuda/bin/nvcc)}"
 for program in "$nvcc" aarch64-linux-gnu-g++; do
   if ! command -v "$program" > /dev/null; then
-    echo "check_cuda_aarch64.sh: skipped: $program is missing"
+    echo "cuda_aarch64.sh: skipped: $program is missing"
     exit 77
   fi
 done
@@ -25,7 +25,7 @@ for architecture in 87 110; do
     echo "for sm_$architecture"
   fi
 done
-[ "${#architectures[@]}" -gt 0 ] || { echo "check_cuda_aarch64.sh: $nvcc knows neither sm_87 nor sm_110" >&2; exit 1; }
+[ "${#architectures[@]}" -gt 0 ] || { echo "cuda_aarch64.sh: $nvcc knows neither sm_87 nor sm_110" >&2; exit 1; }
 
 objects="$(mktemp -d)"
 trap 'rm -rf --one-file-system -- "${objects:?}"' EXIT

@@ -23,7 +23,7 @@ Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, const Extent& e
   options.clock = clock;
   options.deadline = deadline;
   Result<BundleSummary> summary = adjuster_.Adjust(camera_, options, &problem_);
-  if (summary.ok() && summary->usable) WriteBack(atlas);
+  if (summary.ok() && summary->state != SolveState::kNone) WriteBack(atlas);
   for (const KeyframeHandle handle : poses_) pose_slots_[handle.index] = -1;
   for (const MapPointHandle handle : points_) point_slots_[handle.index] = -1;
   return summary;

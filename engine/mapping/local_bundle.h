@@ -1,5 +1,6 @@
 // Local bundle adjustment: a keyframe, covisible ones and all their points move; other keyframes that see those points
-// hold the gauge. Writes the result back and takes out the observations that do not fit.
+// hold the gauge. Writes back what was gained. Takes out the observations that do not fit when it was finished: on the
+// word of a bundle that was stopped none goes.
 // thread-bound(mapping).
 #pragma once
 

@@ -251,7 +251,7 @@ void Mapper::RefineFounding(KeyframeHandle reference) {
   BundleOptions options;
   options.max_iterations = kFoundingIterations;
   const Result<BundleSummary> summary = AdjustBundle(camera_, options, &founding_);
-  if (!summary.ok() || !summary->usable) return;
+  if (!summary.ok() || summary->state != SolveState::kConverged) return;
   atlas_.keyframe(newest_).cam_from_map = founding_.poses[1].cam_from_world;
   for (std::size_t i = 0; i < placed_.size(); ++i) placed_[i].cam_from_map = founding_.poses[i + 2].cam_from_world;
   for (std::size_t i = 0; i < points.size(); ++i) atlas_.point(points[i]).position = founding_.points[i].position;
@@ -281,7 +281,7 @@ bool Mapper::MakeFoundingBundle(const KeyframeProposal& proposal) {
   BundleOptions options;
   options.max_iterations = kFoundingIterations;
   const Result<BundleSummary> summary = AdjustBundle(camera_, options, &founding_);
-  if (!summary.ok() || !summary->usable) return false;
+  if (!summary.ok() || summary->state != SolveState::kConverged) return false;
   int num_good = 0;
   for (int i = 0; i < proposal.num_pairs; ++i) {
     if (!founding_.observations[2 * i].is_outlier && !founding_.observations[2 * i + 1].is_outlier) ++num_good;
@@ -584,12 +584,17 @@ void Mapper::JoinMaps(const PlaceTask& task) {
   plan.tracked = newest_;
   MergeOutcome outcome;
   const Keyframe* a = atlas_.GetKeyframe(plan.keyframe_a);
-  if (a == nullptr || a->map != active_ ||
-      !merger_.Apply(plan, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline, &outcome).ok()) {
-    ++counters_.num_merges_outdated;
+  const Status status = a == nullptr || a->map != active_
+                            ? FailedPrecondition("join: tracking has left the map of the plan")
+                            : merger_.Apply(plan, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline, &outcome);
+  if (!status.ok()) {
+    const bool is_outdated =
+        status.code() == StatusCode::kFailedPrecondition || status.code() == StatusCode::kInvalidArgument;
+    ++(is_outdated ? counters_.num_merges_outdated : counters_.num_loops_left_open);
     CommonAreaCounts counts = task.area.counts;
-    counts.verdict = CommonAreaVerdict::kOutdated;
+    counts.verdict = is_outdated ? CommonAreaVerdict::kOutdated : CommonAreaVerdict::kNotJoined;
     ReportRejection(task, counts);
+    counters_.merge_time += Now() - start;
     return;
   }
   active_ = outcome.map;
@@ -644,7 +649,7 @@ bool Mapper::Settle() {
   const SE3 old_pose = atlas_.keyframe(newest_).cam_from_map;
   const Result<BundleSummary> summary =
       bundle_.Adjust(newest_, extent, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
-  if (!summary.ok() || !summary->usable) {
+  if (!summary.ok() || summary->state == SolveState::kNone) {
     settling_rounds_ = 0;
     return true;
   }

@@ -28,6 +28,7 @@ class EssentialGraph {
   // Of the last Capture and Solve, or as set.
   Sim3 Correction(KeyframeHandle keyframe) const;
 
+  // Unless it converges all corrections stay as they were set.
   Result<PoseGraphSummary> Solve(const Clock* clock, TimePoint deadline);
 
   // Writes the poses of all keyframes that are not fixed, and moves the points that only such keyframes see.

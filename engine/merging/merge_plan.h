@@ -8,6 +8,7 @@
 #include "engine/atlas/atlas.h"
 #include "engine/atlas/local_map.h"
 #include "engine/geometry/sim3.h"
+#include "engine/optim/solve_state.h"
 #include "engine/place/common_area.h"
 
 namespace haustra {
@@ -42,9 +43,11 @@ struct MergeOutcome {
   int weld_iterations = 0;
   double weld_initial_cost = 0.0;
   double weld_final_cost = 0.0;
+  SolveState weld_state = SolveState::kNone;
   int num_graph_nodes = 0;  // 0: all keyframes were welded, none was left to follow
   int num_graph_edges = 0;
   int graph_iterations = 0;
+  SolveState graph_state = SolveState::kNone;
 };
 
 }  // namespace haustra

@@ -76,7 +76,7 @@ Status Merger::Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, Ti
   CollectGroup(*atlas, plan.keyframe_a, options_.window_keyframes, min_shared, &covisible_, &window_a_);
   CollectGroup(*atlas, plan.keyframe_b, options_.window_keyframes, min_shared, &covisible_, &window_b_);
   if (outcome->is_loop) {
-    Close(current, atlas, clock, deadline, outcome);
+    HAUSTRA_TRY(Close(current, atlas, clock, deadline, outcome));
   } else {
     Join(current, atlas, clock, deadline, outcome);
   }
@@ -132,13 +132,17 @@ void Merger::Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimeP
   if (moved_.size() == moving_window.size()) return;
   outcome->num_graph_nodes = graph_.num_nodes();
   outcome->num_graph_edges = graph_.num_edges();
-  // Without a solution the guess stands: everything moves with the new keyframe.
+  // Unless it converges the guess stands: everything moves with the new keyframe.
   const Result<PoseGraphSummary> summary = graph_.Solve(clock, deadline);
-  if (summary.ok()) outcome->graph_iterations = summary->iterations;
+  if (summary.ok()) {
+    outcome->graph_iterations = summary->iterations;
+    outcome->graph_state = summary->state;
+  }
   graph_.Apply(atlas);
 }
 
-void Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome) {
+Status Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline,
+                     MergeOutcome* outcome) {
   const auto& all = atlas->map(atlas->keyframe(plan.keyframe_a).map).keyframes;
   moved_.assign(all.begin(), all.end());
   graph_.Capture(*atlas, moved_);
@@ -149,9 +153,14 @@ void Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, Time
   outcome->num_graph_nodes = graph_.num_nodes();
   outcome->num_graph_edges = graph_.num_edges();
   const Result<PoseGraphSummary> summary = graph_.Solve(clock, deadline);
-  // Without a solution the loop stays open: half a correction would tear the map.
-  if (!summary.ok() || !summary->usable) return;
+  if (!summary.ok()) return summary.status();
   outcome->graph_iterations = summary->iterations;
+  outcome->graph_state = summary->state;
+  // The loop stays open: half a correction would tear the map.
+  if (summary->state == SolveState::kPartial) {
+    return Status(StatusCode::kDeadlineExceeded, "loop: the pose graph was stopped");
+  }
+  if (summary->state == SolveState::kNone) return Internal("loop: the pose graph has no solution");
   graph_.Apply(atlas);
   Fuse(plan, atlas, outcome);
   Weld::Sides sides;
@@ -159,6 +168,7 @@ void Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, Time
   sides.reference = window_b_;
   sides.may_hold = [](KeyframeHandle) { return true; };
   WeldSeam(sides, atlas, clock, deadline, outcome);
+  return Status::Ok();
 }
 
 // What was proven to be one point, then what is found to be one by searching each side in the other.
@@ -188,6 +198,7 @@ void Merger::WeldSeam(const Weld::Sides& sides, Atlas* atlas, const Clock* clock
   outcome->weld_iterations = summary->iterations;
   outcome->weld_initial_cost = summary->initial_cost;
   outcome->weld_final_cost = summary->final_cost;
+  outcome->weld_state = summary->state;
 }
 
 }  // namespace haustra

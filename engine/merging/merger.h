@@ -30,13 +30,15 @@ class Merger {
          VisionDevice& device, SchurBundleAdjuster& adjuster);
 
   // kFailedPrecondition: a keyframe of the plan is gone, or tracking in another map; nothing was touched.
-  // kInvalidArgument: the similarity is not one. `clock` may be null with kNoDeadline: then only iterations bound the
-  // solvers (sequential mode). Solvers that fail leave the state before them, which is consistent: that is no error.
+  // kInvalidArgument: the similarity is not one. kDeadlineExceeded, kInternal: the pose graph of a loop was stopped, or
+  // it failed; the loop stays open and nothing was touched. `clock` may be null with kNoDeadline: then only iterations
+  // bound the solvers (sequential mode). Maps are joined also when the time runs out: the younger one then stands where
+  // the plan, or as far as it came the weld, puts it in one piece, and no observation is taken out.
   Status Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
 
  private:
   void Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
-  void Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
+  Status Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
   void Fuse(const MergePlan& plan, Atlas* atlas, MergeOutcome* outcome);
   void WeldSeam(const Weld::Sides& sides, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
 

@@ -12,6 +12,7 @@
 
 #include "engine/camera/camera_model.h"
 #include "engine/geometry/se3.h"
+#include "engine/optim/solve_state.h"
 #include "hal/clock.h"
 #include "hal/core/status.h"
 #include "hal/core/time.h"
@@ -60,12 +61,13 @@ struct BundleSummary {
   double initial_cost = 0.0;  // half the sum of Huber's loss of chi2 over all observations; an unseen point counts
   double final_cost = 0.0;    //   as one 10 thresholds off
   int num_outliers = 0;       // observations with is_outlier set on return
-  bool cancelled = false;     // stopped by `cancel` or `deadline`; the problem holds the best state until then
-  bool usable = false;        // false: there was nothing to adjust or the solver failed, and the state is the input's
+  SolveState state = SolveState::kNone;
 };
 
-// Adjusts every pose and point of `problem` that is not fixed and sets is_outlier of every observation (also of those
-// that were dropped midway and fit again).
+// Adjusts every pose and point of `problem` that is not fixed. kConverged: the cost falls no more, or all iterations are
+// made. kPartial: the best state until `cancel` or `deadline` stopped it. kNone: poses and points are as they were.
+// is_outlier of an observation is its verdict only after kConverged (also for those that were dropped midway and fit
+// again). Otherwise it is false for all: a state that is not final cannot say which observations are wrong.
 //
 // Gauge. Fixed poses are bit-for-bit unchanged. When none is fixed, the first pose that has observations is held for
 // the call. When just one pose is held and no fixed point is observed, nothing measures the scale: the result is then
@@ -77,7 +79,7 @@ struct BundleSummary {
 // benchmarks); a call looks at `cancel` and `deadline` once an iteration.
 // Errors: kInvalidArgument (options; an index, pixel, sigma, pose or point that is out of range or not finite; a
 // deadline without a clock), kInternal (the solver ran out of memory). On error poses and points are untouched.
-// Nothing to adjust (no observation of a free pose or point) is no error: `usable` is false.
+// Nothing to adjust (no observation of a free pose or point) is no error: the state is kNone.
 Result<BundleSummary> AdjustBundle(const CameraModel& camera, const BundleOptions& options, BundleProblem* problem);
 
 }  // namespace haustra

@@ -136,8 +136,10 @@ void RestoreScale(const BundleGauge& gauge, BundleProblem* problem) {
   }
 }
 
-BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, BundleProblem* problem) {
+BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, SolveState state,
+                                   BundleProblem* problem) {
   BundleVerdict verdict;
+  const bool is_final = state == SolveState::kConverged;
   const double threshold = std::sqrt(chi2_gate);
   const double unseen_chi2 = kUnseenThresholds * kUnseenThresholds * chi2_gate;
   for (BundleObservation& observation : problem->observations) {
@@ -145,11 +147,12 @@ BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, 
         problem->poses[observation.pose_idx].cam_from_world * problem->points[observation.point_idx].position;
     Eigen::Vector2d pixel;
     double chi2 = unseen_chi2;
-    observation.is_outlier = true;
+    bool fits = false;
     if (camera.Project(point_in_cam, &pixel)) {
       chi2 = (pixel - observation.pixel).squaredNorm() / (observation.sigma_px * observation.sigma_px);
-      observation.is_outlier = !(chi2 <= chi2_gate);
+      fits = chi2 <= chi2_gate;
     }
+    observation.is_outlier = is_final && !fits;
     verdict.cost += 0.5 * HuberLoss(chi2, threshold);
     verdict.num_outliers += observation.is_outlier ? 1 : 0;
   }

@@ -49,7 +49,8 @@ struct BundleVerdict {
   double cost = 0.0;  // as BundleSummary::initial_cost
   int num_outliers = 0;
 };
-// Sets is_outlier of every observation.
-BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, BundleProblem* problem);
+// Sets is_outlier of every observation: to its verdict when the solver has converged, to false otherwise.
+BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, SolveState state,
+                                   BundleProblem* problem);
 
 }  // namespace haustra::optim

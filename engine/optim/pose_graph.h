@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/geometry/sim3.h"
+#include "engine/optim/solve_state.h"
 #include "hal/clock.h"
 #include "hal/core/status.h"
 #include "hal/core/time.h"
@@ -40,11 +41,12 @@ struct PoseGraphSummary {
   int iterations = 0;
   double initial_cost = 0.0;  // half the weighted sum of squared errors
   double final_cost = 0.0;
-  bool cancelled = false;  // stopped by `cancel` or `deadline`; the nodes hold the best state until then
-  bool usable = false;     // false: nothing to optimise, or the solver failed, and the nodes are as they were
+  // kPartial: stopped by `cancel`, `deadline` or the number of iterations before the cost stopped falling.
+  SolveState state = SolveState::kNone;
 };
 
-// Moves the nodes that are not fixed. When none is fixed, the first node with an edge is held for the call. Parts of
+// Moves the nodes that are not fixed, when it has converged: half a correction would tear a map, so otherwise all nodes
+// are as they were. When none is fixed, the first node with an edge is held for the call. Parts of
 // the graph that no fixed node is connected to keep their place as well as the damping of the solver holds it; nodes
 // without edges are left alone. Fixed and held nodes are unchanged to the bit.
 //

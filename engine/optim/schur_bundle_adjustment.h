@@ -53,8 +53,9 @@ class SchurBundleAdjuster {
   // Solves what Linearise left and writes the moved state to `candidate`. False when the system is not positive
   // definite.
   bool Step(const State& state, State* candidate);
-  // Up to `max_steps` steps from `state_`, which ends as the best state found.
-  void Minimise(const BundleOptions& options, int max_steps, BundleSummary* summary);
+  // Up to `max_steps` steps from `state_`, which ends as the best state found. False when it was stopped; sets
+  // `has_gained` when any step lowered the cost.
+  bool Minimise(const BundleOptions& options, int max_steps, BundleSummary* summary, bool* has_gained);
   void DropOutliers();
   void Store(BundleProblem* problem) const;
 

@@ -262,6 +262,7 @@ std::string ToJson(const RunSummary& s) {
                      {"places_skipped", m.num_places_skipped},
                      {"place_points_left_out", m.num_place_points_left_out},
                      {"merges_outdated", m.num_merges_outdated},
+                     {"loops_left_open", m.num_loops_left_open},
                      {"mean_ms",
                       {{"insert", MsPerKeyframe(m.insert_time, m)},
                        {"create", MsPerKeyframe(m.create_time, m)},

@@ -6,6 +6,7 @@
 
 #include "engine/atlas/invariants.h"
 #include "tests/engine/place/synthetic_colon.h"
+#include "tests/hal/ticking_clock.h"
 
 namespace haustra::test {
 namespace {
@@ -32,6 +33,21 @@ class MergerTest : public testing::Test {
     SchurBundleAdjuster adjuster;
     Merger merger(colon_.config(), options_, noise_, colon_.camera(), colon_.device(), adjuster);
     return merger.Apply(plan, &atlas_, nullptr, kNoDeadline, &outcome_);
+  }
+
+  // The solvers are stopped when they look at the clock for the `num_looks`-th time, counted from 0.
+  Status ApplyStopped(const MergePlan& plan, int num_looks, Atlas* atlas) {
+    SchurBundleAdjuster adjuster;
+    Merger merger(colon_.config(), options_, noise_, colon_.camera(), colon_.device(), adjuster);
+    const TickingClock clock;
+    return merger.Apply(plan, atlas, &clock, TickingClock::DeadlineAtLook(num_looks), &outcome_);
+  }
+
+  // Features that show a point, over all keyframes.
+  static int NumObservations(const Atlas& atlas) {
+    int num = 0;
+    atlas.keyframes().ForEach([&](KeyframeHandle, const Keyframe& keyframe) { num += keyframe.num_points; });
+    return num;
   }
 
   // Largest distance of a camera or point from where map_from_world puts it, over the map's unit.
@@ -291,6 +307,43 @@ TEST_F(MergerTest, DeviceLostDuringTheMergeLeavesAConsistentAtlas) {
   ExpectInFrame(kOlderFromWorld, 0.05, 0.03);
 }
 
+// A weld that was stopped says nothing about which observations are wrong: the joined maps keep all they had.
+TEST_F(MergerTest, StoppedWeldDeletesNoObservation) {
+  RecordProperty("req", "MRG-001");
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  MergePlan plan = Plan(first + 2, 11);
+  // Far enough off that much of what is right does not fit before it is welded.
+  plan.b_from_a.translation += kOlderFromWorld.scale * Eigen::Vector3d(0.06, -0.04, 0.05);
+  const int before = NumObservations(atlas_);
+  ASSERT_TRUE(ApplyStopped(plan, 0, &atlas_).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_GE(NumObservations(atlas_), before);
+  ExpectInFrame(kOlderFromWorld, 0.15, 0.15);
+}
+
+// Wherever the time runs out, the younger map is in one piece and where the plan or the weld puts it.
+TEST_F(MergerTest, TimeMayRunOutAnywhere) {
+  RecordProperty("req", "MRG-001");
+  colon_.AddWall(0.0, 14.0, 5000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
+  const MergePlan plan = Plan(first + 2, 11);
+  const Atlas before = atlas_;
+  bool is_finished = false;
+  for (int num_looks = 0; num_looks < 100 && !is_finished; ++num_looks) {
+    SCOPED_TRACE(num_looks);
+    atlas_ = before;
+    ASSERT_TRUE(ApplyStopped(plan, num_looks, &atlas_).ok());
+    ASSERT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+    ExpectInFrame(kOlderFromWorld, 0.08, 0.04);
+    ASSERT_FALSE(HasNonfatalFailure());
+    is_finished = outcome_.weld_state == SolveState::kConverged && outcome_.graph_state == SolveState::kConverged;
+  }
+  EXPECT_TRUE(is_finished);
+}
+
 // Out and back in one map whose frame drifts a little at every keyframe; the way back makes points of its own.
 class LoopTest : public MergerTest {
  protected:
@@ -356,6 +409,43 @@ TEST_F(LoopTest, DriftIsTakenOut) {
   const bool is_joined = std::any_of(covisible.begin(), covisible.end(),
                                      [&](const Covisible& c) { return atlas_.keyframe(c.keyframe).id < 6; });
   EXPECT_TRUE(is_joined);
+}
+
+// A loop is closed, or it is not: wherever the time runs out, the map is as it was or its drift is gone. What is closed
+// keeps its observations unless the weld was finished.
+TEST_F(LoopTest, TimeMayRunOutAnywhere) {
+  RecordProperty("req", "MRG-001");
+  BuildDriftingMap();
+  const double drift = TrajectoryError();
+  const MergePlan plan = Plan(2 * kTurn - 2, 1);
+  const Atlas before = atlas_;
+  const int num_observations = NumObservations(before);
+  int num_open = 0;
+  bool is_finished = false;
+  for (int num_looks = 0; num_looks < 100 && !is_finished; ++num_looks) {
+    SCOPED_TRACE(num_looks);
+    atlas_ = before;
+    const Status status = ApplyStopped(plan, num_looks, &atlas_);
+    ASSERT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+    if (!status.ok()) {
+      ++num_open;
+      EXPECT_EQ(status.code(), StatusCode::kDeadlineExceeded);
+      EXPECT_EQ(NumObservations(atlas_), num_observations);
+      before.keyframes().ForEach([&](KeyframeHandle handle, const Keyframe& keyframe) {
+        ASSERT_EQ(atlas_.keyframe(handle).cam_from_map.translation, keyframe.cam_from_map.translation);
+        ASSERT_EQ(atlas_.KeyframeScale(handle), before.KeyframeScale(handle));
+      });
+      before.points().ForEach([&](MapPointHandle handle, const MapPoint& point) {
+        ASSERT_EQ(atlas_.point(handle).position, point.position);
+      });
+      continue;
+    }
+    EXPECT_LT(TrajectoryError(), 0.5 * drift);
+    is_finished = outcome_.weld_state == SolveState::kConverged;
+    if (!is_finished) EXPECT_GE(NumObservations(atlas_), num_observations);
+  }
+  EXPECT_GT(num_open, 0);
+  EXPECT_TRUE(is_finished);
 }
 
 TEST_F(LoopTest, FramesFollowTheirKeyframesAndTheirScale) {

@@ -71,7 +71,8 @@ struct BundleSummary {
 //
 // Gauge. Fixed poses are bit-for-bit unchanged. When none is fixed, the first pose that has observations is held for
 // the call. When just one pose is held and no fixed point is observed, nothing measures the scale: the result is then
-// scaled about the centre of the held camera so that its distance to the first other observed camera stays what it was.
+// scaled about the centre of the held camera so that the ratio of distances after to before, from cameras to the points
+// they observe, is 1 in the median. No single camera or point decides about the unit.
 //
 // Deterministic to the bit for the same input on one machine when nothing cancels: one thread, parameters in the order
 // of their indices. Allocates (Ceres); never call it on the tracking thread. reentrant.

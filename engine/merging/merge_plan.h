@@ -31,9 +31,10 @@ inline MergePlan MakeMergePlan(const CommonArea& area) {
 
 struct MergeOutcome {
   bool is_loop = false;
-  MapHandle map;  // holds everything now; its id is the older one of the two
+  MapHandle map;  // holds everything now; its id is that of the larger one of the two
   MapId map_id = kNoId;
-  MapId absorbed_map_id = kNoId;  // kNoId for a loop
+  MapHandle absorbed;  // the other one, empty now; invalid for a loop
+  MapId absorbed_map_id = kNoId;
   // Where things at the plan's `tracked` went, for the tracker; `sequence` is left to the one who publishes it.
   Reframing reframing;
   int num_fused = 0;  // points that were one and are one now

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 namespace haustra {
 namespace {
@@ -92,22 +94,26 @@ Status Merger::Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, Ti
 void Merger::Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome) {
   const MapHandle map_a = atlas->keyframe(plan.keyframe_a).map;
   const MapHandle map_b = atlas->keyframe(plan.keyframe_b).map;
-  const bool a_is_older = atlas->map(map_a).id < atlas->map(map_b).id;
-  const MapHandle older = a_is_older ? map_a : map_b;
-  const MapHandle younger = a_is_older ? map_b : map_a;
-  outcome->absorbed_map_id = atlas->map(younger).id;
-  const auto& younger_keyframes = atlas->map(younger).keyframes;
-  moved_.assign(younger_keyframes.begin(), younger_keyframes.end());
-  atlas->TransformMap(younger, a_is_older ? plan.b_from_a.Inverse() : plan.b_from_a);
-  // Covisibility before fusion: the graph holds the younger map together, the weld ties it to the older one.
-  graph_.Capture(*atlas, moved_);
-  atlas->AbsorbMap(older, younger);
+  const auto standing = [&](MapHandle map) {
+    return std::pair(atlas->map(map).keyframes.size(), std::numeric_limits<MapId>::max() - atlas->map(map).id);
+  };
+  const bool a_stays = standing(map_a) > standing(map_b);
+  const MapHandle staying = a_stays ? map_a : map_b;
+  const MapHandle moving = a_stays ? map_b : map_a;
+  outcome->absorbed = moving;
+  outcome->absorbed_map_id = atlas->map(moving).id;
+  const auto& moving_keyframes = atlas->map(moving).keyframes;
+  moved_.assign(moving_keyframes.begin(), moving_keyframes.end());
+  const std::vector<KeyframeHandle>& moving_window = a_stays ? window_b_ : window_a_;
+  atlas->TransformMap(moving, a_stays ? plan.b_from_a.Inverse() : plan.b_from_a);
+  // Covisibility before fusion: the graph holds the moving map together, the weld ties it to the other one.
+  graph_.Capture(*atlas, moved_, moving_window);
+  atlas->AbsorbMap(staying, moving);
   Fuse(plan, atlas, outcome);
 
-  const std::vector<KeyframeHandle>& moving_window = a_is_older ? window_b_ : window_a_;
   Weld::Sides sides;
   sides.moving = moving_window;
-  sides.reference = a_is_older ? window_a_ : window_b_;
+  sides.reference = a_stays ? window_a_ : window_b_;
   sides.may_hold = [this](KeyframeHandle handle) {
     return std::find(moved_.begin(), moved_.end(), handle) == moved_.end();
   };
@@ -145,7 +151,9 @@ Status Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, Ti
                      MergeOutcome* outcome) {
   const auto& all = atlas->map(atlas->keyframe(plan.keyframe_a).map).keyframes;
   moved_.assign(all.begin(), all.end());
-  graph_.Capture(*atlas, moved_);
+  std::vector<KeyframeHandle> singles = window_a_;
+  singles.insert(singles.end(), window_b_.begin(), window_b_.end());
+  graph_.Capture(*atlas, moved_, singles);
   for (const KeyframeHandle handle : window_a_) graph_.SetCorrection(handle, plan.b_from_a, false);
   // A keyframe in both windows stands where the map stood.
   for (const KeyframeHandle handle : window_b_) graph_.SetCorrection(handle, Sim3{}, true);

@@ -193,16 +193,56 @@ TEST_F(MergerTest, FramesOfCulledKeyframesResolveAcrossTheMerge) {
 
 TEST_F(MergerTest, LongYoungerMapFollowsTheWeld) {
   colon_.AddWall(0.0, 14.0, 5000);
-  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 41, kOlderFromWorld);
   const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
   const Tracked far_off = Track(first + 39);
-  ASSERT_TRUE(Apply(Plan(first + 2, 11)).ok());
+  ASSERT_TRUE(Apply(Plan(first + 2, 34)).ok());
   EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
   EXPECT_EQ(outcome_.num_graph_nodes, 40);
   EXPECT_GE(outcome_.num_graph_edges, 39);
   EXPECT_LE(outcome_.num_weld_keyframes, 16);
   ExpectInFrame(kOlderFromWorld, 0.05, 0.03);
   ExpectResolves(far_off, 0, kOlderFromWorld, 0.05);
+}
+
+// A long procedure is being tracked when it meets what a short one has left: the long one stays where it is, and with
+// it the tracker.
+TEST_F(MergerTest, LargerMapStaysThoughItIsTheYoungerOne) {
+  colon_.AddWall(0.0, 14.0, 5000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
+  const MapHandle older = atlas_.keyframe(keyframe(0)).map, younger = atlas_.keyframe(keyframe(first)).map;
+  atlas_.map(older).status = MapStatus::kStored;
+  const Tracked in_older = Track(3), in_younger = Track(first + 30);
+  const SE3 far_off = atlas_.keyframe(keyframe(first + 39)).cam_from_map;
+  ASSERT_TRUE(Apply(Plan(first + 2, 11)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_EQ(outcome_.map, younger);
+  EXPECT_EQ(outcome_.absorbed, older);
+  EXPECT_EQ(outcome_.absorbed_map_id, 0u);
+  EXPECT_EQ(atlas_.map(younger).status, MapStatus::kActive);
+  EXPECT_EQ(atlas_.map(older).merged_into, 1u);
+  EXPECT_EQ(outcome_.reframing.old_map_id, 1u);
+  EXPECT_EQ(outcome_.reframing.new_map_id, 1u);
+  EXPECT_EQ(atlas_.keyframe(keyframe(first + 39)).cam_from_map.translation, far_off.translation);
+  ExpectInFrame(kYoungerFromWorld, 0.05, 0.03);
+  ExpectResolves(in_older, 1, kYoungerFromWorld, 0.05);
+  ExpectResolves(in_younger, 1, kYoungerFromWorld, 0.05);
+}
+
+// With fewer nodes than keyframes the map follows nearly as well.
+TEST_F(MergerTest, LongMapFollowsTheWeldInGroups) {
+  options_.graph_max_nodes = 10;
+  colon_.AddWall(0.0, 14.0, 5000);
+  const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kOlderFromWorld).first;
+  colon_.AddMap(&atlas_, 0.0, 3.0, 41, kYoungerFromWorld);
+  const Tracked far_off = Track(first + 39);
+  ASSERT_TRUE(Apply(Plan(first + 2, 40 + 33)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_GE(outcome_.num_graph_nodes, 10);
+  EXPECT_LE(outcome_.num_graph_nodes, 22);
+  ExpectInFrame(kYoungerFromWorld, 0.05, 0.03);
+  ExpectResolves(far_off, 1, kYoungerFromWorld, 0.05);
 }
 
 TEST_F(MergerTest, SameMergeGivesTheSameBits) {
@@ -327,9 +367,9 @@ TEST_F(MergerTest, StoppedWeldDeletesNoObservation) {
 TEST_F(MergerTest, TimeMayRunOutAnywhere) {
   RecordProperty("req", "MRG-001");
   colon_.AddWall(0.0, 14.0, 5000);
-  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 41, kOlderFromWorld);
   const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
-  const MergePlan plan = Plan(first + 2, 11);
+  const MergePlan plan = Plan(first + 2, 34);
   const Atlas before = atlas_;
   bool is_finished = false;
   for (int num_looks = 0; num_looks < 100 && !is_finished; ++num_looks) {
@@ -409,6 +449,17 @@ TEST_F(LoopTest, DriftIsTakenOut) {
   const bool is_joined = std::any_of(covisible.begin(), covisible.end(),
                                      [&](const Covisible& c) { return atlas_.keyframe(c.keyframe).id < 6; });
   EXPECT_TRUE(is_joined);
+}
+
+// Neighbours that share a node take the drift out nearly as well as keyframes one by one.
+TEST_F(LoopTest, DriftIsTakenOutInGroups) {
+  BuildDriftingMap();
+  const double before = TrajectoryError();
+  options_.graph_max_nodes = 12;
+  ASSERT_TRUE(Apply(Plan(2 * kTurn - 2, 1)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_LE(outcome_.num_graph_nodes, 12 + 16 + 4);
+  EXPECT_LT(TrajectoryError(), 0.5 * before);
 }
 
 // A loop is closed, or it is not: wherever the time runs out, the map is as it was or its drift is gone. What is closed

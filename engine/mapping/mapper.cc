@@ -15,6 +15,8 @@ namespace {
 constexpr int kFoundingIterations = 20;
 // A slice of bundle adjustment that leaves this much of the cost has little left to do.
 constexpr double kSettledShare = 0.995;
+// Of a bundle that a waiting proposal ends: a tracker in need must not keep the map from ever being adjusted.
+constexpr int kMinBundleIterations = 3;
 
 // What the stages of mapping hold beside the atlas: marks and positions by slot, lists that grow to what a window
 // needs.
@@ -44,6 +46,7 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       builder_(config.memory.max_keyframes, config.memory.max_map_points),
       creator_(config, noise_, camera, device),
       fuser_(config, noise_, camera, device),
+      trial_(config.mapping),
       linker_(config, noise_, camera, device),
       bundle_(config, noise_, camera, adjuster_),
       late_placement_(config, noise_, camera, device),
@@ -151,7 +154,7 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
     RefuseFounding(proposal);
     return;
   }
-  recent_points_.clear();
+  created_.clear();
   for (int i = 0; i < proposal.num_pairs; ++i) {
     if (founding_.observations[2 * i].is_outlier || founding_.observations[2 * i + 1].is_outlier) continue;
     const MapPointHandle point =
@@ -163,10 +166,11 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
       continue;
     }
     atlas_.UpdatePoint(point);
-    recent_points_.push_back(point);
+    created_.push_back(point);
+    trial_.Begin(active_, point);
   }
   counters_.num_keyframes += 2;
-  counters_.num_points_created += recent_points_.size();
+  counters_.num_points_created += created_.size();
   PlaceBetween(proposal, reference);
   for (const KeyframeHandle keyframe : {reference, newest_}) {
     // A keyframe that retrieval does not know is not found again; nothing else depends on it.
@@ -228,7 +232,7 @@ void Mapper::RefineFounding(KeyframeHandle reference) {
   founding_.points.clear();
   founding_.observations.clear();
   const KeyframeHandle keyframes[] = {reference, newest_};
-  for (const MapPointHandle handle : recent_points_) {
+  for (const MapPointHandle handle : created_) {
     const MapPoint& point = atlas_.point(handle);
     const auto idx = static_cast<std::int32_t>(points.size());
     point_idx[handle] = idx;
@@ -345,17 +349,19 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   linker_.Link(handle, covisible_, &atlas_, &created_);
   // What is searched below is searched where the poses put it: first the tracks have their say.
   const LocalBundle::Extent linked{config_.mapping.link_window_keyframes, true, config_.mapping.bundle_iterations};
-  if (config_.mapping.link_neighbours > 0) AdjustAround(handle, linked);
+  if (config_.mapping.link_neighbours > 0) AdjustAround(handle, linked, false);
   atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
   CollectPoints(covisible_, config_.mapping.fuse_neighbours, &candidates_);
   counters_.num_points_fused += fuser_.SearchInto(handle, candidates_, &atlas_);
-  CullPoints();
+  // A point seen in a few neighbouring keyframes only helped to place those; when they have settled it has done its work.
+  // What the map keeps are the points that can be found again.
+  counters_.num_points_culled += static_cast<std::uint64_t>(trial_.CountKeyframe(active_, &atlas_));
   const TimePoint inserted = Now();
 
   atlas_.FindCovisible(handle, config_.mapping.min_shared_points, &covisible_);
   creator_.Create(handle, covisible_, &atlas_, &created_);
   counters_.num_points_created += created_.size();
-  recent_points_.insert(recent_points_.end(), created_.begin(), created_.end());
+  for (const MapPointHandle point : created_) trial_.Begin(active_, point);
   const TimePoint made = Now();
 
   // What the new keyframe brings is searched in its neighbours.
@@ -369,7 +375,8 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   }
   const TimePoint fused = Now();
 
-  AdjustAround(handle, {config_.mapping.window_keyframes, true, config_.mapping.bundle_iterations});
+  if (is_time_boxed_) Publish(founding_proposal_, 0);
+  AdjustAround(handle, {config_.mapping.window_keyframes, true, config_.mapping.bundle_iterations}, true);
   const TimePoint adjusted = Now();
   CullKeyframes(handle);
   const TimePoint culled = Now();
@@ -384,13 +391,21 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   counters_.cull_time += culled - adjusted;
 }
 
-// A failed adjustment leaves the map as it was; the next keyframe tries again.
-void Mapper::AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent) {
-  const TimePoint deadline =
-      is_time_boxed_ ? Now() + std::chrono::milliseconds(config_.mapping.max_bundle_ms) : kNoDeadline;
+// A failed adjustment leaves the map as it was, one that was stopped keeps what it gained; the next keyframe tries again.
+void Mapper::AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent, bool may_be_interrupted) {
+  const int min_iterations = may_be_interrupted ? kMinBundleIterations : extent.max_iterations;
   const Result<BundleSummary> bundle =
-      bundle_.Adjust(handle, extent, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
-  (void)bundle;
+      bundle_.Adjust(handle, extent, LimitsOf(config_.mapping.max_bundle_ms, 1, min_iterations), &atlas_);
+  if (bundle.ok() && bundle->state == SolveState::kPartial) ++counters_.num_bundles_stopped;
+}
+
+// In real-time mode: the time, and any proposal beside the `num_known` ones that are being worked on.
+LocalBundle::Limits Mapper::LimitsOf(int max_ms, int num_known, int min_iterations) const {
+  if (!is_time_boxed_) return {};
+  const auto is_awaited = [this, num_known, num_left = min_iterations]() mutable {
+    return num_left-- <= 0 && link_.num_pending.load(std::memory_order_acquire) > num_known;
+  };
+  return {clock_, Now() + std::chrono::milliseconds(max_ms), is_awaited};
 }
 
 void Mapper::CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out) {
@@ -405,25 +420,6 @@ void Mapper::CollectPoints(std::span<const Covisible> keyframes, int max_keyfram
     }
   }
   for (const MapPointHandle point : *out) is_candidate_[point.index] = 0;
-}
-
-// A point seen in a few neighbouring keyframes only helped to place those; when they have settled it has done its work.
-// What the map keeps are the points that can be found again.
-void Mapper::CullPoints() {
-  const KeyframeId now = atlas_.keyframe(newest_).id;
-  std::size_t kept = 0;
-  for (const MapPointHandle handle : recent_points_) {
-    const MapPoint* point = atlas_.GetPoint(handle);
-    if (point == nullptr) continue;
-    if (now - point->first_keyframe_id < static_cast<KeyframeId>(config_.mapping.point_trial_keyframes)) {
-      recent_points_[kept++] = handle;
-      continue;
-    }
-    if (static_cast<int>(point->observations.size()) >= config_.mapping.min_lasting_observations) continue;
-    atlas_.RemovePoint(handle);
-    ++counters_.num_points_culled;
-  }
-  recent_points_.resize(kept);
 }
 
 void Mapper::CullKeyframes(KeyframeHandle newest) {
@@ -476,7 +472,6 @@ void Mapper::FindPlace(const ProposedView& view) {
       RetireActiveMap(view);
       active_ = found.map;
       atlas_.map(active_).status = MapStatus::kActive;
-      recent_points_.clear();
     }
     newest_ = found.reference;
     const Keyframe& reference = atlas_.keyframe(found.reference);
@@ -597,6 +592,7 @@ void Mapper::JoinMaps(const PlaceTask& task) {
     counters_.merge_time += Now() - start;
     return;
   }
+  if (!outcome.is_loop) trial_.Join(outcome.map, outcome.absorbed);
   active_ = outcome.map;
   settling_rounds_ = config_.merging.settling_rounds;
   Reframe(outcome.reframing);
@@ -644,16 +640,15 @@ bool Mapper::Settle() {
   const TimePoint start = Now();
   const MergingConfig& options = config_.merging;
   const LocalBundle::Extent extent{options.settling_keyframes, false, options.settling_iterations};
-  const TimePoint deadline =
-      is_time_boxed_ ? start + std::chrono::milliseconds(options.settling_milliseconds) : kNoDeadline;
   const SE3 old_pose = atlas_.keyframe(newest_).cam_from_map;
   const Result<BundleSummary> summary =
-      bundle_.Adjust(newest_, extent, &atlas_, is_time_boxed_ ? clock_ : nullptr, deadline);
+      bundle_.Adjust(newest_, extent, LimitsOf(options.settling_milliseconds, 0, 0), &atlas_);
+  const bool is_interrupted = link_.proposals.Front() != nullptr;
   if (!summary.ok() || summary->state == SolveState::kNone) {
-    settling_rounds_ = 0;
+    if (!is_interrupted) settling_rounds_ = 0;
     return true;
   }
-  if (summary->final_cost > kSettledShare * summary->initial_cost) settling_rounds_ = 0;
+  if (!is_interrupted && summary->final_cost > kSettledShare * summary->initial_cost) settling_rounds_ = 0;
   const MapId map_id = atlas_.map(active_).id;
   Reframe({0, map_id, map_id, Sim3(atlas_.keyframe(newest_).cam_from_map).Inverse() * Sim3(old_pose)});
   Publish(founding_proposal_, 0);

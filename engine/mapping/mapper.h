@@ -2,7 +2,8 @@
 // joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal
 // that changed something. Looks for lost frames in all maps and makes the map that shows one the active one. Asks the
 // recogniser (engine/place) whether a new keyframe shows a known place, and joins maps when the answer comes, between
-// two keyframes: it never waits for it. One question is out at a time; of the keyframes that come meanwhile the newest
+// two keyframes: it never waits for it. In real-time mode the tracker proposes nothing but what it needs while the mapper
+// is busy: new points are published before they are adjusted, and a waiting proposal ends the bundle after a few steps. One question is out at a time; of the keyframes that come meanwhile the newest
 // is asked about next. Feature sets that a question names are kept until its answer was taken. Full pools: evictor.h;
 // full rings: the newest event, late pose or proposal is lost and counted by its ring. thread-bound(mapping). Uses the
 // heap (solvers), inside bounds set by the windows.
@@ -26,6 +27,7 @@
 #include "engine/mapping/map_event.h"
 #include "engine/mapping/point_creation.h"
 #include "engine/mapping/point_fusion.h"
+#include "engine/mapping/point_trial.h"
 #include "engine/mapping/track_linker.h"
 #include "engine/merging/merger.h"
 #include "engine/noise_model.h"
@@ -49,6 +51,7 @@ struct MapperCounters {
   std::uint64_t num_points_created = 0;
   std::uint64_t num_points_culled = 0;
   std::uint64_t num_points_fused = 0;
+  std::uint64_t num_bundles_stopped = 0;  // before they were done: for want of time, or for a proposal that waited
   std::uint64_t num_snapshots_cut = 0;  // that had no room for all points of their window
   std::uint64_t num_foundings_refused = 0;
   std::uint64_t num_placeless = 0;              // frames without a pose whose place was looked for
@@ -112,9 +115,9 @@ class Mapper {
   void RetireActiveMap(const ProposedView& view);
   void FindPlace(const ProposedView& view);
   void InsertKeyframe(const KeyframeProposal& proposal);
-  void AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent);
+  void AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent, bool may_be_interrupted);
+  LocalBundle::Limits LimitsOf(int max_ms, int num_known, int min_iterations) const;
   void CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out);
-  void CullPoints();
   void CullKeyframes(KeyframeHandle newest);
   bool IsRedundant(KeyframeHandle handle) const;
   void AskForPlace(KeyframeHandle keyframe);
@@ -146,6 +149,7 @@ class Mapper {
   LocalMapBuilder builder_;
   PointCreator creator_;
   PointFuser fuser_;
+  PointTrial trial_;
   TrackLinker linker_;
   SchurBundleAdjuster adjuster_;  // of windows and seams: its memory is that of the largest of them
   LocalBundle bundle_;
@@ -180,7 +184,6 @@ class Mapper {
     FeatureSetHandle set;
   };
   std::vector<RetiredSet> retired_;
-  std::vector<MapPointHandle> recent_points_;  // still on trial
   std::vector<MapPointHandle> candidates_;
   std::vector<MapPointHandle> created_;
   std::vector<Covisible> covisible_;

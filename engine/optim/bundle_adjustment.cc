@@ -42,7 +42,7 @@ class CeresBundle {
       : options_(options),
         huber_(std::sqrt(options.chi2_gate)),
         problem_(ProblemOptions()),
-        callback_(options.cancel, options.deadline, options.clock) {
+        callback_(options.should_stop, options.deadline, options.clock) {
     points_.reserve(input.points.size());
     for (const BundlePoint& point : input.points) points_.push_back(point.position);
     poses_.resize(input.poses.size());
@@ -175,7 +175,7 @@ Result<BundleSummary> AdjustBundle(const CameraModel& camera, const BundleOption
   const BundleGauge gauge = optim::ChooseGauge(*problem);
   BundleSummary summary;
   summary.initial_cost = optim::ClassifyObservations(camera, options.chi2_gate, summary.state, problem).cost;
-  if (gauge.has_free_parameter && !optim::ShouldStop(options.cancel, options.deadline, options.clock)) {
+  if (gauge.has_free_parameter && !optim::ShouldStop(options.should_stop, options.deadline, options.clock)) {
     try {
       CeresBundle bundle(camera, options, *problem, gauge);
       if (SolveInPhases(options, &bundle, &summary)) summary.state = bundle.state();

@@ -6,8 +6,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <atomic>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "engine/camera/camera_model.h"
@@ -51,9 +51,9 @@ struct BundleOptions {
       5.991;  // > 0; outlier above it, and the square of Huber's threshold. 95 % for two degrees of freedom
   // Half the iterations on everything, then without what fails the gate. Otherwise all iterations on everything.
   bool reject_outliers_midway = true;
-  const std::atomic<bool>* cancel = nullptr;  // set by another thread: stop after the current iteration
-  TimePoint deadline = kNoDeadline;           // the same, when `clock` reaches it
-  const Clock* clock = nullptr;               // needed only with a deadline
+  std::function<bool()> should_stop;  // asked before every iteration; empty: never
+  TimePoint deadline = kNoDeadline;   // stop, too, when `clock` reaches it
+  const Clock* clock = nullptr;       // needed only with a deadline
 };
 
 struct BundleSummary {
@@ -65,7 +65,7 @@ struct BundleSummary {
 };
 
 // Adjusts every pose and point of `problem` that is not fixed. kConverged: the cost falls no more, or all iterations are
-// made. kPartial: the best state until `cancel` or `deadline` stopped it. kNone: poses and points are as they were.
+// made. kPartial: the best state until `should_stop` or `deadline` stopped it. kNone: poses and points are as they were.
 // is_outlier of an observation is its verdict only after kConverged (also for those that were dropped midway and fit
 // again). Otherwise it is false for all: a state that is not final cannot say which observations are wrong.
 //
@@ -74,10 +74,10 @@ struct BundleSummary {
 // scaled about the centre of the held camera so that the ratio of distances after to before, from cameras to the points
 // they observe, is 1 in the median. No single camera or point decides about the unit.
 //
-// Deterministic to the bit for the same input on one machine when nothing cancels: one thread, parameters in the order
+// Deterministic to the bit for the same input on one machine when nothing stops it: one thread, parameters in the order
 // of their indices. Allocates (Ceres); never call it on the tracking thread. reentrant.
 // Cost: about 12 ms an iteration for 20 poses, 4000 points and 24000 observations on a server core (engine/optim/
-// benchmarks); a call looks at `cancel` and `deadline` once an iteration.
+// benchmarks); a call asks `should_stop` and `deadline` once an iteration.
 // Errors: kInvalidArgument (options; an index, pixel, sigma, pose or point that is out of range or not finite; a
 // deadline without a clock), kInternal (the solver ran out of memory). On error poses and points are untouched.
 // Nothing to adjust (no observation of a free pose or point) is no error: the state is kNone.

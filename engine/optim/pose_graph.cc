@@ -113,7 +113,7 @@ PoseGraphSummary Solve(const PoseGraphOptions& options, std::span<const PoseGrap
   }
   if (!has_free) return summary;
 
-  StopCallback callback(options.cancel, options.deadline, options.clock);
+  StopCallback callback(options.should_stop, options.deadline, options.clock);
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   // Not SuiteSparse: its sums depend on the BLAS of the machine and on that one's threads.

@@ -199,7 +199,7 @@ bool SchurBundleAdjuster::Minimise(const BundleOptions& options, int max_steps, 
   double cost = Linearise(state_, lambda);
   if (summary->iterations == 0) summary->initial_cost = cost;
   for (int step = 0; step < max_steps; ++step) {
-    if (optim::ShouldStop(options.cancel, options.deadline, options.clock)) return false;
+    if (optim::ShouldStop(options.should_stop, options.deadline, options.clock)) return false;
     ++summary->iterations;
     const bool is_last = step + 1 == max_steps;
     double new_cost = cost;

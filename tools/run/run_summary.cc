@@ -257,6 +257,7 @@ std::string ToJson(const RunSummary& s) {
                      {"points_created", m.num_points_created},
                      {"points_culled", m.num_points_culled},
                      {"points_fused", m.num_points_fused},
+                     {"bundles_stopped", m.num_bundles_stopped},
                      {"foundings_refused", m.num_foundings_refused},
                      {"snapshots_cut", m.num_snapshots_cut},
                      {"places_skipped", m.num_places_skipped},

@@ -26,7 +26,7 @@ class LocalBundleTest : public testing::Test {
     LocalBundle bundle(colon_.config(), noise_, colon_.camera(), adjuster);
     const TickingClock clock;
     const TimePoint deadline = num_looks < 0 ? kNoDeadline : TickingClock::DeadlineAtLook(num_looks);
-    return bundle.Adjust(newest_, {10, true, 10}, atlas, &clock, deadline);
+    return bundle.Adjust(newest_, {10, true, 10}, {&clock, deadline, {}}, atlas);
   }
   double Error(const Atlas& atlas) const {
     const Eigen::Vector3d truth = colon_.frames().back().cam_from_world.InverseTranslation();

@@ -382,9 +382,8 @@ TEST_P(BundleAdjustment, PointBehindTheCameraIsFlaggedAndStopsNothing) {
 TEST_P(BundleAdjustment, CancelledBeforeItStartsLeavesTheGeometry) {
   const SyntheticBundle bundle = MakeSyntheticBundle(SmallWindow());
   BundleProblem problem = bundle.start;
-  const std::atomic<bool> cancel = true;
   BundleOptions options;
-  options.cancel = &cancel;
+  options.should_stop = [] { return true; };
 
   const Result<BundleSummary> summary = Adjust(bundle.camera, options, &problem);
 
@@ -402,7 +401,7 @@ TEST_P(BundleAdjustment, CancelledMidwayKeepsTheBestStateSoFar) {
   options.max_iterations = 20;
   options.clock = &clock;
   options.deadline = TimePoint(std::chrono::hours(1));
-  options.cancel = &clock.cancel;
+  options.should_stop = [&clock] { return clock.cancel.load(); };
   BundleProblem problem = bundle.start;
 
   const Result<BundleSummary> summary = Adjust(bundle.camera, options, &problem);

@@ -207,9 +207,8 @@ TEST(PoseGraph, OutOfIterationsItMovesNothing) {
 TEST(PoseGraph, CancelledAtOnceLeavesTheNodes) {
   const SyntheticLoop loop = MakeSyntheticLoop({});
   std::vector<PoseGraphNode> nodes = loop.nodes;
-  const std::atomic<bool> cancel = true;
   PoseGraphOptions options;
-  options.cancel = &cancel;
+  options.should_stop = [] { return true; };
 
   const Result<PoseGraphSummary> summary = OptimizePoseGraphSim3(options, loop.edges, &nodes);
 

@@ -1,10 +1,10 @@
 // Spreads a correction over keyframes that are held together by their relative poses (Sim(3), so that scale drift
 // spreads too): the essential graph of Mur-Artal et al. 2015, section VII-D, with edges to the strongest covisible
 // keyframes and one to an older neighbour so that nothing falls apart. Points follow a keyframe that sees them.
-// A node is one keyframe, or in a map with more than graph_max_nodes of them a group: keyframes made one after the other
-// that share points. A group moves in one piece, and the keyframe in its middle stands for it in the graph.
-// Cost: FindCovisible and the edges are bounded by graph_max_nodes; Apply is linear in the keyframes and points of the
-// atlas. thread-bound(mapping); allocates.
+// A node is one keyframe, or in a map with more than graph_max_nodes of them a group: keyframes made one after the
+// other that share points. A group moves in one piece, and the keyframe in its middle stands for it in the graph. Cost:
+// FindCovisible and the edges are bounded by graph_max_nodes; Apply is linear in the keyframes and points of the atlas.
+// thread-bound(mapping); allocates.
 #pragma once
 
 #include <span>

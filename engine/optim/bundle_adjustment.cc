@@ -187,8 +187,7 @@ Result<BundleSummary> AdjustBundle(const CameraModel& camera, const BundleOption
       return Internal(std::string("bundle adjustment: Ceres threw ") + error.what());
     }
   }
-  const optim::BundleVerdict verdict =
-      optim::ClassifyObservations(camera, options.chi2_gate, summary.state, problem);
+  const optim::BundleVerdict verdict = optim::ClassifyObservations(camera, options.chi2_gate, summary.state, problem);
   summary.final_cost = verdict.cost;
   summary.num_outliers = verdict.num_outliers;
   return summary;

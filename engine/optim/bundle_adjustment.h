@@ -64,10 +64,10 @@ struct BundleSummary {
   SolveState state = SolveState::kNone;
 };
 
-// Adjusts every pose and point of `problem` that is not fixed. kConverged: the cost falls no more, or all iterations are
-// made. kPartial: the best state until `should_stop` or `deadline` stopped it. kNone: poses and points are as they were.
-// is_outlier of an observation is its verdict only after kConverged (also for those that were dropped midway and fit
-// again). Otherwise it is false for all: a state that is not final cannot say which observations are wrong.
+// Adjusts every pose and point of `problem` that is not fixed. kConverged: the cost falls no more, or all iterations
+// are made. kPartial: the best state until `should_stop` or `deadline` stopped it. kNone: poses and points are as they
+// were. is_outlier of an observation is its verdict only after kConverged (also for those that were dropped midway and
+// fit again). Otherwise it is false for all: a state that is not final cannot say which observations are wrong.
 //
 // Gauge. Fixed poses are bit-for-bit unchanged. When none is fixed, the first pose that has observations is held for
 // the call. When just one pose is held and no fixed point is observed, nothing measures the scale: the result is then

@@ -50,11 +50,11 @@ struct PoseGraphSummary {
 // the graph that no fixed node is connected to keep their place as well as the damping of the solver holds it; nodes
 // without edges are left alone. Fixed and held nodes are unchanged to the bit.
 //
-// Deterministic to the bit for the same input when nothing stops it: one thread, Eigen's own factorisation, nodes in the
-// order of their indices. Allocates (Ceres): never on the tracking thread. reentrant.
-// Cost: see engine/optim/benchmarks/pose_graph_benchmark.cc; `should_stop` and `deadline` are asked once an iteration.
-// Errors: kInvalidArgument (options; index out of range, an edge from a node to itself, weight or scale not positive,
-// not finite), kInternal (the solver ran out of memory). On error the nodes are untouched.
+// Deterministic to the bit for the same input when nothing stops it: one thread, Eigen's own factorisation, nodes in
+// the order of their indices. Allocates (Ceres): never on the tracking thread. reentrant. Cost: see
+// engine/optim/benchmarks/pose_graph_benchmark.cc; `should_stop` and `deadline` are asked once an iteration. Errors:
+// kInvalidArgument (options; index out of range, an edge from a node to itself, weight or scale not positive, not
+// finite), kInternal (the solver ran out of memory). On error the nodes are untouched.
 Result<PoseGraphSummary> OptimizePoseGraphSim3(const PoseGraphOptions& options, std::span<const PoseGraphEdge> edges,
                                                std::vector<PoseGraphNode>* nodes);
 

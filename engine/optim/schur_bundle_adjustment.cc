@@ -279,9 +279,7 @@ Result<BundleSummary> SchurBundleAdjuster::Adjust(const CameraModel& camera, con
         DropOutliers();
         is_done = Minimise(options, options.max_iterations - first_phase, &summary, &has_gained);
       }
-      summary.state = is_done      ? SolveState::kConverged
-                      : has_gained ? SolveState::kPartial
-                                   : SolveState::kNone;
+      summary.state = is_done ? SolveState::kConverged : has_gained ? SolveState::kPartial : SolveState::kNone;
     }
   } catch (const std::exception& error) {
     return Internal(std::string("bundle adjustment: ") + error.what());
@@ -290,8 +288,7 @@ Result<BundleSummary> SchurBundleAdjuster::Adjust(const CameraModel& camera, con
     Store(problem);
     optim::RestoreScale(gauge, problem);
   }
-  const optim::BundleVerdict verdict =
-      optim::ClassifyObservations(camera, options.chi2_gate, summary.state, problem);
+  const optim::BundleVerdict verdict = optim::ClassifyObservations(camera, options.chi2_gate, summary.state, problem);
   summary.final_cost = verdict.cost;
   summary.num_outliers = verdict.num_outliers;
   return summary;

@@ -17,11 +17,11 @@ namespace haustra {
 
 // Keeps its memory between calls: about 190 bytes an observation, 150 a point and 288 a pair of free poses; it grows to
 // the largest problem seen. thread-bound(its owner); not for the tracking thread.
-// Deterministic to the bit for the same input on one machine when nothing stops it: one thread, sums in the order of the
-// points, one instruction set.
-// Cost: 20 ms for 20 poses, 4000 points, 24000 observations and 10 iterations on one x86-64 core at 2.6 GHz with AVX2,
-// 35 ms without (Ceres: 190 ms; engine/optim/benchmarks). Half of it goes into the elimination of the points, of that
-// half into the products of pairs of views; a quarter into projections and Jacobians.
+// Deterministic to the bit for the same input on one machine when nothing stops it: one thread, sums in the order of
+// the points, one instruction set. Cost: 20 ms for 20 poses, 4000 points, 24000 observations and 10 iterations on one
+// x86-64 core at 2.6 GHz with AVX2, 35 ms without (Ceres: 190 ms; engine/optim/benchmarks). Half of it goes into the
+// elimination of the points, of that half into the products of pairs of views; a quarter into projections and
+// Jacobians.
 class SchurBundleAdjuster {
  public:
   // The instruction set is this machine's best, unless a test wants to see another.

@@ -58,7 +58,8 @@ TEST_F(PointTrialTest, JudgesAfterTheTrialByTheObservations) {
   EXPECT_EQ(Grow(map, 5), 0);
 }
 
-// Tracking is lost, founds another map, and finds its way back: neither does the trial end unheard, nor is it forgotten.
+// Tracking is lost, founds another map, and finds its way back: neither does the trial end unheard, nor is it
+// forgotten.
 TEST_F(PointTrialTest, RestsWhileAnotherMapIsTracked) {
   const MapHandle first = atlas_.CreateMap(), second = atlas_.CreateMap();
   Grow(first, 3);

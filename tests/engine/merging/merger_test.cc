@@ -462,6 +462,62 @@ TEST_F(LoopTest, DriftIsTakenOutInGroups) {
   EXPECT_LT(TrajectoryError(), 0.5 * before);
 }
 
+// The graph of a long procedure is no larger than that of a short one, and still spreads the correction.
+TEST(LongLoop, GraphIsBoundedAndDriftIsTakenOut) {
+  constexpr int kLongTurn = 400;
+  SyntheticColon colon(5, 2 * kLongTurn);
+  Atlas atlas = colon.MakeAtlas();
+  colon.AddWall(0.0, 0.06 * kLongTurn + 3.0, 7000);
+  const MapHandle map = atlas.CreateMap();
+  Sim3 drifted_from_world;
+  for (int i = 0; i < 2 * kLongTurn; ++i) {
+    const double z = i < kLongTurn ? 0.06 * i : 0.06 * (2 * kLongTurn - 1 - i) + 0.02;
+    const SE3 view = colon.ViewFrom(z);
+    colon.AddKeyframe(&atlas, map, view, drifted_from_world);
+    const Eigen::Vector3d centre = drifted_from_world * view.InverseTranslation();
+    const Sim3 to_camera(1.0, Eigen::Quaterniond::Identity(), -centre);
+    const Sim3 slip(1.0002, ExpSO3({0.0001, -0.00005, 0.00005}), {0.0003, 0.0002, -0.0003});
+    drifted_from_world = to_camera.Inverse() * slip * to_camera * drifted_from_world;
+  }
+  colon.AddPoints(&atlas, 0, 2 * kLongTurn, 0.003, [](int frame, int landmark) {
+    return frame < kLongTurn || (frame < kLongTurn + 6 && landmark % 2 == 0) ? 0 : 1;
+  });
+  // At the far end of the loop, where the map began.
+  const auto gap = [&] {
+    const Keyframe &first = atlas.keyframe(colon.frames()[1].keyframe),
+                   &last = atlas.keyframe(colon.frames()[2 * kLongTurn - 2].keyframe);
+    const SE3 truth = colon.frames()[2 * kLongTurn - 2].cam_from_world * colon.frames()[1].cam_from_world.Inverse();
+    return ((last.cam_from_map * first.cam_from_map.Inverse()).InverseTranslation() - truth.InverseTranslation())
+        .norm();
+  };
+  const NoiseModel noise{colon.config().noise};
+  const CommonAreaConfig common_area;
+  CommonAreaVerifier verifier(colon.config(), common_area, noise, colon.camera(), colon.device());
+  CommonArea area;
+  Rng rng(4);
+  ASSERT_TRUE(colon.Verify(verifier, atlas, colon.frames()[2 * kLongTurn - 2].keyframe, colon.frames()[1].keyframe, rng,
+                           &area));
+  const double before = gap();
+  SchurBundleAdjuster adjuster;
+  const MergingConfig options;
+  Merger merger(colon.config(), options, noise, colon.camera(), colon.device(), adjuster);
+  MergeOutcome outcome;
+  ASSERT_TRUE(merger.Apply(MakeMergePlan(area), &atlas, nullptr, kNoDeadline, &outcome).ok());
+  EXPECT_EQ(CheckInvariants(atlas).ToString(), "ok");
+  EXPECT_LE(outcome.num_graph_nodes, options.graph_max_nodes + 4 * options.window_keyframes);
+  EXPECT_GT(before, 0.2);
+  EXPECT_LT(gap(), 0.05);
+  // Neighbours are where they were beside each other: the map is not torn between groups.
+  double largest = 0.0;
+  for (int i = 1; i < 2 * kLongTurn; ++i) {
+    const SE3 relative = atlas.keyframe(colon.frames()[i].keyframe).cam_from_map *
+                         atlas.keyframe(colon.frames()[i - 1].keyframe).cam_from_map.Inverse();
+    const SE3 truth = colon.frames()[i].cam_from_world * colon.frames()[i - 1].cam_from_world.Inverse();
+    largest = std::max(largest, (relative.InverseTranslation() - truth.InverseTranslation()).norm());
+  }
+  EXPECT_LT(largest, 0.05);
+}
+
 // A loop is closed, or it is not: wherever the time runs out, the map is as it was or its drift is gone. What is closed
 // keeps its observations unless the weld was finished.
 TEST_F(LoopTest, TimeMayRunOutAnywhere) {

@@ -255,8 +255,8 @@ TEST_P(BundleAdjustment, WithoutFixedPoseTheFirstIsHeldAndTheMedianDistanceOfPoi
   EXPECT_LT(summary->final_cost, 0.2 * summary->initial_cost);
 }
 
-// A young map whose newest camera is back where the oldest stands, as they come from a scope that hovers: the distance of
-// these two says nothing about the unit. 0.1 % of noise on where the cameras start must not change it.
+// A young map whose newest camera is back where the oldest stands, as they come from a scope that hovers: the distance
+// of these two says nothing about the unit. 0.1 % of noise on where the cameras start must not change it.
 TEST_P(BundleAdjustment, UnitOfAMapDoesNotHangOnTwoCameras) {
   double worst = 0.0;
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {

@@ -73,8 +73,8 @@ TEST_F(MappingThread, NewPointsArePublishedBeforeTheyAreAdjusted) {
 }
 
 TEST_F(MappingThread, BundleIsStoppedByAProposalThatWaits) {
-  // A pose that is off, and no tracks to put it right before the bundle does: that takes more than the few steps that it
-  // is granted in any case.
+  // A pose that is off, and no tracks to put it right before the bundle does: that takes more than the few steps that
+  // it is granted in any case.
   colon_.config().mapping.link_neighbours = 0;
   RunToProposal(8);
   link_.proposals.Front()->cam_from_map.translation += Eigen::Vector3d(0.03, 0.02, -0.03);

@@ -1,6 +1,7 @@
 #include "engine/atlas/atlas.h"
 
 #include <algorithm>
+#include <array>
 
 namespace haustra {
 
@@ -185,12 +186,34 @@ bool Atlas::AddObservation(MapPointHandle handle, KeyframeHandle keyframe_handle
   MapPoint& point = points_.At(handle);
   Keyframe& keyframe = keyframes_.At(keyframe_handle);
   if (keyframe.points[feature_idx] || FeatureOf(point, keyframe_handle) >= 0) return false;
-  if (!point.observations.PushBack({keyframe_handle, feature_idx})) {
+  const bool was_full = point.observations.full();
+  if (was_full && !MakeObservationRoom(handle, {keyframe_handle, feature_idx})) return false;
+  HAUSTRA_CHECK(point.observations.PushBack({keyframe_handle, feature_idx}));
+  keyframe.points[feature_idx] = handle;
+  ++keyframe.num_points;
+  // The descriptor may have been that of the observation given up.
+  if (was_full) UpdatePoint(handle);
+  return true;
+}
+
+PointView Atlas::ViewOf(const Observation& observation) const {
+  const Keyframe& keyframe = keyframes_.At(observation.keyframe);
+  return {keyframe.id, keyframe.cam_from_map.InverseTranslation(),
+          keyframe.features.keypoints[observation.feature_idx].scale_px};
+}
+
+bool Atlas::MakeObservationRoom(MapPointHandle handle, const Observation& wanted) {
+  const MapPoint& point = points_.At(handle);
+  std::array<PointView, kMaxObservations + 1> views;
+  for (std::size_t i = 0; i < kMaxObservations; ++i) views[i] = ViewOf(point.observations[i]);
+  views[kMaxObservations] = ViewOf(wanted);
+  const int least = LeastWorthyView(views, point.position);
+  if (least == kMaxObservations) {
     ++num_refused_observations_;
     return false;
   }
-  keyframe.points[feature_idx] = handle;
-  ++keyframe.num_points;
+  ++num_replaced_observations_;
+  RemoveObservation(handle, point.observations[static_cast<std::size_t>(least)].keyframe);
   return true;
 }
 

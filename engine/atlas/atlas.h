@@ -13,6 +13,7 @@
 
 #include "engine/atlas/frame_features.h"
 #include "engine/atlas/handles.h"
+#include "engine/atlas/view_choice.h"
 #include "engine/geometry/sim3.h"
 #include "hal/core/fixed_vector.h"
 #include "hal/core/memory_plan.h"
@@ -25,7 +26,8 @@ namespace haustra {
 // Pools and what happens when they are full:
 //   keyframes, map points, maps   Add and Create return an invalid handle; the mapper makes room before it asks
 //                                 (engine/mapping/evictor.h) and counts what it could not have
-//   observations of a point       a further one is refused and counted (num_refused_observations)
+//   observations of a point       the one worth least is given up (view_choice.h); when that is the new one itself, it
+//                                 is refused and counted (num_refused_observations)
 //   keyframe traces               AddKeyframe returns an invalid handle: ids are never used again within a run
 // A handle whose entity has gone is stale: Get* answers nullptr, and every other use stops the process, in every build.
 struct Observation {
@@ -33,7 +35,7 @@ struct Observation {
   std::int32_t feature_idx = -1;
 };
 
-// A full list refuses further observations (counted): forty views say where a point is.
+// Forty views say where a point is.
 inline constexpr int kMaxObservations = 40;
 
 struct MapPoint {
@@ -43,7 +45,7 @@ struct MapPoint {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();    // mean direction from the point to its observers, unit
   double scale_times_distance =
       0.0;                   // keypoint scale (px) times distance: the size of what is seen, over the focal length
-  DescriptorRef descriptor;  // of the observation most like all others
+  DescriptorRef descriptor;  // of the youngest observation
   FixedVector<Observation, kMaxObservations> observations;
   KeyframeId first_keyframe_id = 0;  // keyframe whose insertion made it
 };
@@ -162,7 +164,8 @@ class Atlas {
   MapPoint& point(MapPointHandle handle) { return points_.At(handle); }
   const MapPoint& point(MapPointHandle handle) const { return points_.At(handle); }
 
-  // False when the feature already has a point, the keyframe already observes the point, or the list is full.
+  // False when the feature already has a point, the keyframe already observes the point, or the list is full of
+  // observations that are worth more. When another one is given up for it the point is updated, too.
   bool AddObservation(MapPointHandle point, KeyframeHandle keyframe, std::int32_t feature_idx);
   // Removes the connection; the point goes when fewer than two are left (returns false then).
   bool RemoveObservation(MapPointHandle point, KeyframeHandle keyframe);
@@ -212,8 +215,12 @@ class Atlas {
   const SlotPool<Keyframe, KeyframeTag>& keyframes() const { return keyframes_; }
   const SlotPool<MapPoint, MapPointTag>& points() const { return points_; }
   std::uint64_t num_refused_observations() const { return num_refused_observations_; }
+  // Given up for others.
+  std::uint64_t num_replaced_observations() const { return num_replaced_observations_; }
 
  private:
+  PointView ViewOf(const Observation& observation) const;
+  bool MakeObservationRoom(MapPointHandle point, const Observation& wanted);
   MapHandle InsertMap(MapId id);
   KeyframeHandle InsertKeyframe(MapHandle map, KeyframeId id, std::uint32_t session, std::uint32_t frame_index,
                                 TimePoint timestamp, const SE3& cam_from_map, double scale,
@@ -230,6 +237,7 @@ class Atlas {
   MapId next_map_id_ = 0;
   std::uint32_t session_ = 0;
   std::uint64_t num_refused_observations_ = 0;
+  std::uint64_t num_replaced_observations_ = 0;
   mutable std::pmr::vector<int> shared_counts_;  // workspace of FindCovisible, by keyframe slot
 };
 

@@ -14,16 +14,17 @@ LocalBundle::LocalBundle(const EngineConfig& config, const NoiseModel& noise, co
       point_slots_(static_cast<std::size_t>(config.memory.max_map_points), -1),
       ring_votes_(static_cast<std::size_t>(config.memory.max_keyframes), 0) {}
 
-Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, const Extent& extent, Atlas* atlas, const Clock* clock,
-                                          TimePoint deadline) {
+Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, const Extent& extent, const Limits& limits,
+                                          Atlas* atlas) {
   ChooseWindow(centre, extent, *atlas);
   FillProblem(*atlas);
   BundleOptions options;
   options.max_iterations = extent.max_iterations;
-  options.clock = clock;
-  options.deadline = deadline;
+  options.clock = limits.clock;
+  options.deadline = limits.deadline;
+  options.should_stop = limits.should_stop;
   Result<BundleSummary> summary = adjuster_.Adjust(camera_, options, &problem_);
-  if (summary.ok() && summary->usable) WriteBack(atlas);
+  if (summary.ok() && summary->state != SolveState::kNone) WriteBack(atlas);
   for (const KeyframeHandle handle : poses_) pose_slots_[handle.index] = -1;
   for (const MapPointHandle handle : points_) point_slots_[handle.index] = -1;
   return summary;

@@ -1,8 +1,10 @@
 // Local bundle adjustment: a keyframe, covisible ones and all their points move; other keyframes that see those points
-// hold the gauge. Writes the result back and takes out the observations that do not fit.
+// hold the gauge. Writes back what was gained. Takes out the observations that do not fit when it was finished: on the
+// word of a bundle that was stopped none goes.
 // thread-bound(mapping).
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "engine/atlas/atlas.h"
@@ -25,9 +27,14 @@ class LocalBundle {
     int max_iterations = 10;  // of the solver
   };
 
-  // `clock` and `deadline` bound the time in real-time mode; with kNoDeadline only iterations count.
-  Result<BundleSummary> Adjust(KeyframeHandle centre, const Extent& extent, Atlas* atlas, const Clock* clock,
-                               TimePoint deadline);
+  // When it stops before all iterations are made. Default: never (sequential mode).
+  struct Limits {
+    const Clock* clock = nullptr;  // needed with a deadline
+    TimePoint deadline = kNoDeadline;
+    std::function<bool()> should_stop;  // asked before every iteration
+  };
+
+  Result<BundleSummary> Adjust(KeyframeHandle centre, const Extent& extent, const Limits& limits, Atlas* atlas);
 
  private:
   void ChooseWindow(KeyframeHandle centre, const Extent& extent, const Atlas& atlas);

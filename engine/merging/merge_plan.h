@@ -8,6 +8,7 @@
 #include "engine/atlas/atlas.h"
 #include "engine/atlas/local_map.h"
 #include "engine/geometry/sim3.h"
+#include "engine/optim/solve_state.h"
 #include "engine/place/common_area.h"
 
 namespace haustra {
@@ -30,9 +31,10 @@ inline MergePlan MakeMergePlan(const CommonArea& area) {
 
 struct MergeOutcome {
   bool is_loop = false;
-  MapHandle map;  // holds everything now; its id is the older one of the two
+  MapHandle map;  // holds everything now; its id is that of the larger one of the two
   MapId map_id = kNoId;
-  MapId absorbed_map_id = kNoId;  // kNoId for a loop
+  MapHandle absorbed;  // the other one, empty now; invalid for a loop
+  MapId absorbed_map_id = kNoId;
   // Where things at the plan's `tracked` went, for the tracker; `sequence` is left to the one who publishes it.
   Reframing reframing;
   int num_fused = 0;  // points that were one and are one now
@@ -42,9 +44,11 @@ struct MergeOutcome {
   int weld_iterations = 0;
   double weld_initial_cost = 0.0;
   double weld_final_cost = 0.0;
+  SolveState weld_state = SolveState::kNone;
   int num_graph_nodes = 0;  // 0: all keyframes were welded, none was left to follow
   int num_graph_edges = 0;
   int graph_iterations = 0;
+  SolveState graph_state = SolveState::kNone;
 };
 
 }  // namespace haustra

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 namespace haustra {
 namespace {
@@ -76,7 +78,7 @@ Status Merger::Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, Ti
   CollectGroup(*atlas, plan.keyframe_a, options_.window_keyframes, min_shared, &covisible_, &window_a_);
   CollectGroup(*atlas, plan.keyframe_b, options_.window_keyframes, min_shared, &covisible_, &window_b_);
   if (outcome->is_loop) {
-    Close(current, atlas, clock, deadline, outcome);
+    HAUSTRA_TRY(Close(current, atlas, clock, deadline, outcome));
   } else {
     Join(current, atlas, clock, deadline, outcome);
   }
@@ -92,22 +94,26 @@ Status Merger::Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, Ti
 void Merger::Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome) {
   const MapHandle map_a = atlas->keyframe(plan.keyframe_a).map;
   const MapHandle map_b = atlas->keyframe(plan.keyframe_b).map;
-  const bool a_is_older = atlas->map(map_a).id < atlas->map(map_b).id;
-  const MapHandle older = a_is_older ? map_a : map_b;
-  const MapHandle younger = a_is_older ? map_b : map_a;
-  outcome->absorbed_map_id = atlas->map(younger).id;
-  const auto& younger_keyframes = atlas->map(younger).keyframes;
-  moved_.assign(younger_keyframes.begin(), younger_keyframes.end());
-  atlas->TransformMap(younger, a_is_older ? plan.b_from_a.Inverse() : plan.b_from_a);
-  // Covisibility before fusion: the graph holds the younger map together, the weld ties it to the older one.
-  graph_.Capture(*atlas, moved_);
-  atlas->AbsorbMap(older, younger);
+  const auto standing = [&](MapHandle map) {
+    return std::pair(atlas->map(map).keyframes.size(), std::numeric_limits<MapId>::max() - atlas->map(map).id);
+  };
+  const bool a_stays = standing(map_a) > standing(map_b);
+  const MapHandle staying = a_stays ? map_a : map_b;
+  const MapHandle moving = a_stays ? map_b : map_a;
+  outcome->absorbed = moving;
+  outcome->absorbed_map_id = atlas->map(moving).id;
+  const auto& moving_keyframes = atlas->map(moving).keyframes;
+  moved_.assign(moving_keyframes.begin(), moving_keyframes.end());
+  const std::vector<KeyframeHandle>& moving_window = a_stays ? window_b_ : window_a_;
+  atlas->TransformMap(moving, a_stays ? plan.b_from_a.Inverse() : plan.b_from_a);
+  // Covisibility before fusion: the graph holds the moving map together, the weld ties it to the other one.
+  graph_.Capture(*atlas, moved_, moving_window);
+  atlas->AbsorbMap(staying, moving);
   Fuse(plan, atlas, outcome);
 
-  const std::vector<KeyframeHandle>& moving_window = a_is_older ? window_b_ : window_a_;
   Weld::Sides sides;
   sides.moving = moving_window;
-  sides.reference = a_is_older ? window_a_ : window_b_;
+  sides.reference = a_stays ? window_a_ : window_b_;
   sides.may_hold = [this](KeyframeHandle handle) {
     return std::find(moved_.begin(), moved_.end(), handle) == moved_.end();
   };
@@ -132,16 +138,22 @@ void Merger::Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimeP
   if (moved_.size() == moving_window.size()) return;
   outcome->num_graph_nodes = graph_.num_nodes();
   outcome->num_graph_edges = graph_.num_edges();
-  // Without a solution the guess stands: everything moves with the new keyframe.
+  // Unless it converges the guess stands: everything moves with the new keyframe.
   const Result<PoseGraphSummary> summary = graph_.Solve(clock, deadline);
-  if (summary.ok()) outcome->graph_iterations = summary->iterations;
+  if (summary.ok()) {
+    outcome->graph_iterations = summary->iterations;
+    outcome->graph_state = summary->state;
+  }
   graph_.Apply(atlas);
 }
 
-void Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome) {
+Status Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline,
+                     MergeOutcome* outcome) {
   const auto& all = atlas->map(atlas->keyframe(plan.keyframe_a).map).keyframes;
   moved_.assign(all.begin(), all.end());
-  graph_.Capture(*atlas, moved_);
+  std::vector<KeyframeHandle> singles = window_a_;
+  singles.insert(singles.end(), window_b_.begin(), window_b_.end());
+  graph_.Capture(*atlas, moved_, singles);
   for (const KeyframeHandle handle : window_a_) graph_.SetCorrection(handle, plan.b_from_a, false);
   // A keyframe in both windows stands where the map stood.
   for (const KeyframeHandle handle : window_b_) graph_.SetCorrection(handle, Sim3{}, true);
@@ -149,9 +161,14 @@ void Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, Time
   outcome->num_graph_nodes = graph_.num_nodes();
   outcome->num_graph_edges = graph_.num_edges();
   const Result<PoseGraphSummary> summary = graph_.Solve(clock, deadline);
-  // Without a solution the loop stays open: half a correction would tear the map.
-  if (!summary.ok() || !summary->usable) return;
+  if (!summary.ok()) return summary.status();
   outcome->graph_iterations = summary->iterations;
+  outcome->graph_state = summary->state;
+  // The loop stays open: half a correction would tear the map.
+  if (summary->state == SolveState::kPartial) {
+    return Status(StatusCode::kDeadlineExceeded, "loop: the pose graph was stopped");
+  }
+  if (summary->state == SolveState::kNone) return Internal("loop: the pose graph has no solution");
   graph_.Apply(atlas);
   Fuse(plan, atlas, outcome);
   Weld::Sides sides;
@@ -159,6 +176,7 @@ void Merger::Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, Time
   sides.reference = window_b_;
   sides.may_hold = [](KeyframeHandle) { return true; };
   WeldSeam(sides, atlas, clock, deadline, outcome);
+  return Status::Ok();
 }
 
 // What was proven to be one point, then what is found to be one by searching each side in the other.
@@ -188,6 +206,7 @@ void Merger::WeldSeam(const Weld::Sides& sides, Atlas* atlas, const Clock* clock
   outcome->weld_iterations = summary->iterations;
   outcome->weld_initial_cost = summary->initial_cost;
   outcome->weld_final_cost = summary->final_cost;
+  outcome->weld_state = summary->state;
 }
 
 }  // namespace haustra

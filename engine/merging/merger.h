@@ -1,11 +1,14 @@
 // Applies a merge plan (system.md 9): two maps become one, or a loop inside one map is closed, by the same steps:
-//   merge  the younger map is moved by the Sim(3) into the frame of the older one, which takes over its keyframes and
-//          points and keeps its id; matched points are fused, more are found by guided search across the seam; the seam
-//          is welded by bundle adjustment; what is left of the younger map follows the weld by its essential graph
+//   merge  the map with fewer keyframes (of equal ones the younger) is moved by the Sim(3) into the frame of the other,
+//          which takes over its keyframes and points and keeps its id; matched points are fused, more are found by
+//          guided search across the seam; the seam is welded by bundle adjustment; what is left of the map that moved
+//          follows the weld by its essential graph
 //   loop   the correction is spread over the map by the essential graph; then fusion, search and weld as above
-// The atlas is consistent when Apply returns, whatever it returns. thread-bound(mapping); allocates; the time
-// spent in the solvers is bounded by the deadline, that of the rest by the size of the windows and, for moving points,
-// of the atlas.
+// Cost: a loop in 200, 800 and 3000 keyframes takes 90, 120 and 145 ms on one x86-64 core at 2.6 GHz beside other work,
+// 2/3 of it in the search by the scripted device of the tests and in the weld. A node a keyframe took 460 ms for 800,
+// and did not converge for 3000. The atlas is consistent when Apply returns, whatever it returns.
+// thread-bound(mapping); allocates; the time spent in the solvers is bounded by the deadline, that of the rest by the
+// size of the windows and, for moving points, of the atlas.
 #pragma once
 
 #include <vector>
@@ -30,13 +33,15 @@ class Merger {
          VisionDevice& device, SchurBundleAdjuster& adjuster);
 
   // kFailedPrecondition: a keyframe of the plan is gone, or tracking in another map; nothing was touched.
-  // kInvalidArgument: the similarity is not one. `clock` may be null with kNoDeadline: then only iterations bound the
-  // solvers (sequential mode). Solvers that fail leave the state before them, which is consistent: that is no error.
+  // kInvalidArgument: the similarity is not one. kDeadlineExceeded, kInternal: the pose graph of a loop was stopped, or
+  // it failed; the loop stays open and nothing was touched. `clock` may be null with kNoDeadline: then only iterations
+  // bound the solvers (sequential mode). Maps are joined also when the time runs out: the one that moves then stands
+  // where the plan, or as far as it came the weld, puts it in one piece, and no observation is taken out.
   Status Apply(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
 
  private:
   void Join(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
-  void Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
+  Status Close(const MergePlan& plan, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
   void Fuse(const MergePlan& plan, Atlas* atlas, MergeOutcome* outcome);
   void WeldSeam(const Weld::Sides& sides, Atlas* atlas, const Clock* clock, TimePoint deadline, MergeOutcome* outcome);
 

@@ -11,6 +11,9 @@ struct MergingConfig {
   int graph_iterations = 30;  // [1, 200]
   int graph_min_shared = 30;  // points of an edge of the essential graph [1, 1000]
   int graph_max_edges = 6;    // strongest ones of each keyframe, beside the one that keeps it connected [0, 60]
+  // Of the essential graph, beside the keyframes at the seam. In a larger map neighbours share a node and move in one
+  // piece, so the time of a join does not grow with the map [10, 10000].
+  int graph_max_nodes = 256;
   // After the seam is welded, whenever the mapper is idle: bundle adjustment of the map around it, in slices.
   int settling_rounds = 6;          // at most; ends when nothing is gained any more [0, 100]
   int settling_iterations = 6;      // of each [1, 100]

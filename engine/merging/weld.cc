@@ -31,7 +31,7 @@ Result<BundleSummary> Weld::Adjust(const Sides& sides, Atlas* atlas, const Clock
   const double before = MedianDistance(sides.moving.size());
   Result<BundleSummary> summary = adjuster_.Adjust(camera_, options, &problem_);
   moving_scale_ = 1.0;
-  if (summary.ok() && summary->usable) {
+  if (summary.ok() && summary->state != SolveState::kNone) {
     const double after = MedianDistance(sides.moving.size());
     if (before > 0.0 && after > 0.0) moving_scale_ = after / before;
     WriteBack(atlas);

@@ -29,7 +29,8 @@ class Weld {
     std::function<bool(KeyframeHandle)> may_hold;
   };
 
-  // A result that is not usable leaves the atlas as it was.
+  // Writes back what was gained, and takes out the observations that do not fit when it has converged. kNone: the atlas
+  // is as it was.
   Result<BundleSummary> Adjust(const Sides& sides, Atlas* atlas, const Clock* clock, TimePoint deadline);
 
   // Of the last Adjust: keyframes and points that moved, and by what factor the moving side grew.

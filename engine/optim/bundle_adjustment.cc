@@ -42,7 +42,7 @@ class CeresBundle {
       : options_(options),
         huber_(std::sqrt(options.chi2_gate)),
         problem_(ProblemOptions()),
-        callback_(options.cancel, options.deadline, options.clock) {
+        callback_(options.should_stop, options.deadline, options.clock) {
     points_.reserve(input.points.size());
     for (const BundlePoint& point : input.points) points_.push_back(point.position);
     poses_.resize(input.poses.size());
@@ -62,15 +62,21 @@ class CeresBundle {
   CeresBundle(const CeresBundle&) = delete;
   CeresBundle& operator=(const CeresBundle&) = delete;
 
-  // False when the solver found no usable state. Adds to the iterations of the summary.
+  // False when the solver failed. Adds to the iterations of the summary.
   bool Solve(int max_iterations, BundleSummary* summary) {
     solver_.max_num_iterations = max_iterations;
     ceres::Solver::Summary solved;
     ceres::Solve(solver_, &problem_, &solved);
     // The first entry is the state before the first step.
     summary->iterations += std::max(0, static_cast<int>(solved.iterations.size()) - 1);
-    summary->cancelled = callback_.has_stopped();
-    return solved.IsSolutionUsable();
+    has_gained_ = has_gained_ || solved.final_cost < solved.initial_cost;
+    return solved.IsSolutionUsable() && std::isfinite(solved.final_cost);
+  }
+
+  bool has_stopped() const { return callback_.has_stopped(); }
+  SolveState state() const {
+    if (!has_stopped()) return SolveState::kConverged;
+    return has_gained_ ? SolveState::kPartial : SolveState::kNone;
   }
 
   void DropOutliers() {
@@ -149,6 +155,7 @@ class CeresBundle {
   LeftSE3Manifold manifold_;
   ceres::Problem problem_;
   StopCallback callback_;
+  bool has_gained_ = false;
   ceres::Solver::Options solver_;
 };
 
@@ -156,7 +163,7 @@ class CeresBundle {
 bool SolveInPhases(const BundleOptions& options, CeresBundle* bundle, BundleSummary* summary) {
   const int first_phase = options.reject_outliers_midway ? (options.max_iterations + 1) / 2 : options.max_iterations;
   if (!bundle->Solve(first_phase, summary)) return false;
-  if (first_phase == options.max_iterations || summary->cancelled) return true;
+  if (first_phase == options.max_iterations || bundle->has_stopped()) return true;
   bundle->DropOutliers();
   return bundle->Solve(options.max_iterations - first_phase, summary);
 }
@@ -167,16 +174,12 @@ Result<BundleSummary> AdjustBundle(const CameraModel& camera, const BundleOption
   HAUSTRA_TRY(optim::ValidateBundle(options, *problem));
   const BundleGauge gauge = optim::ChooseGauge(*problem);
   BundleSummary summary;
-  summary.initial_cost = optim::ClassifyObservations(camera, options.chi2_gate, problem).cost;
-  bool has_solved = false;
-  if (gauge.has_free_parameter && optim::ShouldStop(options.cancel, options.deadline, options.clock)) {
-    summary.cancelled = true;
-    has_solved = true;  // in no steps: the best state is the input
-  } else if (gauge.has_free_parameter) {
+  summary.initial_cost = optim::ClassifyObservations(camera, options.chi2_gate, summary.state, problem).cost;
+  if (gauge.has_free_parameter && !optim::ShouldStop(options.should_stop, options.deadline, options.clock)) {
     try {
       CeresBundle bundle(camera, options, *problem, gauge);
-      has_solved = SolveInPhases(options, &bundle, &summary);
-      if (has_solved) {
+      if (SolveInPhases(options, &bundle, &summary)) summary.state = bundle.state();
+      if (summary.state != SolveState::kNone) {
         bundle.Write(problem);
         optim::RestoreScale(gauge, problem);
       }
@@ -184,10 +187,9 @@ Result<BundleSummary> AdjustBundle(const CameraModel& camera, const BundleOption
       return Internal(std::string("bundle adjustment: Ceres threw ") + error.what());
     }
   }
-  const optim::BundleVerdict verdict = optim::ClassifyObservations(camera, options.chi2_gate, problem);
+  const optim::BundleVerdict verdict = optim::ClassifyObservations(camera, options.chi2_gate, summary.state, problem);
   summary.final_cost = verdict.cost;
   summary.num_outliers = verdict.num_outliers;
-  summary.usable = has_solved && std::isfinite(verdict.cost);
   return summary;
 }
 

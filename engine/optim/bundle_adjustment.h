@@ -6,12 +6,13 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <atomic>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "engine/camera/camera_model.h"
 #include "engine/geometry/se3.h"
+#include "engine/optim/solve_state.h"
 #include "hal/clock.h"
 #include "hal/core/status.h"
 #include "hal/core/time.h"
@@ -50,9 +51,9 @@ struct BundleOptions {
       5.991;  // > 0; outlier above it, and the square of Huber's threshold. 95 % for two degrees of freedom
   // Half the iterations on everything, then without what fails the gate. Otherwise all iterations on everything.
   bool reject_outliers_midway = true;
-  const std::atomic<bool>* cancel = nullptr;  // set by another thread: stop after the current iteration
-  TimePoint deadline = kNoDeadline;           // the same, when `clock` reaches it
-  const Clock* clock = nullptr;               // needed only with a deadline
+  std::function<bool()> should_stop;  // asked before every iteration; empty: never
+  TimePoint deadline = kNoDeadline;   // stop, too, when `clock` reaches it
+  const Clock* clock = nullptr;       // needed only with a deadline
 };
 
 struct BundleSummary {
@@ -60,24 +61,26 @@ struct BundleSummary {
   double initial_cost = 0.0;  // half the sum of Huber's loss of chi2 over all observations; an unseen point counts
   double final_cost = 0.0;    //   as one 10 thresholds off
   int num_outliers = 0;       // observations with is_outlier set on return
-  bool cancelled = false;     // stopped by `cancel` or `deadline`; the problem holds the best state until then
-  bool usable = false;        // false: there was nothing to adjust or the solver failed, and the state is the input's
+  SolveState state = SolveState::kNone;
 };
 
-// Adjusts every pose and point of `problem` that is not fixed and sets is_outlier of every observation (also of those
-// that were dropped midway and fit again).
+// Adjusts every pose and point of `problem` that is not fixed. kConverged: the cost falls no more, or all iterations
+// are made. kPartial: the best state until `should_stop` or `deadline` stopped it. kNone: poses and points are as they
+// were. is_outlier of an observation is its verdict only after kConverged (also for those that were dropped midway and
+// fit again). Otherwise it is false for all: a state that is not final cannot say which observations are wrong.
 //
 // Gauge. Fixed poses are bit-for-bit unchanged. When none is fixed, the first pose that has observations is held for
 // the call. When just one pose is held and no fixed point is observed, nothing measures the scale: the result is then
-// scaled about the centre of the held camera so that its distance to the first other observed camera stays what it was.
+// scaled about the centre of the held camera so that the ratio of distances after to before, from cameras to the points
+// they observe, is 1 in the median. No single camera or point decides about the unit.
 //
-// Deterministic to the bit for the same input on one machine when nothing cancels: one thread, parameters in the order
+// Deterministic to the bit for the same input on one machine when nothing stops it: one thread, parameters in the order
 // of their indices. Allocates (Ceres); never call it on the tracking thread. reentrant.
 // Cost: about 12 ms an iteration for 20 poses, 4000 points and 24000 observations on a server core (engine/optim/
-// benchmarks); a call looks at `cancel` and `deadline` once an iteration.
+// benchmarks); a call asks `should_stop` and `deadline` once an iteration.
 // Errors: kInvalidArgument (options; an index, pixel, sigma, pose or point that is out of range or not finite; a
 // deadline without a clock), kInternal (the solver ran out of memory). On error poses and points are untouched.
-// Nothing to adjust (no observation of a free pose or point) is no error: `usable` is false.
+// Nothing to adjust (no observation of a free pose or point) is no error: the state is kNone.
 Result<BundleSummary> AdjustBundle(const CameraModel& camera, const BundleOptions& options, BundleProblem* problem);
 
 }  // namespace haustra

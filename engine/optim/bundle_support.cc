@@ -1,11 +1,23 @@
 #include "engine/optim/bundle_support.h"
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace haustra::optim {
 namespace {
 
 std::string At(const char* what, std::size_t idx) { return std::string(what) + "[" + std::to_string(idx) + "]"; }
+
+// From camera to point, of every observation.
+void MeasureDistances(const BundleProblem& problem, std::vector<double>* distances) {
+  distances->clear();
+  distances->reserve(problem.observations.size());
+  for (const BundleObservation& observation : problem.observations) {
+    distances->push_back(
+        (problem.poses[observation.pose_idx].cam_from_world * problem.points[observation.point_idx].position).norm());
+  }
+}
 
 }  // namespace
 
@@ -72,20 +84,17 @@ BundleGauge ChooseGauge(const BundleProblem& problem) {
   }
   BundleGauge gauge;
   int num_held = 0;
+  int num_free = 0;
   std::int32_t first_held = -1;
   std::int32_t first_observed = -1;
-  std::int32_t first_free = -1;
-  std::int32_t second_free = -1;
   for (std::int32_t i = 0; i < static_cast<std::int32_t>(problem.poses.size()); ++i) {
     if (!pose_is_observed[i]) continue;
     if (first_observed < 0) first_observed = i;
     if (problem.poses[i].is_fixed) {
       ++num_held;
       if (first_held < 0) first_held = i;
-    } else if (first_free < 0) {
-      first_free = i;
-    } else if (second_free < 0) {
-      second_free = i;
+    } else {
+      ++num_free;
     }
   }
   // Fixed points hold the frame too; otherwise some pose has to.
@@ -93,30 +102,30 @@ BundleGauge ChooseGauge(const BundleProblem& problem) {
     gauge.held_pose = first_observed;
     first_held = first_observed;
     num_held = 1;
-    first_free = second_free;
+    --num_free;
   }
-  gauge.has_free_parameter = first_free >= 0 || free_point_is_observed;
-  if (num_held == 1 && !fixed_point_is_observed && first_free >= 0) {
-    const double distance = (problem.poses[first_held].cam_from_world.InverseTranslation() -
-                             problem.poses[first_free].cam_from_world.InverseTranslation())
-                                .norm();
-    if (distance > 0) {
-      gauge.anchor_pose = first_held;
-      gauge.other_pose = first_free;
-      gauge.distance_mu = distance;
-    }
+  gauge.has_free_parameter = num_free > 0 || free_point_is_observed;
+  if (num_held == 1 && !fixed_point_is_observed && num_free > 0) {
+    gauge.anchor_pose = first_held;
+    MeasureDistances(problem, &gauge.distances);
   }
   return gauge;
 }
 
 void RestoreScale(const BundleGauge& gauge, BundleProblem* problem) {
   if (gauge.anchor_pose < 0) return;
+  std::vector<double> shrinks;
+  MeasureDistances(*problem, &shrinks);
+  std::size_t num = 0;
+  for (std::size_t i = 0; i < shrinks.size(); ++i) {
+    const double shrink = gauge.distances[i] / shrinks[i];
+    if (std::isfinite(shrink) && shrink > 0.0) shrinks[num++] = shrink;
+  }
+  if (num == 0) return;
+  const auto middle = shrinks.begin() + static_cast<std::ptrdiff_t>(num / 2);
+  std::nth_element(shrinks.begin(), middle, shrinks.begin() + static_cast<std::ptrdiff_t>(num));
+  const double scale = *middle;
   const Eigen::Vector3d anchor = problem->poses[gauge.anchor_pose].cam_from_world.InverseTranslation();
-  const Eigen::Vector3d other = problem->poses[gauge.other_pose].cam_from_world.InverseTranslation();
-  const double distance = (other - anchor).norm();
-  // A solution that collapsed has no scale to restore; the caller sees it in the geometry.
-  if (!(distance > 1e-9 * gauge.distance_mu)) return;
-  const double scale = gauge.distance_mu / distance;
   std::vector<bool> pose_is_observed(problem->poses.size(), false);
   std::vector<bool> point_is_observed(problem->points.size(), false);
   for (const BundleObservation& observation : problem->observations) {
@@ -136,8 +145,10 @@ void RestoreScale(const BundleGauge& gauge, BundleProblem* problem) {
   }
 }
 
-BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, BundleProblem* problem) {
+BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, SolveState state,
+                                   BundleProblem* problem) {
   BundleVerdict verdict;
+  const bool is_final = state == SolveState::kConverged;
   const double threshold = std::sqrt(chi2_gate);
   const double unseen_chi2 = kUnseenThresholds * kUnseenThresholds * chi2_gate;
   for (BundleObservation& observation : problem->observations) {
@@ -145,11 +156,12 @@ BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, 
         problem->poses[observation.pose_idx].cam_from_world * problem->points[observation.point_idx].position;
     Eigen::Vector2d pixel;
     double chi2 = unseen_chi2;
-    observation.is_outlier = true;
+    bool fits = false;
     if (camera.Project(point_in_cam, &pixel)) {
       chi2 = (pixel - observation.pixel).squaredNorm() / (observation.sigma_px * observation.sigma_px);
-      observation.is_outlier = !(chi2 <= chi2_gate);
+      fits = chi2 <= chi2_gate;
     }
+    observation.is_outlier = is_final && !fits;
     verdict.cost += 0.5 * HuberLoss(chi2, threshold);
     verdict.num_outliers += observation.is_outlier ? 1 : 0;
   }

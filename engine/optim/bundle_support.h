@@ -36,20 +36,21 @@ void GroupByPoint(const BundleProblem& problem, ObservationsByPoint* grouped);
 // What stays where it is during one call (see AdjustBundle about the gauge).
 struct BundleGauge {
   std::int32_t held_pose = -1;    // a pose held although it is not fixed, or -1
-  std::int32_t anchor_pose = -1;  // when >= 0: the scale is free, and is set by the distance anchor - other
-  std::int32_t other_pose = -1;
-  double distance_mu = 0.0;
+  std::int32_t anchor_pose = -1;  // when >= 0: the scale is free, and is set about this camera by the distances below
+  std::vector<double> distances;  // with an anchor: from camera to point at the start, of every observation
   bool has_free_parameter = false;
 };
 BundleGauge ChooseGauge(const BundleProblem& problem);
-// Scales free poses and points that are observed about the centre of the anchor. Leaves all residuals as they are.
+// Scales free poses and points that are observed about the centre of the anchor, so that the distances from cameras to
+// points are what they were, in the median of their ratios. Leaves all residuals as they are.
 void RestoreScale(const BundleGauge& gauge, BundleProblem* problem);
 
 struct BundleVerdict {
   double cost = 0.0;  // as BundleSummary::initial_cost
   int num_outliers = 0;
 };
-// Sets is_outlier of every observation.
-BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, BundleProblem* problem);
+// Sets is_outlier of every observation: to its verdict when the solver has converged, to false otherwise.
+BundleVerdict ClassifyObservations(const CameraModel& camera, double chi2_gate, SolveState state,
+                                   BundleProblem* problem);
 
 }  // namespace haustra::optim

@@ -113,7 +113,7 @@ PoseGraphSummary Solve(const PoseGraphOptions& options, std::span<const PoseGrap
   }
   if (!has_free) return summary;
 
-  StopCallback callback(options.cancel, options.deadline, options.clock);
+  StopCallback callback(options.should_stop, options.deadline, options.clock);
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   // Not SuiteSparse: its sums depend on the BLAS of the machine and on that one's threads.
@@ -128,9 +128,10 @@ PoseGraphSummary Solve(const PoseGraphOptions& options, std::span<const PoseGrap
   summary.iterations = std::max(0, static_cast<int>(solved.iterations.size()) - 1);
   summary.initial_cost = solved.initial_cost;
   summary.final_cost = solved.final_cost;
-  summary.cancelled = callback.has_stopped();
-  summary.usable = solved.IsSolutionUsable() && std::isfinite(solved.final_cost);
-  if (!summary.usable) return summary;
+  if (!solved.IsSolutionUsable() || !std::isfinite(solved.final_cost)) return summary;
+  const bool has_converged = solved.termination_type == ceres::CONVERGENCE && !callback.has_stopped();
+  summary.state = has_converged ? SolveState::kConverged : SolveState::kPartial;
+  if (!has_converged) return summary;
   for (std::size_t i = 0; i < nodes->size(); ++i) {
     if (is_free[i]) (*nodes)[i].node_from_world = LeftSim3Manifold::Load(parameters[i].data());
   }

@@ -3,11 +3,12 @@
 // drift-aware large scale monocular SLAM"). The points follow their keyframes; the caller moves them.
 #pragma once
 
-#include <atomic>
+#include <functional>
 #include <span>
 #include <vector>
 
 #include "engine/geometry/sim3.h"
+#include "engine/optim/solve_state.h"
 #include "hal/clock.h"
 #include "hal/core/status.h"
 #include "hal/core/time.h"
@@ -31,7 +32,7 @@ struct PoseGraphOptions {
   // The translation error that counts as much as a rotation error of one radian, or a factor e in scale. 0: the mean
   // length of the edges, which makes the result independent of the map's unit.
   double translation_unit_mu = 0.0;
-  const std::atomic<bool>* cancel = nullptr;  // as in BundleOptions
+  std::function<bool()> should_stop;  // as in BundleOptions
   TimePoint deadline = kNoDeadline;
   const Clock* clock = nullptr;
 };
@@ -40,19 +41,20 @@ struct PoseGraphSummary {
   int iterations = 0;
   double initial_cost = 0.0;  // half the weighted sum of squared errors
   double final_cost = 0.0;
-  bool cancelled = false;  // stopped by `cancel` or `deadline`; the nodes hold the best state until then
-  bool usable = false;     // false: nothing to optimise, or the solver failed, and the nodes are as they were
+  // kPartial: stopped by `should_stop`, `deadline` or the number of iterations before the cost stopped falling.
+  SolveState state = SolveState::kNone;
 };
 
-// Moves the nodes that are not fixed. When none is fixed, the first node with an edge is held for the call. Parts of
+// Moves the nodes that are not fixed, when it has converged: half a correction would tear a map, so otherwise all nodes
+// are as they were. When none is fixed, the first node with an edge is held for the call. Parts of
 // the graph that no fixed node is connected to keep their place as well as the damping of the solver holds it; nodes
 // without edges are left alone. Fixed and held nodes are unchanged to the bit.
 //
-// Deterministic to the bit for the same input when nothing cancels: one thread, Eigen's own factorisation, nodes in the
-// order of their indices. Allocates (Ceres): never on the tracking thread. reentrant.
-// Cost: see engine/optim/benchmarks/pose_graph_benchmark.cc; `cancel` and `deadline` are looked at once an iteration.
-// Errors: kInvalidArgument (options; index out of range, an edge from a node to itself, weight or scale not positive,
-// not finite), kInternal (the solver ran out of memory). On error the nodes are untouched.
+// Deterministic to the bit for the same input when nothing stops it: one thread, Eigen's own factorisation, nodes in
+// the order of their indices. Allocates (Ceres): never on the tracking thread. reentrant. Cost: see
+// engine/optim/benchmarks/pose_graph_benchmark.cc; `should_stop` and `deadline` are asked once an iteration. Errors:
+// kInvalidArgument (options; index out of range, an edge from a node to itself, weight or scale not positive, not
+// finite), kInternal (the solver ran out of memory). On error the nodes are untouched.
 Result<PoseGraphSummary> OptimizePoseGraphSim3(const PoseGraphOptions& options, std::span<const PoseGraphEdge> edges,
                                                std::vector<PoseGraphNode>* nodes);
 

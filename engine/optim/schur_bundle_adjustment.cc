@@ -192,16 +192,14 @@ bool SchurBundleAdjuster::Step(const State& state, State* candidate) {
   return true;
 }
 
-void SchurBundleAdjuster::Minimise(const BundleOptions& options, int max_steps, BundleSummary* summary) {
+bool SchurBundleAdjuster::Minimise(const BundleOptions& options, int max_steps, BundleSummary* summary,
+                                   bool* has_gained) {
   double lambda = kFirstLambda;
   double shrink = kShrink;
   double cost = Linearise(state_, lambda);
   if (summary->iterations == 0) summary->initial_cost = cost;
   for (int step = 0; step < max_steps; ++step) {
-    if (optim::ShouldStop(options.cancel, options.deadline, options.clock)) {
-      summary->cancelled = true;
-      return;
-    }
+    if (optim::ShouldStop(options.should_stop, options.deadline, options.clock)) return false;
     ++summary->iterations;
     const bool is_last = step + 1 == max_steps;
     double new_cost = cost;
@@ -215,19 +213,21 @@ void SchurBundleAdjuster::Minimise(const BundleOptions& options, int max_steps, 
     }
     if (is_better) {
       std::swap(state_, candidate_);
+      *has_gained = true;
       const bool has_converged = cost - new_cost < optim::kMinRelativeDecrease * cost;
       cost = new_cost;
       lambda = std::max(kMinLambda, lambda * shrink);
       shrink = kShrink;
-      if (has_converged) return;
+      if (has_converged) return true;
     } else {
       lambda *= kGrow;
       // The damping that a failure asked for is kept for one more step, or every other step would fail.
       shrink = 1.0;
-      if (lambda > kMaxLambda) return;
+      if (lambda > kMaxLambda) return true;
       if (!is_last) Linearise(state_, lambda);
     }
   }
+  return true;
 }
 
 void SchurBundleAdjuster::DropOutliers() {
@@ -272,22 +272,23 @@ Result<BundleSummary> SchurBundleAdjuster::Adjust(const CameraModel& camera, con
     } else {
       const int first_phase =
           options.reject_outliers_midway ? (options.max_iterations + 1) / 2 : options.max_iterations;
-      Minimise(options, first_phase, &summary);
-      if (first_phase < options.max_iterations && !summary.cancelled) {
+      bool has_gained = false;
+      bool is_done = Minimise(options, first_phase, &summary, &has_gained);
+      if (first_phase < options.max_iterations && is_done) {
         Cost(state_);  // for chi2: the last pass may have looked at a candidate that was not taken
         DropOutliers();
-        Minimise(options, options.max_iterations - first_phase, &summary);
+        is_done = Minimise(options, options.max_iterations - first_phase, &summary, &has_gained);
       }
-      summary.usable = true;
+      summary.state = is_done ? SolveState::kConverged : has_gained ? SolveState::kPartial : SolveState::kNone;
     }
   } catch (const std::exception& error) {
     return Internal(std::string("bundle adjustment: ") + error.what());
   }
-  if (summary.iterations > 0) {
+  if (summary.state != SolveState::kNone) {
     Store(problem);
     optim::RestoreScale(gauge, problem);
   }
-  const optim::BundleVerdict verdict = optim::ClassifyObservations(camera, options.chi2_gate, problem);
+  const optim::BundleVerdict verdict = optim::ClassifyObservations(camera, options.chi2_gate, summary.state, problem);
   summary.final_cost = verdict.cost;
   summary.num_outliers = verdict.num_outliers;
   return summary;

@@ -17,11 +17,11 @@ namespace haustra {
 
 // Keeps its memory between calls: about 190 bytes an observation, 150 a point and 288 a pair of free poses; it grows to
 // the largest problem seen. thread-bound(its owner); not for the tracking thread.
-// Deterministic to the bit for the same input on one machine when nothing cancels: one thread, sums in the order of the
-// points, one instruction set.
-// Cost: 20 ms for 20 poses, 4000 points, 24000 observations and 10 iterations on one x86-64 core at 2.6 GHz with AVX2,
-// 35 ms without (Ceres: 190 ms; engine/optim/benchmarks). Half of it goes into the elimination of the points, of that
-// half into the products of pairs of views; a quarter into projections and Jacobians.
+// Deterministic to the bit for the same input on one machine when nothing stops it: one thread, sums in the order of
+// the points, one instruction set. Cost: 20 ms for 20 poses, 4000 points, 24000 observations and 10 iterations on one
+// x86-64 core at 2.6 GHz with AVX2, 35 ms without (Ceres: 190 ms; engine/optim/benchmarks). Half of it goes into the
+// elimination of the points, of that half into the products of pairs of views; a quarter into projections and
+// Jacobians.
 class SchurBundleAdjuster {
  public:
   // The instruction set is this machine's best, unless a test wants to see another.
@@ -53,8 +53,9 @@ class SchurBundleAdjuster {
   // Solves what Linearise left and writes the moved state to `candidate`. False when the system is not positive
   // definite.
   bool Step(const State& state, State* candidate);
-  // Up to `max_steps` steps from `state_`, which ends as the best state found.
-  void Minimise(const BundleOptions& options, int max_steps, BundleSummary* summary);
+  // Up to `max_steps` steps from `state_`, which ends as the best state found. False when it was stopped; sets
+  // `has_gained` when any step lowered the cost.
+  bool Minimise(const BundleOptions& options, int max_steps, BundleSummary* summary, bool* has_gained);
   void DropOutliers();
   void Store(BundleProblem* problem) const;
 

@@ -44,6 +44,7 @@ std::string_view ToString(CommonAreaVerdict verdict) {
     case CommonAreaVerdict::kImplausibleDrift: return "implausible_drift";
     case CommonAreaVerdict::kAmbiguous: return "ambiguous";
     case CommonAreaVerdict::kOutdated: return "outdated";
+    case CommonAreaVerdict::kNotJoined: return "not_joined";
   }
   return "unknown";
 }

@@ -321,6 +321,8 @@ void AddMerging(Fields* out) {
       Merge<&C::graph_min_shared>("graph_min_shared", {1, 1000}, "points", "points of an edge of the essential graph"));
   out->push_back(Merge<&C::graph_max_edges>("graph_max_edges", {0, 60}, "edges",
                                             "strongest ones of each keyframe, beside the one that keeps it connected"));
+  out->push_back(Merge<&C::graph_max_nodes>("graph_max_nodes", {10, 10000}, "nodes",
+                                            "in a larger map neighbouring keyframes share one and move in one piece"));
   out->push_back(Merge<&C::settling_rounds>("settling_rounds", {0, 100}, "rounds",
                                             "of bundle adjustment around the seam while the mapper is idle, at most"));
   out->push_back(Merge<&C::settling_iterations>("settling_iterations", {1, 100}, "iterations", "of each round"));

@@ -34,6 +34,7 @@ constexpr std::pair<std::string_view, std::string_view> kExplanations[] = {
     {"implausible_drift", "inside one map: no drift could be as large as this correction"},
     {"ambiguous", "another place agrees as well"},
     {"outdated", "tracking had left that map, or the keyframe had gone, before the maps could be joined"},
+    {"not_joined", "the loop could not be closed in the time there was; the map stayed as it was"},
 };
 
 // Counts that the engine writes, in the order of the checks.

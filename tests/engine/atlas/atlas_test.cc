@@ -69,35 +69,166 @@ TEST_F(AtlasTest, PointWithOneObservationLeftIsRemoved) {
   EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
 }
 
-TEST_F(AtlasTest, FullListOfObservationsRefusesFurtherOnesAndCountsThem) {
-  Atlas atlas({kMaxObservations + 2, 10, 1, 100, kFeatures});
-  const MapHandle map = atlas.CreateMap();
-  FrameFeatures features(kFeatures);
-  features.num = kFeatures;
-  std::vector<KeyframeHandle> keyframes;
-  for (std::uint32_t i = 0; i < kMaxObservations + 2; ++i) {
-    features.set = {i, 7};
-    keyframes.push_back(atlas.AddKeyframe(map, i, TimePoint{}, SE3{}, features));
+// A point among keyframes that are made one after the other, each with one feature for it.
+class FullPoint {
+ public:
+  explicit FullPoint(int max_keyframes) : atlas_({max_keyframes, 10, 1, max_keyframes, 2}) {
+    map_ = atlas_.CreateMap();
+    point_ = atlas_.AddPoint(map_, Eigen::Vector3d(0, 0, 1), 0);
   }
-  const MapPointHandle point = atlas.AddPoint(map, {0, 0, 5}, 0);
-  for (int i = 0; i < kMaxObservations; ++i) EXPECT_TRUE(atlas.AddObservation(point, keyframes[i], 3)) << i;
-  EXPECT_EQ(atlas.num_refused_observations(), 0u);
-  EXPECT_FALSE(atlas.AddObservation(point, keyframes[kMaxObservations], 3));
-  EXPECT_EQ(atlas.num_refused_observations(), 1u);
-  // The keyframe knows nothing of it, and its feature is free for another point.
-  EXPECT_FALSE(atlas.keyframe(keyframes[kMaxObservations]).points[3].is_valid());
-  // Points that are fused share the list: the other's observations beyond it are refused, too.
-  const MapPointHandle other = atlas.AddPoint(map, {0, 0, 5}, 0);
-  EXPECT_TRUE(atlas.AddObservation(other, keyframes[kMaxObservations], 3));
-  EXPECT_TRUE(atlas.AddObservation(other, keyframes[kMaxObservations + 1], 3));
-  atlas.FusePoints(other, point);
-  EXPECT_EQ(atlas.num_refused_observations(), 3u);
-  EXPECT_EQ(atlas.point(point).observations.size(), static_cast<std::size_t>(kMaxObservations));
-  EXPECT_EQ(CheckInvariants(atlas).ToString(), "ok");
-  // One that goes makes room.
-  EXPECT_TRUE(atlas.RemoveObservation(point, keyframes[0]));
-  EXPECT_TRUE(atlas.AddObservation(point, keyframes[kMaxObservations], 3));
-  EXPECT_EQ(CheckInvariants(atlas).ToString(), "ok");
+
+  KeyframeHandle AddKeyframe(const Eigen::Vector3d& centre, float scale_px) {
+    FrameFeatures features(2);
+    features.set = {static_cast<std::uint32_t>(keyframes_.size()), 7};
+    features.num = 2;
+    for (int i = 0; i < 2; ++i) features.keypoints[i].scale_px = scale_px;
+    keyframes_.push_back(
+        atlas_.AddKeyframe(map_, static_cast<std::uint32_t>(keyframes_.size()), TimePoint{}, At(centre), features));
+    return keyframes_.back();
+  }
+  // The newest keyframe sees the point.
+  bool Observe(const Eigen::Vector3d& centre, float scale_px) {
+    const bool is_added = atlas_.AddObservation(point_, AddKeyframe(centre, scale_px), 0);
+    if (is_added) atlas_.UpdatePoint(point_);
+    return is_added;
+  }
+  bool Sees(int keyframe) const { return atlas_.FeatureOf(point(), keyframes_[keyframe]) >= 0; }
+  const MapPoint& point() const { return atlas_.point(point_); }
+  MapPointHandle handle() const { return point_; }
+  Atlas& atlas() { return atlas_; }
+  MapHandle map() const { return map_; }
+  KeyframeHandle keyframe(int i) const { return keyframes_[i]; }
+  int num_keyframes() const { return static_cast<int>(keyframes_.size()); }
+
+  // Largest angle at the point between two cameras: all that were made, or those that observe it.
+  double Span(bool of_all) const {
+    double largest = 0.0;
+    for (int i = 0; i < num_keyframes(); ++i) {
+      for (int j = 0; j < i; ++j) {
+        if (of_all || (Sees(i) && Sees(j))) largest = std::max(largest, AngleBetween(i, j));
+      }
+    }
+    return largest;
+  }
+  double AngleBetween(int i, int j) const { return std::acos(std::min(1.0, Ray(i).dot(Ray(j)))); }
+  // Standard deviation of the point's position from the views that `is_used` names, for rays of one sigma each.
+  template <typename IsUsed>
+  double Sigma(IsUsed&& is_used) const {
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    for (int i = 0; i < num_keyframes(); ++i) {
+      if (!is_used(i)) continue;
+      const Eigen::Vector3d ray = Ray(i);
+      const double distance = (Centre(i) - point().position).norm();
+      information += (Eigen::Matrix3d::Identity() - ray * ray.transpose()) / (distance * distance);
+    }
+    return std::sqrt(information.inverse().trace());
+  }
+
+ private:
+  static SE3 At(const Eigen::Vector3d& centre) { return SE3(Eigen::Quaterniond::Identity(), -centre); }
+  Eigen::Vector3d Centre(int i) const { return atlas_.keyframe(keyframes_[i]).cam_from_map.InverseTranslation(); }
+  Eigen::Vector3d Ray(int i) const { return (Centre(i) - point().position).normalized(); }
+
+  Atlas atlas_;
+  MapHandle map_;
+  MapPointHandle point_;
+  std::vector<KeyframeHandle> keyframes_;
+};
+
+// A scope that hovers, wanders and comes back: whatever its way, every new keyframe observes the point, and what the
+// point keeps tells where it is nearly as well as everything it was ever seen in.
+TEST(FullPoint, EveryNewKeyframeObservesItAndItsBaselineStays) {
+  constexpr int kKeyframes = 200;
+  double kept = 0.0, first = 0.0, latest = 0.0;
+  for (std::uint32_t seed = 1; seed <= 20; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const auto draw = [&](double low, double high) {
+      return low + (high - low) * static_cast<double>(random()) / static_cast<double>(std::mt19937::max());
+    };
+    FullPoint full(kKeyframes);
+    Eigen::Vector3d centre(0, 0, 0);
+    for (int i = 0; i < kKeyframes; ++i) {
+      // Mostly in small steps about where it is, sometimes on.
+      const double step = random() % 8 == 0 ? 0.15 : 0.005;
+      centre += step * Eigen::Vector3d(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+      centre = centre.cwiseMax(-0.6).cwiseMin(0.6);
+      ASSERT_TRUE(full.Observe(centre, static_cast<float>(draw(2, 6)))) << i;
+      ASSERT_LE(full.point().observations.size(), static_cast<std::size_t>(kMaxObservations));
+      for (int recent = std::max(0, i - 9); recent <= i; ++recent) ASSERT_TRUE(full.Sees(recent)) << i;
+    }
+    EXPECT_EQ(full.point().observations.size(), static_cast<std::size_t>(kMaxObservations));
+    EXPECT_EQ(CheckInvariants(full.atlas()).ToString(), "ok");
+    EXPECT_GT(full.Span(false), 0.9 * full.Span(true));
+    // Five times as many views are 2.2 times as precise, when the baselines are the same.
+    const double of_all = full.Sigma([](int) { return true; });
+    const double of_kept = full.Sigma([&](int i) { return full.Sees(i); });
+    EXPECT_LT(of_kept, 2.6 * of_all);
+    kept += of_kept / of_all;
+    first += full.Sigma([](int i) { return i < kMaxObservations; }) / of_all;
+    latest += full.Sigma([](int i) { return i >= kKeyframes - kMaxObservations; }) / of_all;
+    EXPECT_EQ(full.atlas().num_refused_observations(), 0u);
+  }
+  // Better than the first or the latest forty.
+  EXPECT_LT(kept, 0.8 * first);
+  EXPECT_LT(kept, 0.8 * latest);
+}
+
+// Search in neighbours offers the same old views again and again. That comes to rest.
+TEST(FullPoint, OldViewsOfferedAgainAndAgainComeToRest) {
+  FullPoint full(100);
+  std::mt19937 random(3);
+  for (int i = 0; i < 100; ++i) {
+    full.Observe(Eigen::Vector3d(0.01 * (i % 17), 0.02 * (i % 5), 0.002 * (random() % 10)), 3.0f);
+  }
+  std::vector<bool> seen(100);
+  const std::uint64_t refused = full.atlas().num_refused_observations();
+  for (int round = 0; round < 4; ++round) {
+    for (int i = 0; i < 100; ++i) seen[i] = full.Sees(i);
+    for (int i = 0; i < 100; ++i) {
+      if (!seen[i]) full.atlas().AddObservation(full.handle(), full.keyframe(i), 0);
+    }
+  }
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(seen[i], full.Sees(i)) << i;
+  EXPECT_GT(full.atlas().num_refused_observations(), refused);
+  EXPECT_EQ(CheckInvariants(full.atlas()).ToString(), "ok");
+}
+
+TEST(FullPoint, OfTwoViewsFromOnePlaceTheCoarserGoes) {
+  FullPoint full(kMaxObservations + 1);
+  // A fan of views half a degree apart and finer the farther out, but the fourth and fifth from one place.
+  for (int i = 0; i <= kMaxObservations; ++i) {
+    const double angle = 0.01 * (i == 4 ? 3.02 : i);
+    const Eigen::Vector3d centre(std::sin(angle), 0, 1 - std::cos(angle));
+    ASSERT_TRUE(full.Observe(centre, i == 3 ? 6.0f : 3.0f));
+  }
+  for (int i = 0; i <= kMaxObservations; ++i) EXPECT_EQ(full.Sees(i), i != 3) << i;
+}
+
+// The descriptor is that of a view that the point still has, or a keyframe that goes would leave it behind.
+TEST(FullPoint, DescriptorIsAlwaysThatOfAnObserver) {
+  FullPoint full(120);
+  std::mt19937 random(9);
+  for (int i = 0; i < 120; ++i) {
+    const KeyframeHandle keyframe = full.AddKeyframe({0.001 * (random() % 300), 0.001 * (random() % 300), 0}, 3.0f);
+    full.atlas().AddObservation(full.handle(), keyframe, 0);  // and no update
+    bool is_observer = i == 0;
+    for (const Observation& observation : full.point().observations) {
+      is_observer |= full.atlas().keyframe(observation.keyframe).features.set == full.point().descriptor.set;
+    }
+    if (i >= kMaxObservations) EXPECT_TRUE(is_observer) << i;
+  }
+}
+
+TEST(FullPoint, FusedPointsShareTheList) {
+  FullPoint full(kMaxObservations + 2);
+  for (int i = 0; i < kMaxObservations; ++i) ASSERT_TRUE(full.Observe({0.01 * i, 0, 0}, 3.0f));
+  const MapPointHandle other = full.atlas().AddPoint(full.map(), {0, 0, 1}, 0);
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(full.atlas().AddObservation(other, full.AddKeyframe({0, 0.3, 0}, 3.0f), 1));
+  full.atlas().FusePoints(other, full.handle());
+  EXPECT_EQ(full.point().observations.size(), static_cast<std::size_t>(kMaxObservations));
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(full.Sees(kMaxObservations + i));
+  EXPECT_EQ(CheckInvariants(full.atlas()).ToString(), "ok");
 }
 
 TEST_F(AtlasTest, FusedPointHasTheObservationsOfBoth) {

@@ -6,6 +6,7 @@
 
 #include "engine/atlas/invariants.h"
 #include "tests/engine/place/synthetic_colon.h"
+#include "tests/hal/ticking_clock.h"
 
 namespace haustra::test {
 namespace {
@@ -32,6 +33,21 @@ class MergerTest : public testing::Test {
     SchurBundleAdjuster adjuster;
     Merger merger(colon_.config(), options_, noise_, colon_.camera(), colon_.device(), adjuster);
     return merger.Apply(plan, &atlas_, nullptr, kNoDeadline, &outcome_);
+  }
+
+  // The solvers are stopped when they look at the clock for the `num_looks`-th time, counted from 0.
+  Status ApplyStopped(const MergePlan& plan, int num_looks, Atlas* atlas) {
+    SchurBundleAdjuster adjuster;
+    Merger merger(colon_.config(), options_, noise_, colon_.camera(), colon_.device(), adjuster);
+    const TickingClock clock;
+    return merger.Apply(plan, atlas, &clock, TickingClock::DeadlineAtLook(num_looks), &outcome_);
+  }
+
+  // Features that show a point, over all keyframes.
+  static int NumObservations(const Atlas& atlas) {
+    int num = 0;
+    atlas.keyframes().ForEach([&](KeyframeHandle, const Keyframe& keyframe) { num += keyframe.num_points; });
+    return num;
   }
 
   // Largest distance of a camera or point from where map_from_world puts it, over the map's unit.
@@ -177,16 +193,56 @@ TEST_F(MergerTest, FramesOfCulledKeyframesResolveAcrossTheMerge) {
 
 TEST_F(MergerTest, LongYoungerMapFollowsTheWeld) {
   colon_.AddWall(0.0, 14.0, 5000);
-  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 41, kOlderFromWorld);
   const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
   const Tracked far_off = Track(first + 39);
-  ASSERT_TRUE(Apply(Plan(first + 2, 11)).ok());
+  ASSERT_TRUE(Apply(Plan(first + 2, 34)).ok());
   EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
   EXPECT_EQ(outcome_.num_graph_nodes, 40);
   EXPECT_GE(outcome_.num_graph_edges, 39);
   EXPECT_LE(outcome_.num_weld_keyframes, 16);
   ExpectInFrame(kOlderFromWorld, 0.05, 0.03);
   ExpectResolves(far_off, 0, kOlderFromWorld, 0.05);
+}
+
+// A long procedure is being tracked when it meets what a short one has left: the long one stays where it is, and with
+// it the tracker.
+TEST_F(MergerTest, LargerMapStaysThoughItIsTheYoungerOne) {
+  colon_.AddWall(0.0, 14.0, 5000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
+  const MapHandle older = atlas_.keyframe(keyframe(0)).map, younger = atlas_.keyframe(keyframe(first)).map;
+  atlas_.map(older).status = MapStatus::kStored;
+  const Tracked in_older = Track(3), in_younger = Track(first + 30);
+  const SE3 far_off = atlas_.keyframe(keyframe(first + 39)).cam_from_map;
+  ASSERT_TRUE(Apply(Plan(first + 2, 11)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_EQ(outcome_.map, younger);
+  EXPECT_EQ(outcome_.absorbed, older);
+  EXPECT_EQ(outcome_.absorbed_map_id, 0u);
+  EXPECT_EQ(atlas_.map(younger).status, MapStatus::kActive);
+  EXPECT_EQ(atlas_.map(older).merged_into, 1u);
+  EXPECT_EQ(outcome_.reframing.old_map_id, 1u);
+  EXPECT_EQ(outcome_.reframing.new_map_id, 1u);
+  EXPECT_EQ(atlas_.keyframe(keyframe(first + 39)).cam_from_map.translation, far_off.translation);
+  ExpectInFrame(kYoungerFromWorld, 0.05, 0.03);
+  ExpectResolves(in_older, 1, kYoungerFromWorld, 0.05);
+  ExpectResolves(in_younger, 1, kYoungerFromWorld, 0.05);
+}
+
+// With fewer nodes than keyframes the map follows nearly as well.
+TEST_F(MergerTest, LongMapFollowsTheWeldInGroups) {
+  options_.graph_max_nodes = 10;
+  colon_.AddWall(0.0, 14.0, 5000);
+  const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kOlderFromWorld).first;
+  colon_.AddMap(&atlas_, 0.0, 3.0, 41, kYoungerFromWorld);
+  const Tracked far_off = Track(first + 39);
+  ASSERT_TRUE(Apply(Plan(first + 2, 40 + 33)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_GE(outcome_.num_graph_nodes, 10);
+  EXPECT_LE(outcome_.num_graph_nodes, 22);
+  ExpectInFrame(kYoungerFromWorld, 0.05, 0.03);
+  ExpectResolves(far_off, 1, kYoungerFromWorld, 0.05);
 }
 
 TEST_F(MergerTest, SameMergeGivesTheSameBits) {
@@ -291,6 +347,43 @@ TEST_F(MergerTest, DeviceLostDuringTheMergeLeavesAConsistentAtlas) {
   ExpectInFrame(kOlderFromWorld, 0.05, 0.03);
 }
 
+// A weld that was stopped says nothing about which observations are wrong: the joined maps keep all they had.
+TEST_F(MergerTest, StoppedWeldDeletesNoObservation) {
+  RecordProperty("req", "MRG-001");
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
+  MergePlan plan = Plan(first + 2, 11);
+  // Far enough off that much of what is right does not fit before it is welded.
+  plan.b_from_a.translation += kOlderFromWorld.scale * Eigen::Vector3d(0.06, -0.04, 0.05);
+  const int before = NumObservations(atlas_);
+  ASSERT_TRUE(ApplyStopped(plan, 0, &atlas_).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_GE(NumObservations(atlas_), before);
+  ExpectInFrame(kOlderFromWorld, 0.15, 0.15);
+}
+
+// Wherever the time runs out, the younger map is in one piece and where the plan or the weld puts it.
+TEST_F(MergerTest, TimeMayRunOutAnywhere) {
+  RecordProperty("req", "MRG-001");
+  colon_.AddWall(0.0, 14.0, 5000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 41, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
+  const MergePlan plan = Plan(first + 2, 34);
+  const Atlas before = atlas_;
+  bool is_finished = false;
+  for (int num_looks = 0; num_looks < 100 && !is_finished; ++num_looks) {
+    SCOPED_TRACE(num_looks);
+    atlas_ = before;
+    ASSERT_TRUE(ApplyStopped(plan, num_looks, &atlas_).ok());
+    ASSERT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+    ExpectInFrame(kOlderFromWorld, 0.08, 0.04);
+    ASSERT_FALSE(HasNonfatalFailure());
+    is_finished = outcome_.weld_state == SolveState::kConverged && outcome_.graph_state == SolveState::kConverged;
+  }
+  EXPECT_TRUE(is_finished);
+}
+
 // Out and back in one map whose frame drifts a little at every keyframe; the way back makes points of its own.
 class LoopTest : public MergerTest {
  protected:
@@ -356,6 +449,110 @@ TEST_F(LoopTest, DriftIsTakenOut) {
   const bool is_joined = std::any_of(covisible.begin(), covisible.end(),
                                      [&](const Covisible& c) { return atlas_.keyframe(c.keyframe).id < 6; });
   EXPECT_TRUE(is_joined);
+}
+
+// Neighbours that share a node take the drift out nearly as well as keyframes one by one.
+TEST_F(LoopTest, DriftIsTakenOutInGroups) {
+  BuildDriftingMap();
+  const double before = TrajectoryError();
+  options_.graph_max_nodes = 12;
+  ASSERT_TRUE(Apply(Plan(2 * kTurn - 2, 1)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_LE(outcome_.num_graph_nodes, 12 + 16 + 4);
+  EXPECT_LT(TrajectoryError(), 0.5 * before);
+}
+
+// The graph of a long procedure is no larger than that of a short one, and still spreads the correction.
+TEST(LongLoop, GraphIsBoundedAndDriftIsTakenOut) {
+  constexpr int kLongTurn = 400;
+  SyntheticColon colon(5, 2 * kLongTurn);
+  Atlas atlas = colon.MakeAtlas();
+  colon.AddWall(0.0, 0.06 * kLongTurn + 3.0, 7000);
+  const MapHandle map = atlas.CreateMap();
+  Sim3 drifted_from_world;
+  for (int i = 0; i < 2 * kLongTurn; ++i) {
+    const double z = i < kLongTurn ? 0.06 * i : 0.06 * (2 * kLongTurn - 1 - i) + 0.02;
+    const SE3 view = colon.ViewFrom(z);
+    colon.AddKeyframe(&atlas, map, view, drifted_from_world);
+    const Eigen::Vector3d centre = drifted_from_world * view.InverseTranslation();
+    const Sim3 to_camera(1.0, Eigen::Quaterniond::Identity(), -centre);
+    const Sim3 slip(1.0002, ExpSO3({0.0001, -0.00005, 0.00005}), {0.0003, 0.0002, -0.0003});
+    drifted_from_world = to_camera.Inverse() * slip * to_camera * drifted_from_world;
+  }
+  colon.AddPoints(&atlas, 0, 2 * kLongTurn, 0.003, [](int frame, int landmark) {
+    return frame < kLongTurn || (frame < kLongTurn + 6 && landmark % 2 == 0) ? 0 : 1;
+  });
+  // At the far end of the loop, where the map began.
+  const auto gap = [&] {
+    const Keyframe &first = atlas.keyframe(colon.frames()[1].keyframe),
+                   &last = atlas.keyframe(colon.frames()[2 * kLongTurn - 2].keyframe);
+    const SE3 truth = colon.frames()[2 * kLongTurn - 2].cam_from_world * colon.frames()[1].cam_from_world.Inverse();
+    return ((last.cam_from_map * first.cam_from_map.Inverse()).InverseTranslation() - truth.InverseTranslation())
+        .norm();
+  };
+  const NoiseModel noise{colon.config().noise};
+  const CommonAreaConfig common_area;
+  CommonAreaVerifier verifier(colon.config(), common_area, noise, colon.camera(), colon.device());
+  CommonArea area;
+  Rng rng(4);
+  ASSERT_TRUE(colon.Verify(verifier, atlas, colon.frames()[2 * kLongTurn - 2].keyframe, colon.frames()[1].keyframe, rng,
+                           &area));
+  const double before = gap();
+  SchurBundleAdjuster adjuster;
+  const MergingConfig options;
+  Merger merger(colon.config(), options, noise, colon.camera(), colon.device(), adjuster);
+  MergeOutcome outcome;
+  ASSERT_TRUE(merger.Apply(MakeMergePlan(area), &atlas, nullptr, kNoDeadline, &outcome).ok());
+  EXPECT_EQ(CheckInvariants(atlas).ToString(), "ok");
+  EXPECT_LE(outcome.num_graph_nodes, options.graph_max_nodes + 4 * options.window_keyframes);
+  EXPECT_GT(before, 0.2);
+  EXPECT_LT(gap(), 0.05);
+  // Neighbours are where they were beside each other: the map is not torn between groups.
+  double largest = 0.0;
+  for (int i = 1; i < 2 * kLongTurn; ++i) {
+    const SE3 relative = atlas.keyframe(colon.frames()[i].keyframe).cam_from_map *
+                         atlas.keyframe(colon.frames()[i - 1].keyframe).cam_from_map.Inverse();
+    const SE3 truth = colon.frames()[i].cam_from_world * colon.frames()[i - 1].cam_from_world.Inverse();
+    largest = std::max(largest, (relative.InverseTranslation() - truth.InverseTranslation()).norm());
+  }
+  EXPECT_LT(largest, 0.05);
+}
+
+// A loop is closed, or it is not: wherever the time runs out, the map is as it was or its drift is gone. What is closed
+// keeps its observations unless the weld was finished.
+TEST_F(LoopTest, TimeMayRunOutAnywhere) {
+  RecordProperty("req", "MRG-001");
+  BuildDriftingMap();
+  const double drift = TrajectoryError();
+  const MergePlan plan = Plan(2 * kTurn - 2, 1);
+  const Atlas before = atlas_;
+  const int num_observations = NumObservations(before);
+  int num_open = 0;
+  bool is_finished = false;
+  for (int num_looks = 0; num_looks < 100 && !is_finished; ++num_looks) {
+    SCOPED_TRACE(num_looks);
+    atlas_ = before;
+    const Status status = ApplyStopped(plan, num_looks, &atlas_);
+    ASSERT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+    if (!status.ok()) {
+      ++num_open;
+      EXPECT_EQ(status.code(), StatusCode::kDeadlineExceeded);
+      EXPECT_EQ(NumObservations(atlas_), num_observations);
+      before.keyframes().ForEach([&](KeyframeHandle handle, const Keyframe& keyframe) {
+        ASSERT_EQ(atlas_.keyframe(handle).cam_from_map.translation, keyframe.cam_from_map.translation);
+        ASSERT_EQ(atlas_.KeyframeScale(handle), before.KeyframeScale(handle));
+      });
+      before.points().ForEach([&](MapPointHandle handle, const MapPoint& point) {
+        ASSERT_EQ(atlas_.point(handle).position, point.position);
+      });
+      continue;
+    }
+    EXPECT_LT(TrajectoryError(), 0.5 * drift);
+    is_finished = outcome_.weld_state == SolveState::kConverged;
+    if (!is_finished) EXPECT_GE(NumObservations(atlas_), num_observations);
+  }
+  EXPECT_GT(num_open, 0);
+  EXPECT_TRUE(is_finished);
 }
 
 TEST_F(LoopTest, FramesFollowTheirKeyframesAndTheirScale) {

@@ -52,7 +52,7 @@ TEST(PoseGraph, PureScaleDriftIsUndone) {
   const Result<PoseGraphSummary> summary = OptimizePoseGraphSim3(PoseGraphOptions(), loop.edges, &nodes);
 
   ASSERT_TRUE(summary.ok()) << summary.status().ToString();
-  EXPECT_TRUE(summary->usable);
+  EXPECT_EQ(summary->state, SolveState::kConverged);
   EXPECT_LT(summary->final_cost, 0.02 * summary->initial_cost);
   EXPECT_GT(MaxCentreError(loop.nodes, loop.truth), 4.0);
   EXPECT_LT(MaxCentreError(nodes, loop.truth), 0.15 * MaxCentreError(loop.nodes, loop.truth));
@@ -174,7 +174,7 @@ class TickingClock : public Clock {
   mutable int num_looks_ = 0;
 };
 
-TEST(PoseGraph, DeadlineStopsItWithTheBestStateSoFar) {
+TEST(PoseGraph, StoppedByADeadlineItMovesNothing) {
   const SyntheticLoop loop = MakeSyntheticLoop({});
   std::vector<PoseGraphNode> nodes = loop.nodes;
   const TickingClock clock;
@@ -185,37 +185,49 @@ TEST(PoseGraph, DeadlineStopsItWithTheBestStateSoFar) {
   const Result<PoseGraphSummary> summary = OptimizePoseGraphSim3(options, loop.edges, &nodes);
 
   ASSERT_TRUE(summary.ok());
-  EXPECT_TRUE(summary->cancelled);
-  EXPECT_TRUE(summary->usable);
+  EXPECT_EQ(summary->state, SolveState::kPartial);
   EXPECT_EQ(summary->iterations, 1);
   EXPECT_LE(summary->final_cost, summary->initial_cost);
+  EXPECT_TRUE(IsSame(nodes, loop.nodes));
+}
+
+TEST(PoseGraph, OutOfIterationsItMovesNothing) {
+  const SyntheticLoop loop = MakeSyntheticLoop({});
+  std::vector<PoseGraphNode> nodes = loop.nodes;
+  PoseGraphOptions options;
+  options.max_iterations = 1;
+
+  const Result<PoseGraphSummary> summary = OptimizePoseGraphSim3(options, loop.edges, &nodes);
+
+  ASSERT_TRUE(summary.ok());
+  EXPECT_EQ(summary->state, SolveState::kPartial);
+  EXPECT_TRUE(IsSame(nodes, loop.nodes));
 }
 
 TEST(PoseGraph, CancelledAtOnceLeavesTheNodes) {
   const SyntheticLoop loop = MakeSyntheticLoop({});
   std::vector<PoseGraphNode> nodes = loop.nodes;
-  const std::atomic<bool> cancel = true;
   PoseGraphOptions options;
-  options.cancel = &cancel;
+  options.should_stop = [] { return true; };
 
   const Result<PoseGraphSummary> summary = OptimizePoseGraphSim3(options, loop.edges, &nodes);
 
   ASSERT_TRUE(summary.ok());
-  EXPECT_TRUE(summary->cancelled);
-  EXPECT_LT(MaxCentreError(nodes, loop.truth) - MaxCentreError(loop.nodes, loop.truth), 1e-12);
+  EXPECT_EQ(summary->state, SolveState::kPartial);
+  EXPECT_TRUE(IsSame(nodes, loop.nodes));
 }
 
-TEST(PoseGraph, NothingToOptimiseIsNotUsable) {
+TEST(PoseGraph, NothingToOptimiseHasNoSolution) {
   std::vector<PoseGraphNode> nodes;
   Result<PoseGraphSummary> summary = OptimizePoseGraphSim3(PoseGraphOptions(), {}, &nodes);
   ASSERT_TRUE(summary.ok());
-  EXPECT_FALSE(summary->usable);
+  EXPECT_EQ(summary->state, SolveState::kNone);
 
   nodes = {{.node_from_world = Sim3(), .is_fixed = true}, {.node_from_world = Sim3(), .is_fixed = true}};
   const std::vector<PoseGraphEdge> edges = {{.a = 0, .b = 1, .b_from_a = Sim3()}};
   summary = OptimizePoseGraphSim3(PoseGraphOptions(), edges, &nodes);
   ASSERT_TRUE(summary.ok());
-  EXPECT_FALSE(summary->usable);
+  EXPECT_EQ(summary->state, SolveState::kNone);
 }
 
 TEST(PoseGraph, BadInputIsRefusedByName) {

@@ -28,13 +28,13 @@ class SyntheticColon {
  public:
   static constexpr int kMaxFeatures = 1000;
 
-  explicit SyntheticColon(std::uint64_t seed)
-      : rng_(seed), camera_(CameraModel::Create(ColonCalibration()).value()), device_(Plan(), {}) {
+  explicit SyntheticColon(std::uint64_t seed, int max_keyframes = 300)
+      : rng_(seed), camera_(CameraModel::Create(ColonCalibration()).value()), device_(Plan(max_keyframes + 20), {}) {
     config_.features.max = kMaxFeatures;
-    config_.memory.max_keyframes = 300;
-    config_.memory.max_map_points = 40000;
+    config_.memory.max_keyframes = max_keyframes;
+    config_.memory.max_map_points = std::max(40000, 60 * max_keyframes);
     config_.memory.max_maps = 8;
-    config_.memory.max_keyframe_ids = 1000;
+    config_.memory.max_keyframe_ids = std::max(1000, max_keyframes);
     config_.memory.max_local_points = 8000;
   }
 
@@ -186,12 +186,12 @@ class SyntheticColon {
   const Landmark& LandmarkOf(const MapPoint& point) const { return landmarks_[landmark_of_point_.at(point.id)]; }
 
  private:
-  static VisionPlan Plan() {
+  static VisionPlan Plan(int max_feature_sets) {
     VisionPlan plan;
     plan.max_width_px = 720;
     plan.max_height_px = 540;
     plan.max_features = kMaxFeatures;
-    plan.max_feature_sets = 320;
+    plan.max_feature_sets = max_feature_sets;
     plan.max_match_list = 8192;
     return plan;
   }

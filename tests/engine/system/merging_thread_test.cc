@@ -180,16 +180,18 @@ TEST(MergingThread, MappingGoesOnAndJoinsTheMapsAsTheyAreWhenTheAnswerComes) {
   ASSERT_TRUE(parts.Recognise());
   const PlaceTask& task = *parts.places.Answered();
   const KeyframeId asked = task.area.counts.keyframe_a;
-  const MapId older = task.area.counts.map_b;
+  const MapId map_a = task.area.counts.map_a, map_b = task.area.counts.map_b;
   EXPECT_TRUE(parts.EventsOf(MapEventKind::kMerged).empty()) << "nobody but the mapper joins maps";
   parts.Map();
   ASSERT_EQ(parts.EventsOf(MapEventKind::kMerged).size(), 1u);
-  EXPECT_EQ(parts.EventsOf(MapEventKind::kMerged)[0].place.keyframe_a, asked);
+  const MapEvent merged = parts.EventsOf(MapEventKind::kMerged)[0];
+  EXPECT_EQ(merged.place.keyframe_a, asked);
+  EXPECT_EQ(std::set({merged.map_id, merged.other_map_id}), std::set({map_a, map_b}));
   EXPECT_EQ(CheckInvariants(parts.mapper.atlas()).ToString(), "ok");
   // Tracking changes its frame of reference in one step.
   while (parts.TrackNext()) {
     EXPECT_EQ(parts.results.back().state, TrackingState::kTracking);
-    EXPECT_EQ(parts.results.back().map_id, older);
+    EXPECT_EQ(parts.results.back().map_id, merged.map_id);
     parts.Map();
     parts.Recognise();
   }

@@ -1,0 +1,169 @@
+#include "engine/mapping/joiner.h"
+
+#include <utility>
+
+namespace haustra {
+namespace {
+
+// A slice of bundle adjustment that leaves this much of the cost has little left to do.
+constexpr double kSettledShare = 0.995;
+
+}  // namespace
+
+Joiner::Joiner(MappingState& state, Parts parts)
+    : state_(state),
+      places_(parts.places),
+      publisher_(parts.publisher),
+      trial_(parts.trial),
+      bundle_(parts.bundle),
+      events_(parts.events),
+      scout_(state.config, parts.retrieval),
+      merger_(state.config, state.config.merging, state.noise, state.camera, state.device, parts.adjuster) {}
+
+// Does the keyframe show what another map, or another part of this one, already holds?
+void Joiner::Ask(KeyframeHandle keyframe) {
+  PlaceTask* task = places_.Free();
+  if (skipped_) ++state_.counters.num_places_skipped;
+  skipped_ = task == nullptr ? keyframe : KeyframeHandle{};
+  if (task == nullptr) return;
+  const TimePoint start = state_.Now();
+  task->noise = state_.noise;
+  const bool is_question = scout_.Begin(state_.atlas, keyframe, task);
+  task->mapping_duration = state_.Now() - start;
+  state_.counters.asking_time += task->mapping_duration;
+  if (is_question) {
+    places_.Ask();
+  } else {
+    EndQuestion(*task);
+  }
+}
+
+// When there is nothing else to do.
+bool Joiner::AskForSkipped() {
+  if (!skipped_ || places_.is_out()) return false;
+  const KeyframeHandle keyframe = std::exchange(skipped_, KeyframeHandle{});
+  const Keyframe* skipped = state_.atlas.GetKeyframe(keyframe);
+  if (skipped == nullptr || skipped->map != state_.active) {
+    ++state_.counters.num_places_skipped;
+    return false;
+  }
+  Ask(keyframe);
+  return true;
+}
+
+bool Joiner::TakeAnswer() {
+  PlaceTask* task = places_.Answered();
+  if (task == nullptr) return false;
+  if (task->stage == PlaceTask::Stage::kRetrieve) {
+    const Keyframe* keyframe = state_.atlas.GetKeyframe(task->keyframe);
+    if (keyframe == nullptr || keyframe->map != state_.active) {
+      ++state_.counters.num_places_skipped;
+    } else {
+      const TimePoint start = state_.Now();
+      const bool is_question = scout_.GoOn(state_.atlas, task);
+      const Duration duration = state_.Now() - start;
+      task->mapping_duration += duration;
+      state_.counters.asking_time += duration;
+      if (is_question) {
+        places_.AskOn();
+        return true;
+      }
+    }
+  }
+  EndQuestion(*task);
+  places_.Take();
+  return true;
+}
+
+void Joiner::EndQuestion(const PlaceTask& task) {
+  state_.counters.num_place_points_left_out = scout_.num_points_left_out();
+  state_.counters.place_time += task.mapping_duration + task.merging_duration;
+  for (const CommonAreaCounts& counts : task.report.tried) {
+    if (counts.verdict != CommonAreaVerdict::kAccepted) ReportRejection(task, counts);
+  }
+  if (task.is_known) JoinMaps(task);
+}
+
+// Local bundle adjustment, settling and changes of unit since the question was put are made up for by the plan itself
+// (merge_plan.h). Maps are joined here alone and one question is out at a time, so what else may have happened is that
+// keyframes have gone, or that tracking has found itself in another map or begun a new one. Then the answer is dropped:
+// where tracking is now, the next keyframe asks again.
+void Joiner::JoinMaps(const PlaceTask& task) {
+  const TimePoint start = state_.Now();
+  const TimePoint deadline =
+      state_.is_time_boxed ? start + std::chrono::milliseconds(state_.config.merging.max_milliseconds) : kNoDeadline;
+  MergePlan plan = MakeMergePlan(task.area);
+  plan.tracked = state_.newest;
+  MergeOutcome outcome;
+  const Keyframe* a = state_.atlas.GetKeyframe(plan.keyframe_a);
+  const Status status =
+      a == nullptr || a->map != state_.active
+          ? FailedPrecondition("join: tracking has left the map of the plan")
+          : merger_.Apply(plan, &state_.atlas, state_.is_time_boxed ? state_.clock : nullptr, deadline, &outcome);
+  if (!status.ok()) {
+    const bool is_outdated =
+        status.code() == StatusCode::kFailedPrecondition || status.code() == StatusCode::kInvalidArgument;
+    ++(is_outdated ? state_.counters.num_merges_outdated : state_.counters.num_loops_left_open);
+    CommonAreaCounts counts = task.area.counts;
+    counts.verdict = is_outdated ? CommonAreaVerdict::kOutdated : CommonAreaVerdict::kNotJoined;
+    ReportRejection(task, counts);
+    state_.counters.merge_time += state_.Now() - start;
+    return;
+  }
+  if (!outcome.is_loop) trial_.Join(outcome.map, outcome.absorbed);
+  state_.active = outcome.map;
+  settling_rounds_ = state_.config.merging.settling_rounds;
+  publisher_.Reframe(outcome.reframing);
+  const TimePoint joined = state_.Now();
+  state_.counters.merge_time += joined - start;
+  MapEvent event;
+  event.kind = outcome.is_loop ? MapEventKind::kLoopClosed : MapEventKind::kMerged;
+  event.frame_index = task.frame_index;
+  event.timestamp = task.timestamp;
+  event.map_id = outcome.map_id;
+  event.other_map_id = outcome.is_loop ? kNoId : outcome.absorbed_map_id;
+  event.num_keyframes = static_cast<int>(state_.atlas.map(state_.active).keyframes.size());
+  event.num_points = state_.atlas.map(state_.active).num_points;
+  event.place = task.area.counts;
+  event.duration = joined - start;
+  events_.TryPush(event);
+  publisher_.Publish();
+}
+
+void Joiner::ReportRejection(const PlaceTask& task, const CommonAreaCounts& counts) {
+  MapEvent event;
+  event.kind = MapEventKind::kMergeRejected;
+  event.frame_index = task.frame_index;
+  event.timestamp = task.timestamp;
+  event.map_id = counts.map_a;
+  event.other_map_id = counts.map_b;
+  event.place = counts;
+  events_.TryPush(event);
+}
+
+// After a join, when there is nothing else to do: what the seam made known spreads over the map around it, a slice of
+// bundle adjustment at a time.
+bool Joiner::Settle() {
+  if (settling_rounds_ == 0) return false;
+  --settling_rounds_;
+  const TimePoint start = state_.Now();
+  const MergingConfig& options = state_.config.merging;
+  const LocalBundle::Extent extent{options.settling_keyframes, false, options.settling_iterations};
+  const SE3 old_pose = state_.atlas.keyframe(state_.newest).cam_from_map;
+  const Result<BundleSummary> summary =
+      bundle_.Adjust(state_.newest, extent, state_.BundleLimits(options.settling_milliseconds, 0, 0), &state_.atlas);
+  const bool is_interrupted = state_.link.proposals.Front() != nullptr;
+  if (!summary.ok() || summary->state == SolveState::kNone) {
+    if (!is_interrupted) settling_rounds_ = 0;
+    return true;
+  }
+  if (!is_interrupted && summary->final_cost > kSettledShare * summary->initial_cost) settling_rounds_ = 0;
+  const MapId map_id = state_.atlas.map(state_.active).id;
+  publisher_.Reframe(
+      {0, map_id, map_id, Sim3(state_.atlas.keyframe(state_.newest).cam_from_map).Inverse() * Sim3(old_pose)});
+  publisher_.Publish();
+  state_.counters.settle_time += state_.Now() - start;
+  return true;
+}
+
+}  // namespace haustra

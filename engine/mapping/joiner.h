@@ -1,0 +1,63 @@
+// Asks the recogniser (engine/place) whether keyframes show a known place, and joins maps or closes loops when it says
+// so (engine/merging). One question is out at a time; of the keyframes that come meanwhile the newest is asked about
+// next. After a join the map around the seam settles by bundle adjustment in slices, when there is nothing else to do.
+// Never waits for the recogniser. thread-bound(mapping); uses the heap (solvers).
+#pragma once
+
+#include "engine/mapping/local_bundle.h"
+#include "engine/mapping/map_event.h"
+#include "engine/mapping/mapping_state.h"
+#include "engine/mapping/point_trial.h"
+#include "engine/mapping/snapshot_publisher.h"
+#include "engine/merging/merger.h"
+#include "engine/place/place_mailbox.h"
+#include "engine/place/place_scout.h"
+#include "engine/place/retrieval.h"
+#include "hal/core/spsc_ring.h"
+
+namespace haustra {
+
+class Joiner {
+ public:
+  struct Parts {
+    PlaceMailbox& places;
+    SnapshotPublisher& publisher;
+    KeyframeRetrieval& retrieval;
+    PointTrial& trial;
+    LocalBundle& bundle;
+    SchurBundleAdjuster& adjuster;
+    SpscRing<MapEvent>& events;
+  };
+  // All of them outlive it.
+  Joiner(MappingState& state, Parts parts);
+
+  // Does the keyframe show what another map, or another part of this one, already holds? When a question is out the
+  // keyframe is kept for later.
+  void Ask(KeyframeHandle keyframe);
+  // Takes the recogniser's answer and does what it says; publishes when maps were joined. False: there is none.
+  bool TakeAnswer();
+
+  // For when there is nothing else to do. False: nothing was done.
+  bool AskForSkipped();
+  bool Settle();
+  // Tracking has gone elsewhere.
+  void EndSettling() { settling_rounds_ = 0; }
+
+ private:
+  void EndQuestion(const PlaceTask& task);
+  void JoinMaps(const PlaceTask& task);
+  void ReportRejection(const PlaceTask& task, const CommonAreaCounts& counts);
+
+  MappingState& state_;
+  PlaceMailbox& places_;
+  SnapshotPublisher& publisher_;
+  PointTrial& trial_;
+  LocalBundle& bundle_;
+  SpscRing<MapEvent>& events_;
+  PlaceScout scout_;
+  Merger merger_;
+  int settling_rounds_ = 0;  // left after the last join
+  KeyframeHandle skipped_;   // the newest one that the recogniser was too busy for
+};
+
+}  // namespace haustra

@@ -1,0 +1,98 @@
+// What the mapper does for a tracker that is waiting for it, in real-time mode worked by hand.
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "engine/mapping/mapper.h"
+#include "engine/tracking/tracker.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra::test {
+namespace {
+
+// A clock that tells when somebody looks.
+class WatchedClock final : public Clock {
+ public:
+  TimePoint Now() const override {
+    if (on_look) on_look();
+    return TimePoint(std::chrono::milliseconds(1));
+  }
+  std::function<void()> on_look;
+};
+
+class MappingThread : public testing::Test {
+ protected:
+  MappingThread()
+      : link_(config_.memory.max_proposals, config_.features.max, config_.initialisation.kept_views,
+              config_.memory.max_local_points),
+        places_(config_, std::pmr::get_default_resource()),
+        mapper_(config_, colon_.camera(), colon_.device(), link_, places_, &clock_, true, nullptr),
+        tracker_(config_, colon_.camera(), colon_.device(), link_, nullptr, 1.0) {
+    colon_.config().merging.enabled = false;
+    colon_.Move(0.0, 8.0, 200);
+  }
+
+  // Frames until the tracker has proposed a keyframe, with `num_before` keyframes in the map.
+  void RunToProposal(std::uint64_t num_before) {
+    while (mapper_.counters().num_keyframes < num_before || link_.proposals.Front() == nullptr) {
+      if (link_.proposals.Front() != nullptr) ASSERT_TRUE(mapper_.Step());
+      const Result<Frame> frame = colon_.source().Next(kNoDeadline);
+      ASSERT_TRUE(frame.ok());
+      tracker_.Track(*frame, kNoDeadline);
+    }
+    ASSERT_EQ(link_.proposals.Front()->kind, ProposalKind::kKeyframe);
+  }
+
+  ScriptedColon colon_;
+  const EngineConfig& config_ = colon_.config();
+  WatchedClock clock_;
+  TrackingLink link_;
+  PlaceMailbox places_;
+  Mapper mapper_;
+  Tracker tracker_;
+};
+
+TEST_F(MappingThread, NewPointsArePublishedBeforeTheyAreAdjusted) {
+  RunToProposal(8);
+  const std::uint32_t frame = link_.proposals.Front()->view.frame_index;
+  LatestMailbox<LocalMap>& snapshots = link_.snapshots;
+  snapshots.Refresh();
+  const std::uint64_t former = snapshots.ReadSlot().version;
+  int num_looks_after = 0;
+  clock_.on_look = [&] {
+    snapshots.Refresh();
+    const LocalMap& map = snapshots.ReadSlot();
+    if (map.version == former) return;
+    ++num_looks_after;
+    EXPECT_EQ(mapper_.atlas().FrameOfKeyframe(map.keyframes[0].id), frame);
+    EXPECT_GT(map.num_points, 0);
+  };
+  ASSERT_TRUE(mapper_.Step());
+  // The bundle looks at the clock before every iteration.
+  EXPECT_GE(num_looks_after, 2);
+}
+
+TEST_F(MappingThread, BundleIsStoppedByAProposalThatWaits) {
+  // A pose that is off, and no tracks to put it right before the bundle does: that takes more than the few steps that
+  // it is granted in any case.
+  colon_.config().mapping.link_neighbours = 0;
+  RunToProposal(8);
+  link_.proposals.Front()->cam_from_map.translation += Eigen::Vector3d(0.03, 0.02, -0.03);
+  const std::uint64_t before = mapper_.counters().num_bundles_stopped;
+  int num_looks = 0;
+  clock_.on_look = [&] { ++num_looks; };
+  link_.num_pending.fetch_add(1);
+  ASSERT_TRUE(mapper_.Step());
+  link_.num_pending.fetch_sub(1);
+  EXPECT_EQ(mapper_.counters().num_bundles_stopped, before + 1);
+  const int num_looks_stopped = num_looks;
+  RunToProposal(mapper_.counters().num_keyframes);
+  link_.proposals.Front()->cam_from_map.translation += Eigen::Vector3d(0.03, 0.02, -0.03);
+  num_looks = 0;
+  ASSERT_TRUE(mapper_.Step());
+  EXPECT_EQ(mapper_.counters().num_bundles_stopped, before + 1) << "nobody waited";
+  EXPECT_GT(num_looks, num_looks_stopped);
+}
+
+}  // namespace
+}  // namespace haustra::test

@@ -42,20 +42,21 @@ struct MapperCounters {
 };
 
 struct MappingState {
-  // Takes the memory of the atlas. `clock` may be null: then nothing is timed, and time bounds nothing.
-  MappingState(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-               const Clock* clock, bool is_time_boxed, std::pmr::memory_resource* memory)
-      : config(config),
-        camera(camera),
-        device(device),
-        link(link),
-        clock(clock),
-        is_time_boxed(is_time_boxed && clock != nullptr),
-        noise(config.noise),
-        atlas(CapacityOf(config), memory) {}
-  static Atlas::Capacity CapacityOf(const EngineConfig& config) {
-    return {config.memory.max_keyframes, config.memory.max_map_points, config.memory.max_maps,
-            config.memory.max_keyframe_ids, config.features.max};
+  // Takes the memory of the atlas. `time` may be null: then nothing is timed, and time bounds nothing.
+  MappingState(const EngineConfig& engine_config, const CameraModel& camera_model, VisionDevice& vision_device,
+               TrackingLink& tracking_link, const Clock* time, bool has_time_box, std::pmr::memory_resource* memory)
+      : config(engine_config),
+        camera(camera_model),
+        device(vision_device),
+        link(tracking_link),
+        clock(time),
+        is_time_boxed(has_time_box && time != nullptr),
+        noise(engine_config.noise),
+        atlas(CapacityOf(engine_config), memory) {}
+  static Atlas::Capacity CapacityOf(const EngineConfig& engine_config) {
+    const MemoryConfig& memory = engine_config.memory;
+    return {memory.max_keyframes, memory.max_map_points, memory.max_maps, memory.max_keyframe_ids,
+            engine_config.features.max};
   }
 
   TimePoint Now() const { return clock == nullptr ? TimePoint{} : clock->Now(); }

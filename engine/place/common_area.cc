@@ -263,7 +263,8 @@ void CommonAreaVerifier::FillMatches(const Sides& sides) {
   }
 }
 
-bool CommonAreaVerifier::Refine(const Sides& sides, const Sim3& initial, Sim3OptimizerResult* result) {
+// NOLINTNEXTLINE(performance-unnecessary-value-param): it may be a part of *result.
+bool CommonAreaVerifier::Refine(const Sides& sides, Sim3 initial, Sim3OptimizerResult* result) {
   FillMatches(sides);
   inliers_.resize(matches_.size());
   return OptimizeSim3(camera_, matches_, views_a_, views_b_, initial, Sim3OptimizerOptions{}, inliers_, result) &&

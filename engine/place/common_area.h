@@ -132,7 +132,7 @@ class CommonAreaVerifier {
   CommonAreaVerdict SearchBothWays(const Sides& sides, const Sim3& b_from_a, int* num_visible);
   void KeepOneToOne(const Sides& sides);
   // `initial` by value: it may be that of `result`.
-  bool Refine(const Sides& sides, const Sim3& initial, Sim3OptimizerResult* result);
+  bool Refine(const Sides& sides, Sim3 initial, Sim3OptimizerResult* result);
   void KeepInliers();
   void FillMatches(const Sides& sides);
   double Spread(const Sides& sides) const;

@@ -216,7 +216,9 @@ TEST(FullPoint, DescriptorIsAlwaysThatOfAnObserver) {
     for (const Observation& observation : full.point().observations) {
       is_observer |= full.atlas().keyframe(observation.keyframe).features.set == full.point().descriptor.set;
     }
-    if (i >= kMaxObservations) EXPECT_TRUE(is_observer) << i;
+    if (i >= kMaxObservations) {
+      EXPECT_TRUE(is_observer) << i;
+    }
   }
 }
 

@@ -549,7 +549,9 @@ TEST_F(LoopTest, TimeMayRunOutAnywhere) {
     }
     EXPECT_LT(TrajectoryError(), 0.5 * drift);
     is_finished = outcome_.weld_state == SolveState::kConverged;
-    if (!is_finished) EXPECT_GE(NumObservations(atlas_), num_observations);
+    if (!is_finished) {
+      EXPECT_GE(NumObservations(atlas_), num_observations);
+    }
   }
   EXPECT_GT(num_open, 0);
   EXPECT_TRUE(is_finished);

@@ -35,7 +35,9 @@ class MappingThread : public testing::Test {
   // Frames until the tracker has proposed a keyframe, with `num_before` keyframes in the map.
   void RunToProposal(std::uint64_t num_before) {
     while (mapper_.counters().num_keyframes < num_before || link_.proposals.Front() == nullptr) {
-      if (link_.proposals.Front() != nullptr) ASSERT_TRUE(mapper_.Step());
+      if (link_.proposals.Front() != nullptr) {
+        ASSERT_TRUE(mapper_.Step());
+      }
       const Result<Frame> frame = colon_.source().Next(kNoDeadline);
       ASSERT_TRUE(frame.ok());
       tracker_.Track(*frame, kNoDeadline);

@@ -27,7 +27,10 @@ constexpr double kChanceSigmas = 3.0;
 // of many had 2, true ones had 8 and more.
 constexpr double kChosenFactor = 4.0;
 // A frame with fewer inliers than so many times the least that make a pose is nearly lost.
-constexpr int kThinFactor = 3;
+constexpr int kThinFactor = 2;
+// A tracked pose with fewer inliers than so many times the least is questioned (decisions/2026-11-23-brute-force-bears-
+// witness.md).
+constexpr int kQuestionedFactor = 3;
 // A prediction bears witness for its pose: this share of the brute-force matches that relocalisation asks for will do.
 // On a phantom seen from afar a pose that was 6 degrees off had 0.35 of it, on living tissue true ones had 0.8 at least.
 constexpr double kPredictedShare = 0.5;
@@ -163,13 +166,10 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   return result;
 }
 
-bool Tracker::IsThin(std::size_t num_inliers) const {
-  return static_cast<int>(num_inliers) < kThinFactor * config_.tracking.min_inliers;
-}
-
 // Lost, or nearly so: a young map was made of all features, and few would not find it again.
 bool Tracker::NeedsAllFeatures() const {
-  return state_ == TrackingState::kLost || (state_ == TrackingState::kTracking && IsThin(last_matches_.size()));
+  const bool is_thin = static_cast<int>(last_matches_.size()) < kThinFactor * config_.tracking.min_inliers;
+  return state_ == TrackingState::kLost || (state_ == TrackingState::kTracking && is_thin);
 }
 
 void Tracker::Measure(const Frame& frame, FrameResult* result) {
@@ -312,7 +312,8 @@ void Tracker::TrackMap(FrameResult* result) {
     result->reason = TrackingReason::kFewMatches;
   }
   if (has_no_time_ || lane_.has_pending()) return;
-  if (config_.tracking.brute_force_recovery && (!has_pose || IsThin(matches_.size())) && budget_.MayRecover(false)) {
+  const bool is_questioned = static_cast<int>(matches_.size()) < kQuestionedFactor * config_.tracking.min_inliers;
+  if (config_.tracking.brute_force_recovery && (!has_pose || is_questioned) && budget_.MayRecover(false)) {
     RecoverOrConfirm(&has_pose, result);
   }
   if (lane_.has_pending()) return;

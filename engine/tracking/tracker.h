@@ -87,7 +87,6 @@ class Tracker {
     std::int32_t point_idx = -1;
   };
 
-  bool IsThin(std::size_t num_inliers) const;
   bool NeedsAllFeatures() const;
   void Measure(const Frame& frame, FrameResult* result);
   bool Extract(const Frame& frame);

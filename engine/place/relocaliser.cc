@@ -109,8 +109,7 @@ bool Relocaliser::HasRival(const Atlas& atlas, const FrameFeatures& features, st
     if (atlas.keyframe(candidate.keyframe).map != accepted.map) continue;
     ++num_tried;
     if (TryNext(atlas, features, candidate, &rival_) != RelocalisationVerdict::kAccepted) continue;
-    const double apart =
-        (accepted.cam_from_map.InverseTranslation() - rival_.cam_from_map.InverseTranslation()).norm();
+    const double apart = (accepted.cam_from_map.InverseTranslation() - rival_.cam_from_map.InverseTranslation()).norm();
     if (apart > max_apart) return true;
   }
   return false;

@@ -1,7 +1,7 @@
 // Where a frame without a pose stands in a stored map (system.md 8): retrieves the most similar keyframes, matches the
 // frame by brute force against the points of each and its best covisible ones, pose by RANSAC, guided search around it,
-// robust pose optimisation, acceptance. Then its rivals are asked: when another place of the same map agrees as well and
-// says something else, nobody knows. Reads the atlas only; runs on request of the tracker, whose own recovery knows
+// robust pose optimisation, acceptance. Then its rivals are asked: when another place of the same map agrees as well
+// and says something else, nobody knows. Reads the atlas only; runs on request of the tracker, whose own recovery knows
 // just the window around the last keyframe. thread-bound(mapping), deterministic for one seed.
 #pragma once
 
@@ -64,7 +64,7 @@ struct Relocalisation {
     std::int32_t feature_idx = -1;
     MapPointHandle point;
   };
-  std::vector<Seen> seen;  // inliers, each feature and point at most once
+  std::vector<Seen> seen;     // inliers, each feature and point at most once
   double median_depth = 0.0;  // of the points seen, map units
   RelocalisationCounts counts;
 };
@@ -77,9 +77,9 @@ class Relocaliser {
               KeyframeRetrieval& retrieval);
 
   // Keyframes for which `is_excluded` is true are not looked at (other maps than the last one, say); may be empty.
-  // True when accepted; `out` then says where. `tried`, replaced, holds every candidate with its reason (not the rivals), or one entry
-  // kNoCandidate or kDeviceFailed. Cost: one retrieval and max_candidates brute-force matches of the whole frame; when a
-  // place is accepted, at most as many again.
+  // True when accepted; `out` then says where. `tried`, replaced, holds every candidate with its reason (not the
+  // rivals), or one entry kNoCandidate or kDeviceFailed. Cost: one retrieval and max_candidates brute-force matches of
+  // the whole frame; when a place is accepted, at most as many again.
   bool Relocalise(const Atlas& atlas, const FrameFeatures& features,
                   const std::function<bool(KeyframeHandle, const Keyframe&)>& is_excluded, Relocalisation* out,
                   std::vector<RelocalisationCounts>* tried);

@@ -32,7 +32,8 @@ constexpr int kThinFactor = 2;
 // witness.md).
 constexpr int kQuestionedFactor = 3;
 // A prediction bears witness for its pose: this share of the brute-force matches that relocalisation asks for will do.
-// On a phantom seen from afar a pose that was 6 degrees off had 0.35 of it, on living tissue true ones had 0.8 at least.
+// On a phantom seen from afar a pose that was 6 degrees off had 0.35 of it, on living tissue true ones had 0.8 at
+// least.
 constexpr double kPredictedShare = 0.5;
 // A prediction over more lost frames than this is worth nothing.
 constexpr int kMaxPredictedFrames = 3;
@@ -86,8 +87,8 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto points = static_cast<std::size_t>(config.memory.max_local_points);
   const std::size_t views = 2 * FrameFeatures::BytesFor(config.features.max) +
                             Initialiser::BytesFor(config.features.max, config.initialisation.kept_views);
-  // matches_, seeds_, narrow_matches_, tracked_matches_, alike_, last_matches_, allowed_, observations_, inliers_, bearings_, points_,
-  // tolerance_, depths_, tracked_; the robust estimators and what is compared in the initialiser.
+  // matches_, seeds_, narrow_matches_, tracked_matches_, alike_, last_matches_, allowed_, observations_, inliers_,
+  // bearings_, points_, tolerance_, depths_, tracked_; the robust estimators and what is compared in the initialiser.
   const std::size_t of_feature = 5 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
                                  2 * sizeof(Eigen::Vector3d) + sizeof(Eigen::Vector2d) + 2 * sizeof(double) +
                                  AbsolutePoseRansac::kBytesPerMatch + TwoViewRansac::kBytesPerMatch + sizeof(Match) +
@@ -138,11 +139,12 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   result.timestamp = frame.timestamp;
   budget_.BeginFrame(deadline, state_ == TrackingState::kTracking, NeedsAllFeatures());
   has_no_time_ = !lane_.Drain(budget_.wait_deadline());
+  pose_stands_ = false;
   current_.frame_index = frame.index;
   current_.features.set = FeatureSetHandle{};
   current_.features.num = 0;
   if (!has_no_time_) Measure(frame, &result);
-  has_no_time_ = has_no_time_ || lane_.has_pending();
+  has_no_time_ = has_no_time_ || (lane_.has_pending() && !pose_stands_);
   result.num_features = current_.features.num;
   if (has_no_time_) {
     AnswerWithoutMeasurement(&result);
@@ -243,6 +245,7 @@ void Tracker::AnswerWithoutMeasurement(FrameResult* result) {
   const SE3 predicted = Predict();
   result->reason = TrackingReason::kPredicted;
   result->map_id = map_id_;
+  result->map_epoch = reframing_done_;
   result->cam_from_map = predicted;
   result->reference_keyframe = reference->id;
   result->cam_from_reference = predicted * reference->cam_from_map.Inverse();
@@ -315,6 +318,7 @@ void Tracker::TrackMap(FrameResult* result) {
   const bool is_questioned = static_cast<int>(matches_.size()) < kQuestionedFactor * config_.tracking.min_inliers;
   if (config_.tracking.brute_force_recovery && (!has_pose || is_questioned) && budget_.MayRecover(false)) {
     RecoverOrConfirm(&has_pose, result);
+    pose_stands_ = has_pose;
   }
   if (lane_.has_pending()) return;
   if (!has_pose) SetLost();
@@ -709,8 +713,8 @@ bool Tracker::RecoverPose() {
   return static_cast<double>(matches_.size()) >= kChosenFactor * NumByChance();
 }
 
-// Around a prediction a few points hold a wrong pose as well as the right one. Brute force knows no prediction: it finds
-// the same pose or a better one, or agrees with the one that was tracked, or there is none.
+// Around a prediction a few points hold a wrong pose as well as the right one. Brute force knows no prediction: it
+// finds the same pose or a better one, or agrees with the one that was tracked, or there is none.
 void Tracker::RecoverOrConfirm(bool* has_pose, FrameResult* result) {
   tracked_matches_.assign(matches_.begin(), matches_.end());
   const SE3 tracked_pose = pose_;
@@ -728,7 +732,8 @@ void Tracker::RecoverOrConfirm(bool* has_pose, FrameResult* result) {
   pose_ = tracked_pose;
   num_expected_ = tracked_expected;
   CountMatches();
-  if (BruteForceAgrees(kPredictedShare * config_.place.relocalisation.min_match_share)) return;
+  // Without an answer in time nothing speaks against it.
+  if (lane_.has_pending() || BruteForceAgrees(kPredictedShare * config_.place.relocalisation.min_match_share)) return;
   *has_pose = false;
   result->reason = TrackingReason::kWeakEvidence;
 }

@@ -147,6 +147,7 @@ class Tracker {
   LaneWait lane_;
   NoiseMeter noise_meter_;
   bool has_no_time_ = false;  // the frame is answered without a measurement
+  bool pose_stands_ = false;  // it is tracked, whatever the device has not answered in time
   double motion_radius_px_;
   OverlayWatch overlay_;
   Initialiser initialiser_;
@@ -167,8 +168,8 @@ class Tracker {
   ProposedView current_;
   SE3 pose_;  // of the current frame, cam_from_map
   std::vector<PointMatch> matches_;
-  std::vector<PointMatch> seeds_;           // found around the prediction, right or wrong
-  std::vector<PointMatch> narrow_matches_;  // before LookAround
+  std::vector<PointMatch> seeds_;            // found around the prediction, right or wrong
+  std::vector<PointMatch> narrow_matches_;   // before LookAround
   std::vector<PointMatch> tracked_matches_;  // before RecoverOrConfirm
   std::vector<PointMatch> alike_;            // all that brute force found in the current frame
 
@@ -207,8 +208,8 @@ class Tracker {
   int num_expected_ = 0;     // established points that should be visible from the pose
   int num_established_ = 0;  // established points among the matches
   bool has_chance_rate_ = false;
-  double chance_rate_ = 0.0;   // of the local map's points, those that are found where they are not
-  double num_searched_ = 0.0;  // points of the local map in view
+  double chance_rate_ = 0.0;                 // of the local map's points, those that are found where they are not
+  double num_searched_ = 0.0;                // points of the local map in view
   Matrix6d information_ = Matrix6d::Zero();  // of pose_, from the last optimisation
   double median_depth_ = 1.0;
   std::vector<double> depths_;

@@ -66,10 +66,11 @@ class Procedure {
   void AddAlike(double z, int num_apart) {
     const auto index = static_cast<std::uint32_t>(truth_.size());
     Add(z);
-    std::vector<ScriptedFeature> features = See(truth_.back());
+    const std::vector<ScriptedFeature> true_features = See(truth_.back());
+    std::vector<ScriptedFeature> features = true_features;
     for (std::size_t i = 0; i < features.size(); ++i) {
       if (i % num_apart == 0) continue;
-      const ScriptedFeature& other = features[(i + features.size() / 2) % features.size()];
+      const ScriptedFeature& other = true_features[(i + features.size() / 2) % features.size()];
       features[i].keypoint.x_px = other.keypoint.x_px;
       features[i].keypoint.y_px = other.keypoint.y_px;
     }

@@ -46,8 +46,8 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
   for (int i = 0; i < proposal.view.features.num; ++i) {
     const MapPointHandle point = proposal.points[i];
     // Points that were culled or fused while the proposal waited are found again by the search below.
-    if (point && state_.atlas.GetPoint(point) != nullptr && state_.atlas.AddObservation(point, handle, i))
-      state_.atlas.UpdatePoint(point);
+    if (!point || state_.atlas.GetPoint(point) == nullptr) continue;
+    if (state_.atlas.AddObservation(point, handle, i)) state_.atlas.UpdatePoint(point);
   }
   state_.atlas.FindCovisible(handle, state_.config.mapping.min_shared_points, &covisible_);
   created_.clear();

@@ -4,11 +4,9 @@
 //          guided search across the seam; the seam is welded by bundle adjustment; what is left of the map that moved
 //          follows the weld by its essential graph
 //   loop   the correction is spread over the map by the essential graph; then fusion, search and weld as above
-// Cost: a loop in 200, 800 and 3000 keyframes takes 90, 120 and 145 ms on one x86-64 core at 2.6 GHz beside other work,
-// 2/3 of it in the search by the scripted device of the tests and in the weld. A node a keyframe took 460 ms for 800,
-// and did not converge for 3000. The atlas is consistent when Apply returns, whatever it returns.
-// thread-bound(mapping); allocates; the time spent in the solvers is bounded by the deadline, that of the rest by the
-// size of the windows and, for moving points, of the atlas.
+// The atlas is consistent when Apply returns, whatever it returns. thread-bound(mapping); allocates; the time spent in
+// the solvers is bounded by the deadline, that of the rest by the size of the windows and, for moving points, of the
+// atlas.
 #pragma once
 
 #include <vector>

@@ -61,8 +61,8 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
   const auto num_points = static_cast<std::size_t>(config.memory.max_local_points);
   ReserveTouched(&matches_, num_features);
   ReserveTouched(&seeds_, num_features);
-  ReserveTouched(&narrow_matches_, num_features);
-  ReserveTouched(&tracked_matches_, num_features);
+  ReserveTouched(&narrow_.matches, num_features);
+  ReserveTouched(&questioned_.matches, num_features);
   ReserveTouched(&alike_, num_features);
   ReserveTouched(&pixels_, num_features);
   ReserveTouched(&last_matches_, num_features);
@@ -87,10 +87,10 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto points = static_cast<std::size_t>(config.memory.max_local_points);
   const std::size_t views = 2 * FrameFeatures::BytesFor(config.features.max) +
                             Initialiser::BytesFor(config.features.max, config.initialisation.kept_views);
-  // matches_, seeds_, narrow_matches_, tracked_matches_, alike_, last_matches_, allowed_, observations_, inliers_,
-  // bearings_, points_, tolerance_, depths_, tracked_; the robust estimators and what is compared in the initialiser.
+  // matches_, seeds_, narrow_, questioned_, alike_, last_matches_, allowed_, observations_, inliers_, bearings_,
+  // points_, pixels_, tolerance_, depths_, tracked_; the robust estimators and what is compared in the initialiser.
   const std::size_t of_feature = 5 * sizeof(PointMatch) + sizeof(last_matches_[0]) + 2 + sizeof(PoseObservation) +
-                                 2 * sizeof(Eigen::Vector3d) + sizeof(Eigen::Vector2d) + 2 * sizeof(double) +
+                                 2 * sizeof(Eigen::Vector3d) + 2 * sizeof(Eigen::Vector2d) + 2 * sizeof(double) +
                                  AbsolutePoseRansac::kBytesPerMatch + TwoViewRansac::kBytesPerMatch + sizeof(Match) +
                                  2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(OverlayWatch::Tracked);
   const std::size_t longest = std::max(features, points);
@@ -463,19 +463,29 @@ bool Tracker::IsSuddenlyThin() const { return matches_.size() < kThinShare * las
 // What is seen far away, in the middle of the picture, agrees with poses that are off along the line of sight; the near
 // wall then lies outside every narrow window. So the window is widened once, and the better pose stays.
 void Tracker::LookAround() {
-  narrow_matches_.assign(matches_.begin(), matches_.end());
-  const SE3 narrow_pose = pose_;
-  const int narrow_expected = num_expected_;
+  KeepPose(&narrow_);
   bool has_pose = true;
   for (const double min_radius_px : {kLookAroundShare * motion_radius_px_, 0.0}) {
     has_pose = has_pose && SearchLocalMap(min_radius_px) && OptimiseMatches();
     if (has_pose) KeepInliers();
   }
   // Matches that no pose was fitted to count for nothing.
-  if (has_pose && matches_.size() > narrow_matches_.size()) return;
-  matches_.assign(narrow_matches_.begin(), narrow_matches_.end());
-  pose_ = narrow_pose;
-  num_expected_ = narrow_expected;
+  if (has_pose && matches_.size() > narrow_.matches.size()) return;
+  ReturnTo(narrow_);
+}
+
+void Tracker::KeepPose(KeptPose* kept) const {
+  kept->matches.assign(matches_.begin(), matches_.end());
+  kept->pose = pose_;
+  kept->information = information_;
+  kept->num_expected = num_expected_;
+}
+
+void Tracker::ReturnTo(const KeptPose& kept) {
+  matches_.assign(kept.matches.begin(), kept.matches.end());
+  pose_ = kept.pose;
+  information_ = kept.information;
+  num_expected_ = kept.num_expected;
   CountMatches();
 }
 
@@ -716,22 +726,17 @@ bool Tracker::RecoverPose() {
 // Around a prediction a few points hold a wrong pose as well as the right one. Brute force knows no prediction: it
 // finds the same pose or a better one, or agrees with the one that was tracked, or there is none.
 void Tracker::RecoverOrConfirm(bool* has_pose, FrameResult* result) {
-  tracked_matches_.assign(matches_.begin(), matches_.end());
-  const SE3 tracked_pose = pose_;
-  const int tracked_expected = num_expected_;
-  if (RecoverPose() && (!*has_pose || matches_.size() > tracked_matches_.size())) {
+  KeepPose(&questioned_);
+  if (RecoverPose() && (!*has_pose || matches_.size() > questioned_.matches.size())) {
     result->num_matches = static_cast<int>(matches_.size());
-    if (*has_pose && IsTrackedPoseConfirmed()) return;
+    if (*has_pose && IsQuestionedPoseConfirmed()) return;
     *has_pose = true;
     has_velocity_ = false;
     result->reason = TrackingReason::kRecovered;
     return;
   }
   if (!*has_pose) return;
-  matches_.assign(tracked_matches_.begin(), tracked_matches_.end());
-  pose_ = tracked_pose;
-  num_expected_ = tracked_expected;
-  CountMatches();
+  ReturnTo(questioned_);
   // Without an answer in time nothing speaks against it.
   if (lane_.has_pending() || BruteForceAgrees(kPredictedShare * config_.place.relocalisation.min_match_share)) return;
   *has_pose = false;
@@ -739,11 +744,12 @@ void Tracker::RecoverOrConfirm(bool* has_pose, FrameResult* result) {
 }
 
 // Two poses are one when most of what agreed with the first agrees with the second.
-bool Tracker::IsTrackedPoseConfirmed() {
-  for (const PointMatch& match : matches_) allowed_[match.feature_idx] = 2;
-  const auto num = std::count_if(tracked_matches_.begin(), tracked_matches_.end(),
-                                 [&](const PointMatch& match) { return allowed_[match.feature_idx] == 2; });
-  return 2 * num > static_cast<std::ptrdiff_t>(tracked_matches_.size());
+bool Tracker::IsQuestionedPoseConfirmed() {
+  std::fill_n(is_matched_point_.begin(), local_map().num_points, std::uint8_t{0});
+  for (const PointMatch& match : matches_) is_matched_point_[match.point_idx] = 1;
+  const auto num = std::count_if(questioned_.matches.begin(), questioned_.matches.end(),
+                                 [&](const PointMatch& match) { return is_matched_point_[match.point_idx] != 0; });
+  return 2 * num > static_cast<std::ptrdiff_t>(questioned_.matches.size());
 }
 
 // Of what looks alike `min_share` has to lie where the pose says. Where walls are only alike, little does.
@@ -796,7 +802,7 @@ void Tracker::FillPose(FrameResult* result) {
 }
 
 void Tracker::ConsiderKeyframe(FrameResult* result) {
-  // A pose that was found without the last one waits for the next frame to confirm it.
+  // A pose that was found without a prediction waits for the next frame to confirm it.
   if (result->reason != TrackingReason::kTracked) return;
   const KeyframeConfig& options = config_.keyframes;
   const double spacing_ms = ToMilliseconds(current_.timestamp - last_keyframe_time_);

@@ -87,6 +87,14 @@ class Tracker {
     std::int32_t point_idx = -1;
   };
 
+  // What makes a pose, to return to when another one is no better.
+  struct KeptPose {
+    std::vector<PointMatch> matches;
+    SE3 pose;
+    Matrix6d information = Matrix6d::Zero();
+    int num_expected = 0;
+  };
+
   bool NeedsAllFeatures() const;
   void Measure(const Frame& frame, FrameResult* result);
   bool Extract(const Frame& frame);
@@ -106,6 +114,8 @@ class Tracker {
   bool SearchLocalMap(double min_radius_px);
   bool IsSuddenlyThin() const;
   void LookAround();
+  void KeepPose(KeptPose* kept) const;
+  void ReturnTo(const KeptPose& kept);
   bool SearchByBruteForce();
   GuidedQuery Displaced(GuidedQuery query, bool along_x) const;
   bool MeasureChance();
@@ -123,7 +133,7 @@ class Tracker {
   bool IsPlausibleMotion(const SE3& predicted) const;
   bool RecoverPose();
   void RecoverOrConfirm(bool* has_pose, FrameResult* result);
-  bool IsTrackedPoseConfirmed();
+  bool IsQuestionedPoseConfirmed();
   bool BruteForceAgrees(double min_share) const;
   bool IsChosenPoseEvident();
 
@@ -168,10 +178,10 @@ class Tracker {
   ProposedView current_;
   SE3 pose_;  // of the current frame, cam_from_map
   std::vector<PointMatch> matches_;
-  std::vector<PointMatch> seeds_;            // found around the prediction, right or wrong
-  std::vector<PointMatch> narrow_matches_;   // before LookAround
-  std::vector<PointMatch> tracked_matches_;  // before RecoverOrConfirm
-  std::vector<PointMatch> alike_;            // all that brute force found in the current frame
+  std::vector<PointMatch> seeds_;  // found around the prediction, right or wrong
+  KeptPose narrow_;                // before LookAround
+  KeptPose questioned_;            // before RecoverOrConfirm
+  std::vector<PointMatch> alike_;  // all that brute force found in the current frame
 
   bool has_last_ = false;
   FrameFeatures last_;

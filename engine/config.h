@@ -68,12 +68,18 @@ struct InitialisationConfig {
   double noise_k = 0.35;          // [0.05, 10]
   double noise_sigma_0_px = 0.3;  // [0, 10]
   // What the best pure rotation leaves of the matches' motion, median: the share that only depth can explain. Either is
-  // enough: an angle at which living walls are seen to be deep, or so many sigmas of the noise above, which sharp and
-  // large pictures reach sooner.
-  double min_parallax_deg = 0.7;     // [0.05, 30]
-  double min_parallax_sigmas = 6.0;  // [1, 100]
-  double min_gap_ms = 140.0;         // between the two views: one step of a trembling hand is no baseline [0, 10000]
-  double min_inlier_share = 0.5;     // inliers of the epipolar geometry over matches [0, 1]
+  // enough: an angle, or so many sigmas of the noise above, which sharp and large pictures reach sooner. Low on
+  // purpose: of two views of living tissue the nearer ones tell the motion better, as long as it is certain (next
+  // entry; tracking/decisions/2026-11-23-certain-foundings.md).
+  double min_parallax_deg = 0.4;     // [0.05, 30]
+  double min_parallax_sigmas = 4.0;  // [1, 100]
+  // Of the direction in which the scope travelled between the views, one standard deviation. Counts the noise of all
+  // matches twice: on living tissue they disagree because the wall moves, and many matches move with it.
+  double max_direction_sigma_deg = 5.0;  // [0.1, 90]
+  // Between the two views: a doubled picture is no second view. Of a fast scope, little is seen twice after a tenth of
+  // a second [0, 10000].
+  double min_gap_ms = 60.0;
+  double min_inlier_share = 0.5;  // inliers of the epipolar geometry over matches [0, 1]
   // Area of the ellipse fitted to the points over that of the scope's window [0, 1]. The paper accepts 0.59 and rejects
   // 0.35 of the image; texture that covers a part of the window only must do, too.
   double min_spread = 0.30;

@@ -19,6 +19,8 @@ constexpr int kMinMatches = 8;
 constexpr int kLocalIterations = 4;
 constexpr int kFinalIterations = 10;
 constexpr double kMovingTolerances = 2.0;
+constexpr double kSigmasOfTolerance = 1.96;  // 95 % of one degree of freedom
+constexpr double kMedianOfNormal = 0.6745;   // of the absolute value, in sigmas
 // Two motions are one when they differ by less than this: about the spread of one solution of a weak pair.
 constexpr double kSameRotationRad = 0.03;
 constexpr double kSameDirectionRad = 0.15;
@@ -64,7 +66,8 @@ TwoViewRansac::TwoViewRansac(int max_matches)
       inverse_tolerance2_(max_matches),
       inliers_(max_matches),
       points_in_a_(max_matches),
-      parallax_rad_(max_matches) {}
+      parallax_rad_(max_matches),
+      residual2_(max_matches) {}
 
 double TwoViewRansac::Cost(const Eigen::Matrix3d& essential, double bound) const {
   double cost = 0.0;
@@ -74,43 +77,50 @@ double TwoViewRansac::Cost(const Eigen::Matrix3d& essential, double bound) const
   return cost;
 }
 
-// Gauss-Newton over the rotation (left perturbation) and the direction of the translation (two tangent coordinates) on
-// the full derivative of the Sampson angle; the matches inside the tolerance are chosen anew at every step.
+int TwoViewRansac::Linearise(const SE3& b_from_a, const Eigen::Vector3d& u, const Eigen::Vector3d& v,
+                             Matrix5d* hessian, Vector5d* gradient) const {
+  const Eigen::Matrix3d rotation = b_from_a.matrix3();
+  const Eigen::Vector3d t = b_from_a.translation;
+  hessian->setZero();
+  gradient->setZero();
+  int used = 0;
+  for (int i = 0; i < num_matches_; ++i) {
+    const Eigen::Vector3d p = rotation * bearings_a_[i];
+    const Eigen::Vector3d& b = bearings_b_[i];
+    // e = b . (t x p); with unit vectors the squared gradient is 2 - (t . p)^2 - (t . b)^2 - 2 e^2.
+    const Eigen::Vector3d e_by_t = p.cross(b);
+    const double e = t.dot(e_by_t);
+    const double tp = t.dot(p), tb = t.dot(b);
+    const double gradient2 = std::max(2.0 - tp * tp - tb * tb - 2.0 * e * e, 1e-12);
+    if (e * e / gradient2 * inverse_tolerance2_[i] >= 1.0) continue;
+    ++used;
+    const Eigen::Vector3d e_by_rotation = p.cross(b.cross(t));
+    const Eigen::Vector3d half_by_rotation = -tp * p.cross(t) - 2.0 * e * e_by_rotation;
+    const Eigen::Vector3d half_by_t = -tp * p - tb * b - 2.0 * e * e_by_t;
+    const double inverse_norm = 1.0 / std::sqrt(gradient2);
+    const double residual = e * inverse_norm;
+    const double k = residual / gradient2;
+    const Eigen::Vector3d by_rotation = inverse_norm * e_by_rotation - k * half_by_rotation;
+    const Eigen::Vector3d by_t = inverse_norm * e_by_t - k * half_by_t;
+    Vector5d jacobian;
+    jacobian << by_rotation, by_t.dot(u), by_t.dot(v);
+    const Vector5d weighted = inverse_tolerance2_[i] * jacobian;
+    hessian->noalias() += weighted * jacobian.transpose();
+    *gradient += residual * weighted;
+  }
+  return used;
+}
+
+// Gauss-Newton on the full derivative of the Sampson angle; the matches inside the tolerance are chosen anew at every
+// step.
 void TwoViewRansac::Refine(int iterations, SE3* b_from_a) const {
-  using Vector5d = Eigen::Matrix<double, 5, 1>;
-  using Matrix5d = Eigen::Matrix<double, 5, 5>;
   for (int iteration = 0; iteration < iterations; ++iteration) {
-    const Eigen::Matrix3d rotation = b_from_a->matrix3();
     const Eigen::Vector3d t = b_from_a->translation;
     const Eigen::Vector3d u = t.unitOrthogonal();
     const Eigen::Vector3d v = t.cross(u);
-    Matrix5d hessian = Matrix5d::Zero();
-    Vector5d gradient = Vector5d::Zero();
-    int used = 0;
-    for (int i = 0; i < num_matches_; ++i) {
-      const Eigen::Vector3d p = rotation * bearings_a_[i];
-      const Eigen::Vector3d& b = bearings_b_[i];
-      // e = b . (t x p); with unit vectors the squared gradient is 2 - (t . p)^2 - (t . b)^2 - 2 e^2.
-      const Eigen::Vector3d e_by_t = p.cross(b);
-      const double e = t.dot(e_by_t);
-      const double tp = t.dot(p), tb = t.dot(b);
-      const double gradient2 = std::max(2.0 - tp * tp - tb * tb - 2.0 * e * e, 1e-12);
-      if (e * e / gradient2 * inverse_tolerance2_[i] >= 1.0) continue;
-      ++used;
-      const Eigen::Vector3d e_by_rotation = p.cross(b.cross(t));
-      const Eigen::Vector3d half_by_rotation = -tp * p.cross(t) - 2.0 * e * e_by_rotation;
-      const Eigen::Vector3d half_by_t = -tp * p - tb * b - 2.0 * e * e_by_t;
-      const double inverse_norm = 1.0 / std::sqrt(gradient2);
-      const double residual = e * inverse_norm;
-      const double k = residual / gradient2;
-      const Eigen::Vector3d by_rotation = inverse_norm * e_by_rotation - k * half_by_rotation;
-      const Eigen::Vector3d by_t = inverse_norm * e_by_t - k * half_by_t;
-      Vector5d jacobian;
-      jacobian << by_rotation, by_t.dot(u), by_t.dot(v);
-      const Vector5d weighted = inverse_tolerance2_[i] * jacobian;
-      hessian.noalias() += weighted * jacobian.transpose();
-      gradient += residual * weighted;
-    }
+    Matrix5d hessian;
+    Vector5d gradient;
+    const int used = Linearise(*b_from_a, u, v, &hessian, &gradient);
     if (used < kMinMatches) return;
     // A trace of damping: along an unobservable direction (pure rotation) the step must stay finite.
     hessian.diagonal().array() += 1e-9 * hessian.trace();
@@ -120,6 +130,33 @@ void TwoViewRansac::Refine(int iterations, SE3* b_from_a) const {
     // Expected decrease of a cost whose unit is one tolerance squared.
     if (-gradient.dot(step) < 1e-10 * used) return;
   }
+}
+
+double TwoViewRansac::DirectionSigma(const SE3& b_from_a) const {
+  const Eigen::Vector3d u = b_from_a.translation.unitOrthogonal();
+  Matrix5d hessian;
+  Vector5d gradient;
+  Linearise(b_from_a, u, b_from_a.translation.cross(u), &hessian, &gradient);
+  // What the direction keeps when the rotation is free: the Schur complement, whose smallest eigenvalue is the least
+  // that is known along any axis.
+  const Eigen::Matrix3d by_rotation = hessian.topLeftCorner<3, 3>();
+  const Eigen::Matrix<double, 3, 2> mixed = hessian.topRightCorner<3, 2>();
+  const Eigen::Matrix2d known =
+      hessian.bottomRightCorner<2, 2>() - mixed.transpose() * by_rotation.ldlt().solve(mixed);
+  const double mean = 0.5 * known.trace();
+  const double least = mean - std::hypot(0.5 * (known(0, 0) - known(1, 1)), known(0, 1));
+  if (!(least > 0.0)) return std::numeric_limits<double>::infinity();
+  return 1.0 / (kSigmasOfTolerance * std::sqrt(least));
+}
+
+double TwoViewRansac::NoiseRatio(const SE3& b_from_a) {
+  const Eigen::Matrix3d essential = EssentialFromPose(b_from_a);
+  for (int i = 0; i < num_matches_; ++i) {
+    residual2_[i] = SampsonAngle2(essential, bearings_a_[i], bearings_b_[i]) * inverse_tolerance2_[i];
+  }
+  const auto middle = residual2_.begin() + num_matches_ / 2;
+  std::nth_element(residual2_.begin(), middle, residual2_.begin() + num_matches_);
+  return std::max(1.0, kSigmasOfTolerance * std::sqrt(*middle) / kMedianOfNormal);
 }
 
 bool TwoViewRansac::ChooseDecomposition(const Options& options, SE3* b_from_a, int* num_in_front) const {
@@ -295,6 +332,8 @@ bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<c
   estimate->b_from_a = best;
   estimate->num_inliers = num_inliers;
   estimate->score = num_matches_ - best_cost;
+  estimate->direction_sigma_rad = DirectionSigma(best);
+  estimate->noise_ratio = NoiseRatio(best);
   return true;
 }
 

@@ -32,11 +32,17 @@ class TwoViewRansac {
     SE3 b_from_a;  // |translation| = 1
     int num_inliers = 0;
     double score = 0.0;  // sum of 1 - min(error^2 / tolerance^2, 1): inliers, each counted by how well it fits
+    // Standard deviation of the translation's direction along its worst axis, to first order, when the noise of the
+    // inliers is what the tolerances say (1.96 sigma). Infinite when they leave the direction open.
+    double direction_sigma_rad = 0.0;
+    // Noise of all matches over that noise, by the median of their residuals: 1 when the motion explains 95 % of them,
+    // 2.9 when it explains half.
+    double noise_ratio = 1.0;
   };
 
   explicit TwoViewRansac(int max_matches);
   // Taken at construction.
-  static constexpr std::size_t kBytesPerMatch = 2 * sizeof(double) + sizeof(std::uint8_t) + sizeof(Eigen::Vector3d);
+  static constexpr std::size_t kBytesPerMatch = 3 * sizeof(double) + sizeof(std::uint8_t) + sizeof(Eigen::Vector3d);
 
   // bearings_a[i], bearings_b[i]  unit vectors of one point in the two cameras
   // tolerance_rad[i]              smallest joint turn of both bearings (root of the sum of squares) that would make
@@ -62,8 +68,17 @@ class TwoViewRansac {
   }
 
  private:
+  using Vector5d = Eigen::Matrix<double, 5, 1>;
+  using Matrix5d = Eigen::Matrix<double, 5, 5>;
+
   double Cost(const Eigen::Matrix3d& essential, double bound) const;
+  // Normal equations of the inliers' Sampson angles in units of their tolerances. Parameters: rotation (left
+  // perturbation) and the direction of the translation along `u` and `v`. Returns how many inliers there are.
+  int Linearise(const SE3& b_from_a, const Eigen::Vector3d& u, const Eigen::Vector3d& v, Matrix5d* hessian,
+                Vector5d* gradient) const;
   void Refine(int iterations, SE3* b_from_a) const;
+  double DirectionSigma(const SE3& b_from_a) const;
+  double NoiseRatio(const SE3& b_from_a);
   // Of the four poses behind the essential matrix of `b_from_a` the one with most points in front, and how many.
   bool ChooseDecomposition(const Options& options, SE3* b_from_a, int* num_in_front) const;
   // The second motion that the plane through the triangulated points would allow; false when there is none.
@@ -78,6 +93,7 @@ class TwoViewRansac {
   std::vector<std::uint8_t> inliers_;
   std::vector<Eigen::Vector3d> points_in_a_;
   std::vector<double> parallax_rad_;
+  std::vector<double> residual2_;
 };
 
 }  // namespace haustra

@@ -26,6 +26,7 @@ std::string_view ToString(TrackingReason reason) {
     case TrackingReason::kNoReference: return "no_reference";
     case TrackingReason::kLowParallax: return "low_parallax";
     case TrackingReason::kNoEpipolarGeometry: return "no_epipolar_geometry";
+    case TrackingReason::kUncertainMotion: return "uncertain_motion";
     case TrackingReason::kLowSpread: return "low_spread";
     case TrackingReason::kMapProposed: return "map_proposed";
     case TrackingReason::kAwaitingMap: return "awaiting_map";

@@ -28,6 +28,7 @@ enum class TrackingReason : std::uint8_t {
   kNoReference,         // initialisation: this frame is the new reference
   kLowParallax,         // initialisation: the views are too near each other
   kNoEpipolarGeometry,  // initialisation: no motion explains the matches
+  kUncertainMotion,     // initialisation: the matches leave open in which direction the scope travelled
   kLowSpread,           // initialisation: the points cover too little of the image
   kMapProposed,         // initialisation: two views were handed to the mapper
   kAwaitingMap,         // initialisation: the mapper has not answered yet

@@ -170,6 +170,9 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
   std::nth_element(parallax_.begin(), parallax_.begin() + parallax_.size() / 2, parallax_.end());
   if (parallax_[parallax_.size() / 2] < 1.0) return TrackingReason::kLowParallax;
   if (num_pairs_ < options.min_points) return TrackingReason::kLowParallax;
+  // Once for the noise itself; once more because what a wall's own motion does to a direction does not average out.
+  const double direction_sigma = estimate.direction_sigma_rad * estimate.noise_ratio * estimate.noise_ratio;
+  if (direction_sigma > options.max_direction_sigma_deg * kDegree) return TrackingReason::kUncertainMotion;
   if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < options.min_spread * scene_share_) {
     return TrackingReason::kLowSpread;
   }

@@ -90,6 +90,8 @@ void AddInitialisation(Fields* out) {
   out->push_back(Initialisation<&C::min_parallax_sigmas>("min_parallax_sigmas", {1, 100}, "",
                                                          "the same in sigmas of the noise above: either is enough"));
   out->push_back(Initialisation<&C::min_parallax_deg>("min_parallax_deg", {0.05, 30}, "deg", "median over the points"));
+  out->push_back(Initialisation<&C::max_direction_sigma_deg>(
+      "max_direction_sigma_deg", {0.1, 90}, "deg", "of the direction of travel, with the noise that all matches show"));
   out->push_back(Initialisation<&C::min_gap_ms>("min_gap_ms", {0, 10000}, "ms", "between the two views"));
   out->push_back(Initialisation<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",
                                                       "inliers of the epipolar geometry over matches"));

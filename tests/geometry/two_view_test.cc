@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <vector>
 
 #include "tests/geometry/allocation_counter.h"
@@ -180,6 +181,53 @@ TEST(TwoViewRansac, SlightlyCurvedWallIsSolved) {
     if (TranslationAngle(estimate.b_from_a, scene.b_from_a) < 5.0 * kDegree) ++solved;
   }
   EXPECT_GE(solved, kScenes / 2 * 99 / 100);
+}
+
+// The direction's error over trials is what direction_sigma_rad says, whatever the number and the depth of the points.
+TEST(TwoViewRansac, DirectionSigmaIsTheSpreadOfTheDirection) {
+  Rng rng(11);
+  TwoViewRansac ransac(300);
+  for (const auto& [shape, count, baseline] :
+       {std::tuple{Shape::kBox, 250, 0.4}, {Shape::kBox, 60, 0.4}, {Shape::kBox, 250, 0.1}, {Shape::kTube, 250, 0.2}}) {
+    double error2 = 0.0, sigma2 = 0.0;
+    int num_runs = 0;
+    for (int trial = 0; trial < kScenes; ++trial) {
+      const Eigen::Vector3d sideways(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-0.5, 0.5));
+      const TwoViewScene scene =
+          MakeTwoViewScene(rng, shape, count, baseline * sideways.normalized(), 0.0, kHalfPixelRad);
+      TwoViewRansac::Estimate estimate;
+      if (!ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate)) continue;
+      ++num_runs;
+      error2 += std::pow(TranslationAngle(estimate.b_from_a, scene.b_from_a), 2);
+      sigma2 += std::pow(estimate.direction_sigma_rad, 2);
+    }
+    ASSERT_GT(num_runs, kScenes / 2);
+    // The sigma is that of the worst axis; the other one adds between nothing and as much again. The noise of
+    // NoisyBearing is that of one bearing along each axis, as the tolerances take it to be.
+    const double ratio = std::sqrt(error2 / sigma2);
+    EXPECT_GT(ratio, 0.7) << count << " matches, baseline " << baseline;
+    EXPECT_LT(ratio, 1.6) << count << " matches, baseline " << baseline;
+  }
+}
+
+TEST(TwoViewRansac, NoiseRatioTellsWhatTheMotionLeavesUnexplained) {
+  Rng rng(12);
+  TwoViewRansac ransac(300);
+  const auto mean_ratio = [&](double outlier_share, double sigma_rad) {
+    double sum = 0.0;
+    for (int trial = 0; trial < 20; ++trial) {
+      const TwoViewScene scene =
+          MakeTwoViewScene(rng, Shape::kBox, 300, Eigen::Vector3d(0.4, 0.1, -0.1), outlier_share, sigma_rad);
+      TwoViewRansac::Estimate estimate;
+      EXPECT_TRUE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
+      sum += estimate.noise_ratio;
+    }
+    return sum / 20;
+  };
+  EXPECT_NEAR(mean_ratio(0.0, kHalfPixelRad), 1.0, 0.1);
+  EXPECT_EQ(mean_ratio(0.0, 0.2 * kHalfPixelRad), 1.0);  // never below what the tolerances say
+  EXPECT_NEAR(mean_ratio(0.0, 1.5 * kHalfPixelRad), 1.5, 0.15);
+  EXPECT_GT(mean_ratio(0.4, kHalfPixelRad), 1.5);
 }
 
 TEST(TwoViewRansac, UselessInputIsRefusedAndOutputsAreKept) {

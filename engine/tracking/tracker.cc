@@ -105,19 +105,6 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   return plan;
 }
 
-MemoryPlan TrackingLink::PlanMemory(int num_proposals, int max_features, int max_between, int max_local_points) {
-  const auto ring = static_cast<std::size_t>(num_proposals);
-  MemoryPlan plan;
-  plan.Add(MemoryPlace::kHostArena, "proposals", ring,
-           decltype(proposals)::BytesFor(ring) +
-               decltype(proposals)::NumSlots(ring) * KeyframeProposal::BytesFor(max_features, max_between),
-           "memory.max_proposals x features.max x initialisation.kept_views");
-  plan.Add(MemoryPlace::kHostArena, "snapshots", decltype(snapshots)::kNumSlots,
-           decltype(snapshots)::BytesFor() + decltype(snapshots)::kNumSlots * LocalMap::BytesFor(max_local_points),
-           "memory.max_local_points");
-  return plan;
-}
-
 Tracker::~Tracker() {
   lane_.Drain(kNoDeadline);
   initialiser_.Reset();
@@ -175,7 +162,7 @@ bool Tracker::NeedsAllFeatures() const {
 }
 
 void Tracker::Measure(const Frame& frame, FrameResult* result) {
-  ReadSnapshot();
+  HearMapper();
   matches_.clear();
   seeds_.clear();
   if (!Extract(frame)) {
@@ -245,7 +232,7 @@ void Tracker::AnswerWithoutMeasurement(FrameResult* result) {
   const SE3 predicted = Predict();
   result->reason = TrackingReason::kPredicted;
   result->map_id = map_id_;
-  result->map_epoch = reframing_done_;
+  result->map_epoch = num_reframings_heard_;
   result->cam_from_map = predicted;
   result->reference_keyframe = reference->id;
   result->cam_from_reference = predicted * reference->cam_from_map.Inverse();
@@ -261,19 +248,42 @@ SE3 Tracker::Predict() const {
   return predicted;
 }
 
-void Tracker::ReadSnapshot() {
-  is_asking_ = link_.num_placeless_done.load(std::memory_order_acquire) < num_placeless_;
+// The newest snapshot, and what the mapper has told up to it.
+void Tracker::HearMapper() {
   link_.snapshots.Refresh();
-  for (const Reframing& reframing : local_map().reframings) {
-    if (reframing.sequence <= reframing_done_) continue;
-    reframing_done_ = reframing.sequence;
-    if (reframing.old_map_id != map_id_) continue;
-    map_id_ = reframing.new_map_id;
-    last_pose_ = TransformPose(last_pose_, reframing.new_from_old);
-    last_keyframe_pose_ = TransformPose(last_keyframe_pose_, reframing.new_from_old);
-    overlay_map_ = kNoId;
-    velocity_.translation *= reframing.new_from_old.scale;
+  for (const VersionedReply* next = link_.replies.Front(); next != nullptr; next = link_.replies.Front()) {
+    if (next->version > local_map().version) return;
+    std::visit([this](const auto& reply) { Hear(reply); }, next->reply);
+    link_.replies.Pop();
   }
+}
+
+void Tracker::Hear(const MapFounded& founded) {
+  if (founded.proposal != awaited_founding_) return;
+  awaited_founding_ = 0;
+  start_ = Start{false, founded.map_id, founded.cam_from_map, founding_frame_};
+}
+
+void Tracker::Hear(const MapRefused& refused) {
+  if (refused.proposal == awaited_founding_) awaited_founding_ = 0;
+}
+
+// A new map that is awaited is refused when the mapper comes to it.
+void Tracker::Hear(const FrameFound& found) {
+  is_asking_ = false;
+  ++num_found_heard_;
+  awaited_founding_ = 0;
+  start_ = Start{true, found.map_id, found.cam_from_map, found.frame_index};
+}
+
+void Tracker::Hear(const Reframing& reframing) {
+  ++num_reframings_heard_;
+  if (start_) reframing.Carry(&start_->map_id, &start_->cam_from_map);
+  MapId map_id = map_id_;
+  if (!reframing.Carry(&map_id, &last_pose_)) return;
+  reframing.Carry(&map_id_, &last_keyframe_pose_);
+  overlay_map_ = kNoId;
+  velocity_.translation *= reframing.new_from_old.scale;
 }
 
 void Tracker::SetLost() {
@@ -326,18 +336,15 @@ void Tracker::TrackMap(FrameResult* result) {
 
 void Tracker::FindMap(FrameResult* result) {
   if (awaited_founding_ != 0) {
-    if (local_map().founding_proposal == awaited_founding_) {
-      Adopt();
-      TrackMap(result);
-      return;
-    }
-    if (local_map().refused_proposal != awaited_founding_) {
-      result->reason = TrackingReason::kAwaitingMap;
-      return;
-    }
-    awaited_founding_ = 0;
+    result->reason = TrackingReason::kAwaitingMap;
+    return;
   }
-  if (AdoptFoundFrame(result) || has_no_time_ || lane_.has_pending()) return;
+  if (start_ && !start_->is_found) {
+    ContinueFrom(*start_);
+    TrackMap(result);
+    return;
+  }
+  if (TryFoundFrame(result) || has_no_time_ || lane_.has_pending()) return;
   // While the mapper looks for a frame of ours its answer may change the map: then that is what counts.
   if (config_.tracking.brute_force_recovery && had_map_ && !is_asking_ && budget_.MayRecover(true) && RecoverPose()) {
     initialiser_.Reset();
@@ -372,18 +379,10 @@ void Tracker::FindMap(FrameResult* result) {
   }
 }
 
-// The mapper has made the map: continue from its second founding view.
-void Tracker::Adopt() {
-  awaited_founding_ = 0;
-  ContinueFrom(local_map().keyframes[0].cam_from_map, founding_frame_);
-}
-
 // The mapper has found an earlier frame in one of the maps: true when this one can be tracked from there.
-bool Tracker::AdoptFoundFrame(FrameResult* result) {
-  const FoundFrame& found = local_map().found_frame;
-  if (found.sequence == relocalisation_done_) return false;
-  relocalisation_done_ = found.sequence;
-  ContinueFrom(found.cam_from_map, found.frame_index);
+bool Tracker::TryFoundFrame(FrameResult* result) {
+  if (!start_) return false;
+  ContinueFrom(*start_);
   TrackMap(result);
   if (state_ != TrackingState::kTracking) return false;
   initialiser_.Reset();
@@ -391,14 +390,15 @@ bool Tracker::AdoptFoundFrame(FrameResult* result) {
   return true;
 }
 
-// In the map of the snapshot, as if the frame had just been tracked.
-void Tracker::ContinueFrom(const SE3& pose, std::uint32_t frame_index) {
+// As if its frame had just been tracked.
+void Tracker::ContinueFrom(const Start& start) {
   state_ = TrackingState::kTracking;
   had_map_ = true;
-  map_id_ = local_map().map_id;
-  last_pose_ = last_keyframe_pose_ = pose;
-  last_pose_frame_ = frame_index;
+  map_id_ = start.map_id;
+  last_pose_ = last_keyframe_pose_ = start.cam_from_map;
+  last_pose_frame_ = start.frame_index;
   last_keyframe_time_ = current_.timestamp;
+  start_.reset();
   has_velocity_ = false;
   if (has_last_ && owns_last_set_) device_.ReleaseFeatureSet(last_.set);
   has_last_ = owns_last_set_ = false;
@@ -791,7 +791,7 @@ void Tracker::FillPose(FrameResult* result) {
   const LocalKeyframe& reference = local_map().keyframes[NearestKeyframe()];
   last_reference_ = reference.id;
   result->map_id = map_id_;
-  result->map_epoch = reframing_done_;
+  result->map_epoch = num_reframings_heard_;
   result->cam_from_map = pose_;
   result->reference_keyframe = reference.id;
   result->cam_from_reference = pose_ * reference.cam_from_map.Inverse();
@@ -830,7 +830,7 @@ void Tracker::ProposeKeyframe(FrameResult* result) {
   slot->noise = noise();
   slot->map_id = map_id_;
   slot->cam_from_map = pose_;
-  slot->reframing_done = reframing_done_;
+  slot->num_reframings_heard = num_reframings_heard_;
   CopyView(current_, &slot->view);
   std::fill_n(slot->points.begin(), current_.features.num, MapPointHandle{});
   for (const PointMatch& match : matches_) {
@@ -849,7 +849,7 @@ void Tracker::ProposeMap() {
   if (slot == nullptr) return;
   slot->kind = ProposalKind::kFounding;
   slot->noise = noise();
-  slot->relocalisation_done = relocalisation_done_;
+  slot->num_found_heard = num_found_heard_;
   slot->founding_id = awaited_founding_ = next_founding_id_++;
   CopyView(current_, &slot->view);
   initialiser_.MoveInto(slot);
@@ -861,15 +861,15 @@ void Tracker::ProposeMap() {
 
 // One frame at a time, when the mapper has nothing else to do.
 void Tracker::AskForPlace() {
-  if (link_.num_pending.load(std::memory_order_acquire) > 0) return;
+  if (is_asking_ || link_.num_pending.load(std::memory_order_acquire) > 0) return;
   KeyframeProposal* slot = link_.proposals.BeginPush();
   if (slot == nullptr || !device_.RetainFeatureSet(current_.features.set)) return;
   slot->kind = ProposalKind::kPlaceless;
   slot->noise = noise();
-  ++num_placeless_;
   CopyView(current_, &slot->view);
   link_.num_pending.fetch_add(1, std::memory_order_acq_rel);
   link_.proposals.CommitPush();
+  is_asking_ = true;
 }
 
 // The last frame that was measured stays the last one.

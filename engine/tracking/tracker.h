@@ -14,6 +14,7 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -30,31 +31,11 @@
 #include "engine/tracking/keyframe_proposal.h"
 #include "engine/tracking/noise_meter.h"
 #include "engine/tracking/overlay_watch.h"
-#include "hal/core/mailbox.h"
-#include "hal/core/spsc_ring.h"
+#include "engine/tracking/tracking_link.h"
 #include "hal/frame_source.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
-
-// The only things that tracking and mapping share.
-struct TrackingLink {
-  TrackingLink(int num_proposals, int max_features, int max_between, int max_local_points,
-               std::pmr::memory_resource* memory = std::pmr::get_default_resource())
-      : proposals(static_cast<std::size_t>(num_proposals), memory, max_features, max_between, memory),
-        snapshots(memory, max_local_points, memory) {}
-  // A line each for proposals and snapshots.
-  static MemoryPlan PlanMemory(int num_proposals, int max_features, int max_between, int max_local_points);
-
-  SpscRing<KeyframeProposal> proposals;  // tracking to mapping
-  LatestMailbox<LocalMap> snapshots;     // mapping to tracking
-  // Version of the snapshot that the tracker used in its last finished frame: what older ones alone refer to may go.
-  std::atomic<std::uint64_t> version_done{0};
-  // Proposals waiting or being worked on: the mapper is busy while this is not zero.
-  std::atomic<int> num_pending{0};
-  // Placeless frames that the mapper has finished with; what came of them is in the snapshot before this counts them.
-  std::atomic<std::uint64_t> num_placeless_done{0};
-};
 
 class Tracker {
  public:
@@ -87,6 +68,14 @@ class Tracker {
     std::int32_t point_idx = -1;
   };
 
+  // A pose of an earlier frame that the mapper has answered with: from there the next good frame goes on.
+  struct Start {
+    bool is_found = false;  // in a stored map; else it is the second view of a new one
+    MapId map_id = kNoId;
+    SE3 cam_from_map;
+    std::uint32_t frame_index = 0;
+  };
+
   // What makes a pose, to return to when another one is no better.
   struct KeptPose {
     std::vector<PointMatch> matches;
@@ -98,14 +87,18 @@ class Tracker {
   bool NeedsAllFeatures() const;
   void Measure(const Frame& frame, FrameResult* result);
   bool Extract(const Frame& frame);
-  void ReadSnapshot();
+  void HearMapper();
+  void Hear(const MapFounded& founded);
+  void Hear(const MapRefused& refused);
+  void Hear(const FrameFound& found);
+  void Hear(const FrameNotFound&) { is_asking_ = false; }
+  void Hear(const Reframing& reframing);
   void TrackMap(FrameResult* result);
   void FindMap(FrameResult* result);
-  void Adopt();
-  bool AdoptFoundFrame(FrameResult* result);
+  bool TryFoundFrame(FrameResult* result);
   void AnswerWithoutMeasurement(FrameResult* result);
   SE3 Predict() const;
-  void ContinueFrom(const SE3& pose, std::uint32_t frame_index);
+  void ContinueFrom(const Start& start);
 
   bool SearchAroundPrediction(const SE3& predicted);
   bool SearchLastFrame(const SE3& predicted, double radius_px);
@@ -170,10 +163,11 @@ class Tracker {
   MapId map_id_ = kNoId;
   std::uint64_t next_founding_id_ = 1;
   std::uint64_t awaited_founding_ = 0;  // 0: none
-  std::uint64_t reframing_done_ = 0;
-  std::uint64_t relocalisation_done_ = 0;
-  std::uint64_t num_placeless_ = 0;  // frames whose place was asked for
-  bool is_asking_ = false;           // the last of them is not answered yet
+  bool is_asking_ = false;              // the mapper looks for a frame of ours and has not answered
+  std::optional<Start> start_;
+  // Replies heard.
+  std::uint64_t num_found_heard_ = 0;
+  std::uint64_t num_reframings_heard_ = 0;
 
   ProposedView current_;
   SE3 pose_;  // of the current frame, cam_from_map

@@ -6,7 +6,11 @@ namespace haustra {
 
 LatePlacement::LatePlacement(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera,
                              VisionDevice& device)
-    : config_(config), noise_(noise), camera_(camera), device_(device) {}
+    : config_(config),
+      noise_(noise),
+      camera_(camera),
+      device_(device),
+      pose_from_matches_(camera, config.features.max) {}
 
 bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHandle handle, const Atlas& atlas,
                           PlacedView* out) {
@@ -40,22 +44,22 @@ bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHa
   request.num_matches = &num_matches;
   if (queries_.empty() || !GuidedMatchAndWait(device_, Lane::kBackground, request).ok()) return false;
 
-  observations_.clear();
+  pose_from_matches_.Clear();
   for (int m = 0; m < num_matches; ++m) {
-    observations_.push_back({atlas.point(query_points_[matches_[m].query]).position,
-                             view.features.pixel(matches_[m].train),
-                             noise_.SigmaPx(view.features.keypoints[matches_[m].train].scale_px)});
+    pose_from_matches_.Add(atlas.point(query_points_[matches_[m].query]).position,
+                           view.features.pixel(matches_[m].train),
+                           noise_.SigmaPx(view.features.keypoints[matches_[m].train].scale_px));
   }
-  inliers_.resize(observations_.size());
   PoseOptimizerResult pose;
-  if (!OptimizePose(camera_, observations_, guess, PoseOptimizerOptions{}, inliers_, &pose)) return false;
-  if (pose.num_inliers < config_.tracking.min_inliers || 2 * pose.num_inliers < num_matches) return false;
+  if (!pose_from_matches_.Fit(guess, config_.tracking.min_inliers, &pose)) return false;
+  if (2 * pose.num_inliers < num_matches) return false;
   out->frame_index = view.frame_index;
   out->cam_from_map = pose.cam_from_world;
   out->sightings.clear();
   for (int m = 0; m < num_matches; ++m) {
-    if (inliers_[m] == 0) continue;
-    out->sightings.push_back({query_points_[matches_[m].query], observations_[m].pixel, observations_[m].sigma_px});
+    if (pose_from_matches_.inliers()[m] == 0) continue;
+    const PoseObservation& match = pose_from_matches_.matches()[m];
+    out->sightings.push_back({query_points_[matches_[m].query], match.pixel, match.sigma_px});
   }
   return true;
 }

@@ -1,7 +1,6 @@
 #include "engine/tracking/pose_recovery.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "engine/geometry/constants.h"
 #include "engine/geometry/ellipse_spread.h"
@@ -22,10 +21,7 @@ constexpr double kPredictedShare = 0.5;
 }  // namespace
 
 PoseRecovery::PoseRecovery(const PoseSearch::Parts& parts, PoseSearch& search)
-    : parts_(parts),
-      search_(search),
-      absolute_pose_(parts.config.features.max),
-      rng_(parts.config.seed, kRecoveryStream) {
+    : parts_(parts), search_(search), rng_(parts.config.seed, kRecoveryStream) {
   const auto num_features = static_cast<std::size_t>(parts.config.features.max);
   const auto num_points = static_cast<std::size_t>(parts.config.memory.max_local_points);
   ReserveTouched(&questioned_.matches, num_features);
@@ -33,16 +29,12 @@ PoseRecovery::PoseRecovery(const PoseSearch::Parts& parts, PoseSearch& search)
   ReserveTouched(&refs_, num_points);
   found_.resize(num_features);
   is_matched_point_.resize(num_points);
-  ReserveTouched(&bearings_, num_features);
-  ReserveTouched(&points_, num_features);
-  ReserveTouched(&tolerance_, num_features);
   ReserveTouched(&pixels_, num_features);
 }
 
 std::size_t PoseRecovery::BytesFor(int max_features, int max_points) {
-  // questioned_, alike_; found_; bearings_, points_; pixels_; tolerance_; the robust estimator.
-  constexpr std::size_t kOfFeature = 2 * sizeof(PointMatch) + sizeof(Match) + 2 * sizeof(Eigen::Vector3d) +
-                                     sizeof(Eigen::Vector2d) + sizeof(double) + AbsolutePoseRansac::kBytesPerMatch;
+  // questioned_, alike_; found_; pixels_.
+  constexpr std::size_t kOfFeature = 2 * sizeof(PointMatch) + sizeof(Match) + sizeof(Eigen::Vector2d);
   return static_cast<std::size_t>(max_features) * kOfFeature +
          static_cast<std::size_t>(max_points) * (sizeof(DescriptorRef) + 1);
 }
@@ -73,27 +65,11 @@ bool PoseRecovery::Recover(bool is_lost) {
   if (!SearchByBruteForce()) return false;
   const std::vector<PointMatch>& matches = search_.estimate().matches;
   if (static_cast<int>(matches.size()) < parts_.config.tracking.min_inliers) return false;
-  const FrameFeatures& features = parts_.frame.features;
-  bearings_.clear();
-  points_.clear();
-  tolerance_.clear();
-  const double gate = std::sqrt(kChi2TwoDof);
-  for (const PointMatch& match : matches) {
-    bearings_.push_back(features.bearing(match.feature_idx));
-    points_.push_back(search_.local_map().points[match.point_idx].position);
-    const double sigma = parts_.noise.SigmaPx(features.keypoints[match.feature_idx].scale_px);
-    tolerance_.push_back(gate * sigma / parts_.camera.focal_px());
-  }
-  AbsolutePoseRansac::Options options;
-  options.min_inliers = kMinSeedInliers;
-  AbsolutePoseRansac::Estimate sampled;
-  if (!absolute_pose_.Run(bearings_, points_, tolerance_, options, rng_, &sampled)) return false;
-  search_.estimate().cam_from_map = sampled.cam_from_world;
-  std::copy_n(absolute_pose_.inliers().begin(), matches.size(), search_.inliers().begin());
+  if (!search_.SampleMatches(rng_)) return false;
   search_.KeepInliers();
-  if (!search_.OptimiseMatches()) return false;
+  if (!search_.FitMatches()) return false;
   search_.KeepInliers();
-  if (!search_.SearchLocalMap(0.0) || !search_.OptimiseMatches()) return false;
+  if (!search_.SearchLocalMap(0.0) || !search_.FitMatches()) return false;
   search_.KeepInliers();
   search_.LookAround();
   if (!search_.MeasureChance() || !search_.HasEvidence(parts_.config.tracking.min_recovery_inliers)) return false;

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "engine/geometry/absolute_pose.h"
 #include "engine/geometry/rng.h"
 #include "engine/tracking/pose_search.h"
 
@@ -39,7 +38,6 @@ class PoseRecovery {
 
   const PoseSearch::Parts parts_;
   PoseSearch& search_;
-  AbsolutePoseRansac absolute_pose_;
   Rng rng_;
   PoseEstimate questioned_;
   std::vector<PointMatch> alike_;  // all that brute force found in the current frame
@@ -49,9 +47,6 @@ class PoseRecovery {
   std::vector<Match> found_;
   std::int32_t num_found_ = 0;
   std::vector<std::uint8_t> is_matched_point_;
-  std::vector<Eigen::Vector3d> bearings_;
-  std::vector<Eigen::Vector3d> points_;
-  std::vector<double> tolerance_;
   std::vector<Eigen::Vector2d> pixels_;
 };
 

@@ -28,7 +28,9 @@ LastFrame::LastFrame(int max_features, std::pmr::memory_resource* memory) : feat
 }
 
 PoseSearch::PoseSearch(const Parts& parts)
-    : parts_(parts), motion_radius_px_(parts.config.tracking.motion_radius_deg * kDegree * parts.camera.focal_px()) {
+    : parts_(parts),
+      motion_radius_px_(parts.config.tracking.motion_radius_deg * kDegree * parts.camera.focal_px()),
+      pose_from_matches_(parts.camera, parts.config.features.max) {
   const auto num_features = static_cast<std::size_t>(parts.config.features.max);
   const auto num_points = static_cast<std::size_t>(parts.config.memory.max_local_points);
   ReserveTouched(&estimate_.matches, num_features);
@@ -40,18 +42,18 @@ PoseSearch::PoseSearch(const Parts& parts)
   found_.resize(std::max(num_points, num_features));
   allowed_.resize(num_features);
   is_matched_point_.resize(num_points);
-  ReserveTouched(&observations_, num_features);
-  inliers_.resize(num_features);
+  ReserveTouched(&bearings_, num_features);
   ReserveTouched(&depths_, num_features);
 }
 
 std::size_t PoseSearch::BytesFor(int max_features, int max_points) {
   const auto features = static_cast<std::size_t>(max_features);
   const auto points = static_cast<std::size_t>(max_points);
-  // Matches of estimate_, narrow_ and seeds_; observations_, depths_; allowed_, inliers_.
-  const std::size_t of_feature = 3 * sizeof(PointMatch) + sizeof(PoseObservation) + sizeof(double) + 2;
+  // Matches of estimate_, narrow_ and seeds_; bearings_, depths_; allowed_.
+  constexpr std::size_t kOfFeature =
+      PoseFromMatches::kBytesPerMatch + 3 * sizeof(PointMatch) + sizeof(Eigen::Vector3d) + sizeof(double) + 1;
   // decoys_, is_matched_point_; queries_, query_points_, found_.
-  return features * of_feature + points * (sizeof(GuidedQuery) + 1) +
+  return features * kOfFeature + points * (sizeof(GuidedQuery) + 1) +
          std::max(features, points) * (sizeof(GuidedQuery) + sizeof(std::int32_t) + sizeof(Match));
 }
 
@@ -100,7 +102,7 @@ bool PoseSearch::SearchLastFrame(const SE3& predicted, double radius_px) {
   parts_.overlay.Allow(parts_.frame.features, allowed_);
   if (!RunGuided()) return false;
   if (static_cast<int>(estimate_.matches.size()) < parts_.config.tracking.min_motion_matches) return false;
-  return OptimiseMatches();
+  return FitMatches();
 }
 
 bool PoseSearch::SearchWithoutLastFrame(const SE3& predicted) {
@@ -116,7 +118,7 @@ Stage PoseSearch::LocalMapStage() const {
 bool PoseSearch::FitLocalMap(double min_radius_px) {
   parts_.budget.ReconsiderPoints();
   const FrameBudget::Timer timer(parts_.budget, LocalMapStage());
-  return SearchLocalMap(min_radius_px) && OptimiseMatches();
+  return SearchLocalMap(min_radius_px) && FitMatches();
 }
 
 bool PoseSearch::IsSuddenlyThin() const { return estimate_.matches.size() < kThinShare * parts_.last.matches.size(); }
@@ -127,7 +129,7 @@ void PoseSearch::LookAround() {
   narrow_ = estimate_;
   bool has_pose = true;
   for (const double min_radius_px : {kLookAroundShare * motion_radius_px_, 0.0}) {
-    has_pose = has_pose && SearchLocalMap(min_radius_px) && OptimiseMatches();
+    has_pose = has_pose && SearchLocalMap(min_radius_px) && FitMatches();
     if (has_pose) KeepInliers();
   }
   // Matches that no pose was fitted to count for nothing.
@@ -241,32 +243,42 @@ bool PoseSearch::GuidedMatch(std::span<const GuidedQuery> queries) {
   return parts_.lane.GuidedMatch(request, parts_.budget.wait_deadline()).ok();
 }
 
-bool PoseSearch::OptimiseMatches() {
+void PoseSearch::ListMatches() {
   const FrameFeatures& features = parts_.frame.features;
-  observations_.clear();
+  pose_from_matches_.Clear();
   for (const PointMatch& match : estimate_.matches) {
-    observations_.push_back({local_map().points[match.point_idx].position, features.pixel(match.feature_idx),
-                             parts_.noise.SigmaPx(features.keypoints[match.feature_idx].scale_px)});
+    pose_from_matches_.Add(local_map().points[match.point_idx].position, features.pixel(match.feature_idx),
+                           parts_.noise.SigmaPx(features.keypoints[match.feature_idx].scale_px));
   }
-  PoseOptimizerResult optimised;
-  const std::span<std::uint8_t> inliers(inliers_.data(), observations_.size());
-  PoseOptimizerOptions options;
-  options.chi2_gate = kChi2TwoDof;
-  if (!OptimizePose(parts_.camera, observations_, estimate_.cam_from_map, options, inliers, &optimised)) {
-    std::fill(inliers.begin(), inliers.end(), std::uint8_t{0});
-    return false;
+}
+
+bool PoseSearch::FitMatches() {
+  ListMatches();
+  PoseOptimizerResult fitted;
+  fitted.cam_from_world = estimate_.cam_from_map;
+  fitted.information = estimate_.information;
+  const bool is_good = pose_from_matches_.Fit(estimate_.cam_from_map, kMinSeedInliers, &fitted);
+  estimate_.cam_from_map = fitted.cam_from_world;
+  estimate_.information = fitted.information;
+  return is_good;
+}
+
+bool PoseSearch::SampleMatches(Rng& rng) {
+  ListMatches();
+  bearings_.clear();
+  for (const PointMatch& match : estimate_.matches) {
+    bearings_.push_back(parts_.frame.features.bearing(match.feature_idx));
   }
-  estimate_.cam_from_map = optimised.cam_from_world;
-  estimate_.information = optimised.information;
-  return optimised.num_inliers >= kMinSeedInliers;
+  AbsolutePoseRansac::Options options;
+  options.min_inliers = kMinSeedInliers;
+  AbsolutePoseRansac::Estimate sampled;
+  if (!pose_from_matches_.Sample(bearings_, options, rng, &sampled)) return false;
+  estimate_.cam_from_map = sampled.cam_from_world;
+  return true;
 }
 
 void PoseSearch::KeepInliers() {
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < estimate_.matches.size(); ++i) {
-    if (inliers_[i] != 0) estimate_.matches[kept++] = estimate_.matches[i];
-  }
-  estimate_.matches.resize(kept);
+  pose_from_matches_.KeepInliers(&estimate_.matches);
   CountMatches();
 }
 

@@ -13,7 +13,7 @@
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
 #include "engine/noise_model.h"
-#include "engine/optim/pose_optimizer.h"
+#include "engine/optim/pose_from_matches.h"
 #include "engine/scheduler/frame_budget.h"
 #include "engine/scheduler/lane_wait.h"
 #include "engine/tracking/keyframe_proposal.h"
@@ -87,7 +87,9 @@ class PoseSearch {
   bool IsSuddenlyThin() const;
 
   // Fits the pose to the matches. False: too few agree, and the pose may be anything.
-  bool OptimiseMatches();
+  bool FitMatches();
+  // The pose that most matches agree with, whatever the estimate was. False: there is none.
+  bool SampleMatches(Rng& rng);
   // Leaves the matches that agreed with the pose when it was fitted.
   void KeepInliers();
   // How many of the matches are of established points, and how far away their points are.
@@ -108,18 +110,18 @@ class PoseSearch {
   const std::vector<PointMatch>& seeds() const { return seeds_; }
   const LocalMap& local_map() const { return parts_.snapshots.ReadSlot(); }
   double motion_radius_px() const { return motion_radius_px_; }
-  // Of the frame's features, one entry a match: whether it agreed in the last fit.
-  std::span<std::uint8_t> inliers() { return inliers_; }
 
  private:
   bool SearchLastFrame(const SE3& predicted, double radius_px);
   Stage LocalMapStage() const;
   GuidedQuery Displaced(GuidedQuery query, bool along_x) const;
+  void ListMatches();
   bool RunGuided();
   bool GuidedMatch(std::span<const GuidedQuery> queries);
 
   const Parts parts_;
   const double motion_radius_px_;
+  PoseFromMatches pose_from_matches_;
   PoseEstimate estimate_;
   PoseEstimate narrow_;            // before LookAround
   std::vector<PointMatch> seeds_;  // found around the prediction, right or wrong
@@ -136,8 +138,7 @@ class PoseSearch {
   std::int32_t num_found_ = 0;
   std::vector<std::uint8_t> allowed_;
   std::vector<std::uint8_t> is_matched_point_;
-  std::vector<PoseObservation> observations_;
-  std::vector<std::uint8_t> inliers_;
+  std::vector<Eigen::Vector3d> bearings_;
   std::vector<double> depths_;
 };
 

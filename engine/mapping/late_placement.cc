@@ -1,6 +1,6 @@
 #include "engine/mapping/late_placement.h"
 
-#include "engine/geometry/constants.h"
+#include "engine/camera/view_queries.h"
 
 namespace haustra {
 
@@ -17,20 +17,17 @@ bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHa
   queries_.clear();
   query_points_.clear();
   const Keyframe& keyframe = atlas.keyframe(handle);
-  const auto tolerance = static_cast<float>(config_.matching.scale_tolerance);
-  const auto radius_px = static_cast<float>(config_.tracking.motion_radius_deg * kDegree * camera_.focal_px());
+  const ViewQueries view_queries(config_.matching, camera_, noise_, guess);
+  const double radius_px = config_.tracking.motion_radius_deg * kDegree * camera_.focal_px();
   for (int i = 0; i < keyframe.features.num; ++i) {
     if (!keyframe.points[i]) continue;
-    Eigen::Vector2d pixel;
-    if (!camera_.Project(guess * atlas.point(keyframe.points[i]).position, &pixel) || !camera_.IsInImage(pixel))
+    GuidedQuery query;
+    const DescriptorRef descriptor{keyframe.features.set, i};
+    if (!view_queries.OfFeature(atlas.point(keyframe.points[i]).position, descriptor,
+                                keyframe.features.keypoints[i].scale_px, radius_px, &query)) {
       continue;
-    const float scale = keyframe.features.keypoints[i].scale_px;
-    queries_.push_back({{keyframe.features.set, i},
-                        static_cast<float>(pixel.x()),
-                        static_cast<float>(pixel.y()),
-                        radius_px,
-                        scale / tolerance,
-                        scale * tolerance});
+    }
+    queries_.push_back(query);
     query_points_.push_back(keyframe.points[i]);
   }
   matches_.resize(queries_.size());
@@ -38,8 +35,7 @@ bool LatePlacement::Place(const ProposedView& view, const SE3& guess, KeyframeHa
   GuidedMatchRequest request;
   request.queries = queries_;
   request.train = view.features.set;
-  request.options = {static_cast<float>(config_.matching.min_similarity),
-                     static_cast<float>(config_.matching.guided_ratio), false};
+  request.options = GuidedOptions(config_.matching);
   request.matches = matches_;
   request.num_matches = &num_matches;
   if (queries_.empty() || !GuidedMatchAndWait(device_, Lane::kBackground, request).ok()) return false;

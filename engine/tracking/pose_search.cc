@@ -5,7 +5,7 @@
 #include <bit>
 #include <cmath>
 
-#include "engine/geometry/constants.h"
+#include "engine/camera/view_queries.h"
 #include "engine/tracking/reserve_touched.h"
 
 namespace haustra {
@@ -83,20 +83,16 @@ bool PoseSearch::SearchLastFrame(const SE3& predicted, double radius_px) {
   estimate_.matches.clear();
   queries_.clear();
   query_points_.clear();
-  const auto tolerance = static_cast<float>(parts_.config.matching.scale_tolerance);
+  const ViewQueries view_queries(parts_.config.matching, parts_.camera, parts_.noise, predicted);
   for (const auto& [feature_idx, handle] : parts_.last.matches) {
     const int point_idx = local_map().Find(handle);
     if (point_idx < 0) continue;
-    Eigen::Vector2d pixel;
-    if (!parts_.camera.Project(predicted * local_map().points[point_idx].position, &pixel)) continue;
-    if (!parts_.camera.IsInImage(pixel)) continue;
-    const float scale = parts_.last.features.keypoints[feature_idx].scale_px;
-    queries_.push_back({{parts_.last.features.set, feature_idx},
-                        static_cast<float>(pixel.x()),
-                        static_cast<float>(pixel.y()),
-                        static_cast<float>(radius_px),
-                        scale / tolerance,
-                        scale * tolerance});
+    GuidedQuery query;
+    if (!view_queries.OfFeature(local_map().points[point_idx].position, {parts_.last.features.set, feature_idx},
+                                parts_.last.features.keypoints[feature_idx].scale_px, radius_px, &query)) {
+      continue;
+    }
+    queries_.push_back(query);
     query_points_.push_back(point_idx);
   }
   parts_.overlay.Allow(parts_.frame.features, allowed_);
@@ -148,10 +144,7 @@ bool PoseSearch::SearchLocalMap(double min_radius_px) {
     allowed_[match.feature_idx] = 0;
     is_matched_point_[match.point_idx] = 1;
   }
-  const Eigen::Vector3d centre = estimate_.cam_from_map.InverseTranslation();
-  const double min_cos = std::cos(parts_.config.matching.max_view_angle_deg * kDegree);
-  const double tolerance = parts_.config.matching.scale_tolerance;
-  const double gate = std::sqrt(kChi2TwoDof);
+  const ViewQueries view_queries(parts_.config.matching, parts_.camera, parts_.noise, estimate_.cam_from_map);
   const SchedulerConfig& scheduler = parts_.config.scheduler;
   estimate_.num_expected = 0;
   // Reduced frames have nothing finer.
@@ -163,20 +156,10 @@ bool PoseSearch::SearchLocalMap(double min_radius_px) {
   for (int i = 0; i < local_map().num_points; ++i) {
     if ((static_cast<std::uint32_t>(i) + frame_index) % step != 0 && is_matched_point_[i] == 0) continue;
     const LocalPoint& point = local_map().points[i];
-    const Eigen::Vector3d to_camera = centre - point.position;
-    const double distance = to_camera.norm();
-    if (distance <= 0.0 || point.normal.dot(to_camera) < min_cos * distance) continue;
-    Eigen::Vector2d pixel;
-    if (!parts_.camera.Project(estimate_.cam_from_map * point.position, &pixel)) continue;
-    if (!parts_.camera.IsInImage(pixel)) continue;
-    const double scale = point.scale_times_distance / distance;
-    estimate_.num_expected += std::popcount(point.keyframe_mask) >= kEstablishedViews && scale >= min_expected_scale;
-    GuidedQuery query = {point.descriptor,
-                         static_cast<float>(pixel.x()),
-                         static_cast<float>(pixel.y()),
-                         static_cast<float>(gate * parts_.noise.SigmaPx(scale)),
-                         static_cast<float>(scale / tolerance),
-                         static_cast<float>(scale * tolerance)};
+    GuidedQuery query;
+    double scale_px = 0.0;
+    if (!view_queries.OfPoint(point, &query, &scale_px)) continue;
+    estimate_.num_expected += std::popcount(point.keyframe_mask) >= kEstablishedViews && scale_px >= min_expected_scale;
     if (static_cast<std::uint32_t>(i) / step % kDecoyStep == frame_index % kDecoyStep) {
       decoys_.push_back(Displaced(query, i % 2 == 0));
     }
@@ -232,12 +215,11 @@ bool PoseSearch::RunGuided() {
 
 // Fills found_ from the allowed features of the frame.
 bool PoseSearch::GuidedMatch(std::span<const GuidedQuery> queries) {
-  const MatchingConfig& matching = parts_.config.matching;
   GuidedMatchRequest request;
   request.queries = queries;
   request.train = parts_.frame.features.set;
   request.train_allowed = {allowed_.data(), static_cast<std::size_t>(parts_.frame.features.num)};
-  request.options = {static_cast<float>(matching.min_similarity), static_cast<float>(matching.guided_ratio), false};
+  request.options = GuidedOptions(parts_.config.matching);
   request.matches = found_;
   request.num_matches = &num_found_;
   return parts_.lane.GuidedMatch(request, parts_.budget.wait_deadline()).ok();

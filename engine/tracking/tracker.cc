@@ -276,9 +276,12 @@ Tracker::Outcome Tracker::BeginMap(Lost* lost, FrameResult* result) {
   if (!lost->is_asking) lost->is_asking = proposer_.AskForPlace();
   if (!initialiser_.has_reference()) {
     result->reason = TrackingReason::kNoReference;
+  } else if (!budget_.MayInitialise()) {
+    result->reason = TrackingReason::kNoTime;
   } else {
     const FrameBudget::Timer timer(budget_, Stage::kInitialise);
-    result->reason = initialiser_.Try(current_, budget_.wait_deadline());
+    result->reason = initialiser_.Try(current_, budget_);
+    budget_.EndInitialising(result->reason == TrackingReason::kNoTime);
     if (lane_.has_pending()) return Outcome::kNoTime;
     result->num_matches = initialiser_.num_matches();
     result->num_inliers = initialiser_.num_inliers();
@@ -289,7 +292,9 @@ Tracker::Outcome Tracker::BeginMap(Lost* lost, FrameResult* result) {
     if (awaiting) state_ = *awaiting;
     return Outcome::kNoPose;
   }
-  if (initialiser_.has_reference() && initialiser_.is_worn_out()) initialiser_.RenewReference();
+  // A view that was not compared is kept, too: a later one spans it.
+  const bool is_compared = result->reason != TrackingReason::kNoReference && result->reason != TrackingReason::kNoTime;
+  if (is_compared && initialiser_.is_worn_out()) initialiser_.RenewReference();
   initialiser_.Keep(current_);
   is_set_given_ = true;
   return Outcome::kNoPose;

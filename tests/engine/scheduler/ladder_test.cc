@@ -299,6 +299,21 @@ TEST(Ladder, ShortStallCostsItsFrameAndNoMore) {
   for (const Answer& answer : answers) EXPECT_EQ(answer.result.state, TrackingState::kTracking);
 }
 
+// Extraction takes 10 ms, and to compare two views 35: no frame has so much time. It is taken now and then, since a
+// scope without a map has no pose that could be late.
+TEST(Ladder, MapIsFoundedWhereNoFrameHasTheTimeForIt) {
+  Camera camera(200);
+  TimedVisionDevice::Model slow = kFast;
+  slow.match = milliseconds(35);
+  camera.SetModel(slow);
+  const std::vector<Answer> answers = camera.Next(100);
+  EXPECT_EQ(answers.back().result.state, TrackingState::kTracking);
+  const auto is_late = [](const Answer& answer) { return answer.latency > kFramePeriod; };
+  EXPECT_LE(std::count_if(answers.begin(), answers.end(), is_late), 25);
+  const auto has_no_time = [](const Answer& answer) { return answer.result.reason == TrackingReason::kNoTime; };
+  EXPECT_GE(std::count_if(answers.begin(), answers.end(), has_no_time), 3);
+}
+
 TEST(Ladder, SwitchedOffWaitsForEverything) {
   Camera camera(110, false);
   camera.Next(100);

@@ -146,10 +146,10 @@ struct MappingConfig {
 
 // Capacities, fixed at start-up. Defaults are those of the profile medium; platform/config/memory_profiles.cc has the
 // others and the reasons. What happens when a pool is full: engine/atlas/atlas.h, engine/mapping/evictor.h and
-// mapper.h, engine/tracking/tracker.h (feature sets, proposals), engine/atlas/local_map.h (snapshots),
-// engine/place/place_excerpt.h (place recognition). Fixed by the layout of the data, not by the configuration:
-// observations of a point (kMaxObservations), keyframes of a snapshot (kMaxLocalKeyframes), reframings on record
-// (kMaxReframings).
+// mapper.h, engine/tracking/tracker.h (feature sets, proposals), engine/tracking/tracking_link.h (replies),
+// engine/atlas/local_map.h (snapshots), engine/place/place_excerpt.h (place recognition). Fixed by the layout of the
+// data, not by the configuration: observations of a point (kMaxObservations), keyframes of a snapshot
+// (kMaxLocalKeyframes).
 struct MemoryConfig {
   std::string profile = "medium";  // small, medium, large: sets all keys of this section that are not given
   int max_keyframes = 1500;        // over all maps (paper: 1 196 after a whole procedure) [16, 100000]

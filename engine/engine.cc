@@ -37,8 +37,7 @@ ExtractOptions Engine::ExtractOptionsFor(const EngineConfig& config) {
 
 MemoryPlan Engine::PlanMemory(const EngineConfig& config) {
   MemoryPlan plan = Mapper::PlanMemory(config);
-  plan.Append(TrackingLink::PlanMemory(config.memory.max_proposals, config.features.max,
-                                       config.initialisation.kept_views, config.memory.max_local_points));
+  plan.Append(TrackingLink::PlanMemory(config));
   plan.Append(Tracker::PlanMemory(config));
   plan.Add(MemoryPlace::kHostArena, "place recognition", static_cast<std::uint64_t>(PlaceTask::MaxCandidates(config)),
            PlaceTask::BytesFor(config),
@@ -53,8 +52,7 @@ Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevi
       camera_(camera),
       clock_(clock),
       arena_(PlanMemory(config).bytes(MemoryPlace::kHostArena)),
-      link_(config.memory.max_proposals, config.features.max, config.initialisation.kept_views,
-            config.memory.max_local_points, &arena_),
+      link_(config_, &arena_),
       places_(config_, &arena_),
       background_device_(BackgroundDevice(device, mode)),
       mapper_(config_, camera_, background_device_, link_, places_, clock, mode == Mode::kRealTime, vocabulary,

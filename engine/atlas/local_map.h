@@ -1,6 +1,7 @@
 // An immutable picture of the part of the active map that tracking needs: the window of keyframes around the newest one
 // and their points. The mapper builds it (LocalMapBuilder) and publishes it through a LatestMailbox; the tracker reads
-// it without waiting. Fixed capacity. All poses and positions are in the frame of the map `map_id` as of `version`.
+// it without waiting, and may miss any number of them: what happened is told by engine/tracking/map_reply.h. Fixed
+// capacity. All poses and positions are in the frame of the map `map_id` as of `version`.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +9,7 @@
 
 #include "engine/atlas/atlas.h"
 #include "engine/atlas/handles.h"
-#include "engine/geometry/sim3.h"
+#include "engine/geometry/se3.h"
 #include "hal/core/fixed_vector.h"
 
 namespace haustra {
@@ -39,22 +40,6 @@ struct LocalPoint {
   std::uint64_t keyframe_mask = 0;  // bit i: seen by keyframes[i]
 };
 
-// The map was moved: poses held in the old frame become TransformPose(pose, new_from_old) in map `map_id`.
-struct Reframing {
-  std::uint64_t sequence = 0;  // counts from 1
-  MapId old_map_id = kNoId;
-  MapId new_map_id = kNoId;
-  Sim3 new_from_old;
-};
-inline constexpr int kMaxReframings = 8;
-
-// The frame was found in map `map_id` of this snapshot, which has been made active for it.
-struct FoundFrame {
-  std::uint64_t sequence = 0;  // counts from 1
-  std::uint32_t frame_index = 0;
-  SE3 cam_from_map;
-};
-
 struct LocalMap {
   LocalMap() = default;
   explicit LocalMap(int max_points, std::pmr::memory_resource* memory = std::pmr::get_default_resource())
@@ -64,14 +49,9 @@ struct LocalMap {
 
   std::uint64_t version = 0;  // 0: nothing published yet
   MapId map_id = kNoId;
-  // Answers to proposals of new maps: the one that founded this map, and the last one that was refused.
-  std::uint64_t founding_proposal = 0;
-  std::uint64_t refused_proposal = 0;
-  FoundFrame found_frame;                                    // the last one
   FixedVector<LocalKeyframe, kMaxLocalKeyframes> keyframes;  // the newest first
   int num_points = 0;
-  std::pmr::vector<LocalPoint> points;                // [0, num_points), in order of handle.index
-  FixedVector<Reframing, kMaxReframings> reframings;  // the latest ones, oldest first
+  std::pmr::vector<LocalPoint> points;  // [0, num_points), in order of handle.index
 
   // Position of the point in `points`, -1: not in this snapshot.
   int Find(MapPointHandle handle) const;

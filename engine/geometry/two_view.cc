@@ -262,7 +262,9 @@ bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<c
   SE3 best;
   double best_cost = std::numeric_limits<double>::infinity();
   int needed = options.max_iterations;
+  const auto is_stopped = [&options] { return options.should_stop && options.should_stop(); };
   for (int iteration = 0; iteration < needed; ++iteration) {
+    if (is_stopped()) return false;
     std::array<int, kSampleSize> sample;
     rng.SampleDistinct(num_matches_, sample);
     std::array<Eigen::Vector3d, kSampleSize> sample_a, sample_b;
@@ -290,7 +292,7 @@ bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<c
                         RansacTrials(at_least, num_matches_, kSampleSize, options.confidence, options.max_iterations));
     }
   }
-  if (!(best_cost < num_matches_)) return false;
+  if (!(best_cost < num_matches_) || is_stopped()) return false;
 
   SE3 refined = best;
   Refine(kFinalIterations, &refined);

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -27,6 +28,9 @@ class TwoViewRansac {
     double min_moving_share =
         0.25;  // [0, 1]: inliers whose parallax is beyond twice their tolerance. Below, the motion
                //   may as well be a rotation, and translation and depth are noise
+    // Asked before every trial and before the end; once it is true Run returns false. Empty: never. One that captures a
+    // pointer allocates nothing.
+    std::function<bool()> should_stop;
   };
   struct Estimate {
     SE3 b_from_a;  // |translation| = 1

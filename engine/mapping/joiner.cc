@@ -160,7 +160,7 @@ bool Joiner::Settle() {
   if (!is_interrupted && summary->final_cost > kSettledShare * summary->initial_cost) settling_rounds_ = 0;
   const MapId map_id = state_.atlas.map(state_.active).id;
   publisher_.Reframe(
-      {0, map_id, map_id, Sim3(state_.atlas.keyframe(state_.newest).cam_from_map).Inverse() * Sim3(old_pose)});
+      {map_id, map_id, Sim3(state_.atlas.keyframe(state_.newest).cam_from_map).Inverse() * Sim3(old_pose)});
   publisher_.Publish();
   state_.counters.settle_time += state_.Now() - start;
   return true;

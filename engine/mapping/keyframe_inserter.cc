@@ -26,8 +26,8 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
   // The map may have been joined or moved while the proposal waited.
   SE3 cam_from_map = proposal.cam_from_map;
   MapId map_id = proposal.map_id;
-  publisher_.FollowReframings(proposal.reframing_done, &map_id, &cam_from_map);
-  if (!state_.active || state_.atlas.map(state_.active).id != map_id) {
+  const bool is_known = publisher_.FollowReframings(proposal.num_reframings_heard, &map_id, &cam_from_map);
+  if (!is_known || !state_.active || state_.atlas.map(state_.active).id != map_id) {
     publisher_.Retire(proposal.view.features.set);
     return {};
   }

@@ -31,8 +31,8 @@ class KeyframeInserter {
   // All of them outlive it.
   KeyframeInserter(MappingState& state, Parts parts);
 
-  // The new keyframe, which is the newest one then. Invalid: its map is no longer the active one, or the pool is full
-  // (counted). Takes over the feature set in any case.
+  // The new keyframe, which is the newest one then. Invalid: its map is no longer the active one or has been moved too
+  // often since, or the pool is full (counted). Takes over the feature set in any case.
   KeyframeHandle Insert(const KeyframeProposal& proposal);
   // A keyframe for which the pool had no room, here or elsewhere.
   void CountRefused();

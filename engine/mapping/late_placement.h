@@ -9,7 +9,7 @@
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
 #include "engine/noise_model.h"
-#include "engine/optim/pose_optimizer.h"
+#include "engine/optim/pose_from_matches.h"
 #include "engine/tracking/keyframe_proposal.h"
 #include "hal/vision_device.h"
 
@@ -47,11 +47,10 @@ class LatePlacement {
   const NoiseModel& noise_;
   const CameraModel& camera_;
   VisionDevice& device_;
+  PoseFromMatches pose_from_matches_;
   std::vector<GuidedQuery> queries_;
   std::vector<MapPointHandle> query_points_;
   std::vector<Match> matches_;
-  std::vector<PoseObservation> observations_;
-  std::vector<std::uint8_t> inliers_;
 };
 
 }  // namespace haustra

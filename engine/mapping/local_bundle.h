@@ -1,7 +1,5 @@
 // Local bundle adjustment: a keyframe, covisible ones and all their points move; other keyframes that see those points
-// hold the gauge. Writes back what was gained. Takes out the observations that do not fit when it was finished: on the
-// word of a bundle that was stopped none goes.
-// thread-bound(mapping).
+// hold the gauge, or the oldest of them where there are none (engine/merging/bundle_window.h). thread-bound(mapping).
 #pragma once
 
 #include <functional>
@@ -10,8 +8,8 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/merging/bundle_window.h"
 #include "engine/noise_model.h"
-#include "engine/optim/schur_bundle_adjustment.h"
 
 namespace haustra {
 
@@ -38,22 +36,10 @@ class LocalBundle {
 
  private:
   void ChooseWindow(KeyframeHandle centre, const Extent& extent, const Atlas& atlas);
-  void ReserveObservations(const Atlas& atlas);
-  void FillProblem(const Atlas& atlas);
-  void WriteBack(Atlas* atlas);
 
   const EngineConfig& config_;
-  const NoiseModel& noise_;
-  const CameraModel& camera_;
-  SchurBundleAdjuster& adjuster_;
-  BundleProblem problem_;
-  std::vector<KeyframeHandle> poses_;  // of problem_.poses: the window, then the fixed ring
-  std::size_t window_size_ = 0;
-  std::vector<MapPointHandle> points_;  // of problem_.points
+  BundleWindow window_;
   std::vector<Covisible> covisible_;
-  std::vector<std::int32_t> pose_slots_;   // by keyframe slot: index in poses_, -1
-  std::vector<std::int32_t> point_slots_;  // by point slot: index in points_, -1
-  std::vector<int> ring_votes_;            // by keyframe slot: window points that it sees
 };
 
 }  // namespace haustra

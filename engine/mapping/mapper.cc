@@ -57,6 +57,8 @@ MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
 }
 
 bool Mapper::Step() {
+  // Each step below tells tracking one thing at most.
+  if (!publisher_.has_room()) return false;
   const bool has_answer = joiner_.TakeAnswer();
   publisher_.ReleaseRetired();
   if (has_answer) return true;
@@ -89,7 +91,7 @@ Status Mapper::SaveAtlas(ByteSink& sink) const {
 
 void Mapper::FoundMap(const KeyframeProposal& proposal) {
   // Relocalisation came first: the half-made map is dropped (system.md 8).
-  const bool is_overtaken = proposal.relocalisation_done != publisher_.found_sequence();
+  const bool is_overtaken = proposal.num_found_heard != publisher_.num_found();
   if (is_overtaken || !founder_.Adjust(proposal)) {
     RefuseFounding(proposal);
     return;
@@ -191,6 +193,8 @@ void Mapper::FindPlace(const ProposedView& view) {
     pose.num_inliers = found.counts.num_inliers;
     late_poses_.TryPush(pose);
     publisher_.Publish();
+  } else {
+    publisher_.AnnounceNotFound();
   }
   const Duration duration = state_.Now() - start;
   state_.counters.relocalisation_time += duration;
@@ -207,7 +211,6 @@ void Mapper::FindPlace(const ProposedView& view) {
     event.duration = duration;
     events_.TryPush(event);
   }
-  state_.link.num_placeless_done.fetch_add(1, std::memory_order_release);
 }
 
 void Mapper::Report(MapEventKind kind, const ProposedView& view, MapHandle map) {

@@ -33,7 +33,7 @@
 #include "engine/place/relocaliser.h"
 #include "engine/place/retrieval.h"
 #include "engine/place/vocabulary.h"
-#include "engine/tracking/tracker.h"
+#include "engine/tracking/tracking_link.h"
 #include "hal/clock.h"
 #include "hal/vision_device.h"
 
@@ -50,7 +50,8 @@ class Mapper {
   // Lines of the atlas and the rings, which are taken from `memory`, and of what mapping keeps on the heap.
   static MemoryPlan PlanMemory(const EngineConfig& config);
 
-  // Takes the recogniser's answer, or else works on the oldest proposal. False when there is nothing to do.
+  // Takes the recogniser's answer, or else works on the oldest proposal. False when there is nothing to do, or when the
+  // tracker has left no room for a reply (tracking_link.h).
   bool Step();
 
   // Before the first step: takes the maps of a file as stored ones, in which lost frames and known places are looked

@@ -10,7 +10,7 @@
 #include "engine/config.h"
 #include "engine/mapping/local_bundle.h"
 #include "engine/noise_model.h"
-#include "engine/tracking/tracker.h"
+#include "engine/tracking/tracking_link.h"
 #include "hal/clock.h"
 #include "hal/vision_device.h"
 

@@ -1,6 +1,6 @@
 #include "engine/mapping/snapshot_publisher.h"
 
-#include <algorithm>
+#include "hal/core/check.h"
 
 namespace haustra {
 
@@ -10,10 +10,6 @@ SnapshotPublisher::SnapshotPublisher(MappingState& state, const PlaceMailbox& pl
 void SnapshotPublisher::Publish() {
   LocalMap& snapshot = state_.link.snapshots.WriteSlot();
   snapshot.version = ++version_;
-  snapshot.founding_proposal = founding_proposal_;
-  snapshot.refused_proposal = refused_proposal_;
-  snapshot.found_frame = found_frame_;
-  snapshot.reframings = reframings_;
   if (state_.active && state_.newest) {
     snapshot.map_id = state_.atlas.map(state_.active).id;
     builder_.Build(state_.atlas, state_.newest, &snapshot);
@@ -30,30 +26,32 @@ void SnapshotPublisher::Publish() {
   ids_in_use_.store(state_.atlas.num_keyframe_ids(), std::memory_order_relaxed);
 }
 
+void SnapshotPublisher::Tell(std::uint64_t version, const MapReply& reply) {
+  HAUSTRA_CHECK(state_.link.replies.TryPush({version, reply}));
+}
+
+void SnapshotPublisher::AnnounceFounding(std::uint64_t proposal) {
+  Tell(version_ + 1,
+       MapFounded{proposal, state_.atlas.map(state_.active).id, state_.atlas.keyframe(state_.newest).cam_from_map});
+}
+
 void SnapshotPublisher::AnnounceFound(std::uint32_t frame_index, const SE3& cam_from_map) {
-  found_frame_ = {found_frame_.sequence + 1, frame_index, cam_from_map};
-  found_map_id_ = state_.atlas.map(state_.active).id;
+  ++num_found_;
+  Tell(version_ + 1, FrameFound{frame_index, state_.atlas.map(state_.active).id, cam_from_map});
 }
 
 void SnapshotPublisher::Reframe(const Reframing& reframing) {
-  if (reframings_.full()) {
-    std::move(reframings_.begin() + 1, reframings_.end(), reframings_.begin());
-    reframings_.SwapErase(reframings_.size() - 1);
-  }
-  HAUSTRA_CHECK(reframings_.PushBack(reframing));
-  reframings_[reframings_.size() - 1].sequence = ++state_.counters.num_reframings;
-  if (found_map_id_ == reframing.old_map_id) {
-    found_frame_.cam_from_map = TransformPose(found_frame_.cam_from_map, reframing.new_from_old);
-    found_map_id_ = reframing.new_map_id;
-  }
+  reframings_[num_reframings_++ % kMaxReframings] = reframing;
+  state_.counters.num_reframings = num_reframings_;
+  Tell(version_ + 1, reframing);
 }
 
-void SnapshotPublisher::FollowReframings(std::uint64_t done, MapId* map_id, SE3* cam_from_map) const {
-  for (const Reframing& reframing : reframings_) {
-    if (reframing.sequence <= done || reframing.old_map_id != *map_id) continue;
-    *cam_from_map = TransformPose(*cam_from_map, reframing.new_from_old);
-    *map_id = reframing.new_map_id;
+bool SnapshotPublisher::FollowReframings(std::uint64_t num_heard, MapId* map_id, SE3* cam_from_map) const {
+  if (num_reframings_ - num_heard > kMaxReframings) return false;
+  for (std::uint64_t i = num_heard; i < num_reframings_; ++i) {
+    reframings_[i % kMaxReframings].Carry(map_id, cam_from_map);
   }
+  return true;
 }
 
 void SnapshotPublisher::ReleaseRetired() {

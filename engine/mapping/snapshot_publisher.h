@@ -1,8 +1,9 @@
-// Publishes what tracking may know: a LocalMap around the newest keyframe, and with it the mapper's answers. An answer
-// stands in every snapshot from then on, so the tracker may miss any number of them. Keeps the feature sets that a
-// snapshot may still name until the tracker has a newer one. thread-bound(mapping), but for pool_use.
+// Publishes what tracking may know: a LocalMap around the newest keyframe, as a snapshot that may be missed, and what
+// has happened, as replies that may not. Keeps the feature sets that a snapshot may still name until the tracker has a
+// newer one. thread-bound(mapping), but for pool_use.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "engine/atlas/local_map.h"
 #include "engine/mapping/mapping_state.h"
 #include "engine/place/place_mailbox.h"
+#include "engine/tracking/map_reply.h"
 
 namespace haustra {
 
@@ -27,21 +29,27 @@ class SnapshotPublisher {
   // Both outlive it.
   SnapshotPublisher(MappingState& state, const PlaceMailbox& places);
 
-  // A snapshot of the state and of all that was announced.
+  // A snapshot of the state. The replies since the last one are heard together with it.
   void Publish();
 
-  // To be published. The proposal founded the active map, or founds none; the last of each kind stands.
-  void AnnounceFounding(std::uint64_t proposal) { founding_proposal_ = proposal; }
-  void AnnounceRefusal(std::uint64_t proposal) { refused_proposal_ = proposal; }
-  // The frame was found in the active map. Its pose goes along with the map until the next one is found.
+  // Room for one more reply: a step that may tell something begins only then, and tells one thing.
+  bool has_room() const { return state_.link.replies.size() < state_.link.replies.capacity(); }
+  // To be followed by Publish() in the same step. The proposal founded the active map, whose newest keyframe is its
+  // second view; or it founds none.
+  void AnnounceFounding(std::uint64_t proposal);
+  void AnnounceRefusal(std::uint64_t proposal) { Tell(version_ + 1, MapRefused{proposal}); }
+  // The frame was found in the active map.
   void AnnounceFound(std::uint32_t frame_index, const SE3& cam_from_map);
-  // A map was moved; the sequence is given here. The last kMaxReframings stand.
+  // A map was moved.
   void Reframe(const Reframing& reframing);
+  // Without a new snapshot: no map shows the frame.
+  void AnnounceNotFound() { Tell(version_, FrameNotFound{}); }
 
-  // Takes a pose in map `map_id`, which has been through the reframings up to `done`, to where it is now.
-  void FollowReframings(std::uint64_t done, MapId* map_id, SE3* cam_from_map) const;
-  // Of the last frame announced as found.
-  std::uint64_t found_sequence() const { return found_frame_.sequence; }
+  // Takes a pose in map `map_id`, which has been through the first `num_heard` reframings, to where it is now. False,
+  // with nothing touched: too much has happened since (kMaxReframings).
+  [[nodiscard]] bool FollowReframings(std::uint64_t num_heard, MapId* map_id, SE3* cam_from_map) const;
+  // Announced so far.
+  std::uint64_t num_found() const { return num_found_; }
 
   // Takes a feature set that the atlas has given up; it is released when neither a snapshot in use nor a question of
   // place recognition can name it.
@@ -52,6 +60,11 @@ class SnapshotPublisher {
   PoolUse pool_use() const;
 
  private:
+  void Tell(std::uint64_t version, const MapReply& reply);
+
+  // A keyframe waits while maps are joined and settle once; more than twice so much is never seen.
+  static constexpr std::size_t kMaxReframings = 16;
+
   struct RetiredSet {
     std::uint64_t version;    // first snapshot that does not refer to it
     std::uint64_t num_asked;  // questions before it went: any of them may name it
@@ -62,11 +75,9 @@ class SnapshotPublisher {
   const PlaceMailbox& places_;
   LocalMapBuilder builder_;
   std::uint64_t version_ = 0;
-  std::uint64_t founding_proposal_ = 0;
-  std::uint64_t refused_proposal_ = 0;
-  FoundFrame found_frame_;
-  MapId found_map_id_ = kNoId;
-  FixedVector<Reframing, kMaxReframings> reframings_;  // the latest ones, oldest first
+  std::uint64_t num_found_ = 0;
+  std::uint64_t num_reframings_ = 0;
+  std::array<Reframing, kMaxReframings> reframings_;  // the latest ones, by their number modulo the size
   std::vector<RetiredSet> retired_;
   std::atomic<std::uint32_t> keyframes_in_use_{0};
   std::atomic<std::uint32_t> points_in_use_{0};

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/atlas/atlas.h"
-#include "engine/atlas/local_map.h"
+#include "engine/atlas/reframing.h"
 #include "engine/geometry/sim3.h"
 #include "engine/optim/solve_state.h"
 #include "engine/place/common_area.h"
@@ -35,7 +35,7 @@ struct MergeOutcome {
   MapId map_id = kNoId;
   MapHandle absorbed;  // the other one, empty now; invalid for a loop
   MapId absorbed_map_id = kNoId;
-  // Where things at the plan's `tracked` went, for the tracker; `sequence` is left to the one who publishes it.
+  // Where things at the plan's `tracked` went, for the tracker.
   Reframing reframing;
   int num_fused = 0;  // points that were one and are one now
   int num_weld_keyframes = 0;

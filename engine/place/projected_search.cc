@@ -1,8 +1,6 @@
 #include "engine/place/projected_search.h"
 
-#include "engine/geometry/constants.h"
-
-#include <cmath>
+#include "engine/camera/view_queries.h"
 
 namespace haustra {
 
@@ -16,24 +14,16 @@ Status ProjectedSearch::Search(std::span<const SearchedPoint> points, const Sim3
   *num_visible = 0;
   queries_.clear();
   query_points_.clear();
-  const Eigen::Vector3d centre = view.cam_from_view_map.InverseTranslation();
-  const double min_cos = std::cos(config_.matching.max_view_angle_deg * kDegree);
-  const double tolerance = config_.matching.scale_tolerance;
-  const double gate = std::sqrt(kChi2TwoDof);
+  const ViewQueries view_queries(config_.matching, camera_, noise_, view.cam_from_view_map);
   const std::size_t max_queries = static_cast<std::size_t>(device_.plan().max_match_list);
   for (std::size_t i = 0; i < points.size() && queries_.size() < max_queries; ++i) {
-    const SearchedPoint& point = points[i];
-    const Eigen::Vector3d position = view_map_from_map * point.position;
-    const Eigen::Vector3d to_camera = centre - position;
-    const double distance = to_camera.norm();
-    if (distance <= 0.0) continue;
-    if ((view_map_from_map.rotation * point.normal).dot(to_camera) < min_cos * distance) continue;
-    Eigen::Vector2d pixel;
-    if (!camera_.Project(view.cam_from_view_map * position, &pixel) || !camera_.IsInImage(pixel)) continue;
-    const double scale = view_map_from_map.scale * point.scale_times_distance / distance;
-    queries_.push_back({point.descriptor, static_cast<float>(pixel.x()), static_cast<float>(pixel.y()),
-                        static_cast<float>(gate * noise_.SigmaPx(scale)), static_cast<float>(scale / tolerance),
-                        static_cast<float>(scale * tolerance)});
+    SearchedPoint point = points[i];
+    point.position = view_map_from_map * point.position;
+    point.normal = view_map_from_map.rotation * point.normal;
+    point.scale_times_distance *= view_map_from_map.scale;
+    GuidedQuery query;
+    if (!view_queries.OfPoint(point, &query)) continue;
+    queries_.push_back(query);
     query_points_.push_back(static_cast<std::int32_t>(i));
   }
   *num_visible = static_cast<int>(queries_.size());
@@ -45,8 +35,7 @@ Status ProjectedSearch::Search(std::span<const SearchedPoint> points, const Sim3
   request.queries = queries_;
   request.train = view.set;
   request.train_allowed = view.allowed;
-  request.options = {static_cast<float>(config_.matching.min_similarity),
-                     static_cast<float>(config_.matching.guided_ratio), false};
+  request.options = GuidedOptions(config_.matching);
   request.matches = matches_;
   request.num_matches = &num_matches;
   HAUSTRA_TRY(GuidedMatchAndWait(device_, Lane::kBackground, request));

@@ -1,9 +1,7 @@
 #include "engine/place/relocaliser.h"
 
 #include <algorithm>
-#include <cmath>
 
-#include "engine/geometry/constants.h"
 #include "engine/geometry/ellipse_spread.h"
 #include "engine/place/strongest_features.h"
 
@@ -45,7 +43,7 @@ Relocaliser::Relocaliser(const EngineConfig& config, const RelocalisationConfig&
       camera_(camera),
       device_(device),
       retrieval_(retrieval),
-      ransac_(config.features.max),
+      pose_from_matches_(camera, config.features.max),
       search_(config, noise, camera, device),
       collector_(config.memory.max_map_points),
       rng_(config.seed, kRelocaliserStream),
@@ -140,25 +138,21 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
 
   pairs_.clear();
   bearings_.clear();
-  positions_.clear();
-  tolerance_.clear();
-  const double gate = std::sqrt(kChi2TwoDof);
   for (std::int32_t m = 0; m < num_matches; ++m) {
-    const Pair pair = {matches_[m].query, points_[matches_[m].train]};
-    pairs_.push_back(pair);
-    bearings_.push_back(features.bearing(pair.feature_idx));
-    positions_.push_back(atlas.point(pair.point).position);
-    const double sigma = noise_.SigmaPx(features.keypoints[pair.feature_idx].scale_px);
-    tolerance_.push_back(gate * sigma / camera_.focal_px());
+    pairs_.push_back({matches_[m].query, points_[matches_[m].train]});
+    bearings_.push_back(features.bearing(matches_[m].query));
   }
+  ListPairs(atlas, features);
   AbsolutePoseRansac::Options ransac;
   ransac.max_iterations = options_.ransac_iterations;
   ransac.min_inliers = options_.min_ransac_inliers;
   AbsolutePoseRansac::Estimate estimate;
-  if (!ransac_.Run(bearings_, positions_, tolerance_, ransac, rng_, &estimate)) return RelocalisationVerdict::kNoPose;
+  if (!pose_from_matches_.Sample(bearings_, ransac, rng_, &estimate)) return RelocalisationVerdict::kNoPose;
   counts.num_ransac_inliers = estimate.num_inliers;
   PoseOptimizerResult result;
-  if (!Optimise(atlas, features, estimate.cam_from_world, &result)) return RelocalisationVerdict::kNoPose;
+  if (!pose_from_matches_.Fit(estimate.cam_from_world, options_.min_ransac_inliers, &result)) {
+    return RelocalisationVerdict::kNoPose;
+  }
   counts.num_agreeing = result.num_inliers;
   if (counts.num_agreeing < options_.min_match_share * counts.num_matches) {
     return RelocalisationVerdict::kLowMatchShare;
@@ -176,9 +170,12 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
     pairs_.clear();
     for (const FoundPoint& found : found_) pairs_.push_back({found.feature_idx, points_[found.point_idx]});
     counts.num_guided = static_cast<int>(pairs_.size());
-    if (!Optimise(atlas, features, result.cam_from_world, &result)) return RelocalisationVerdict::kFewInliers;
+    ListPairs(atlas, features);
+    if (!pose_from_matches_.Fit(result.cam_from_world, options_.min_ransac_inliers, &result)) {
+      return RelocalisationVerdict::kFewInliers;
+    }
   }
-  KeepInliers();
+  pose_from_matches_.KeepInliers(&pairs_);
   counts.num_inliers = static_cast<int>(pairs_.size());
   out->cam_from_map = result.cam_from_world;
   if (counts.num_inliers < options_.min_inliers) return RelocalisationVerdict::kFewInliers;
@@ -197,28 +194,12 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
   return RelocalisationVerdict::kAccepted;
 }
 
-bool Relocaliser::Optimise(const Atlas& atlas, const FrameFeatures& features, const SE3& initial,
-                           PoseOptimizerResult* result) {
-  observations_.clear();
+void Relocaliser::ListPairs(const Atlas& atlas, const FrameFeatures& features) {
+  pose_from_matches_.Clear();
   for (const Pair& pair : pairs_) {
-    observations_.push_back({atlas.point(pair.point).position, features.pixel(pair.feature_idx),
-                             noise_.SigmaPx(features.keypoints[pair.feature_idx].scale_px)});
+    pose_from_matches_.Add(atlas.point(pair.point).position, features.pixel(pair.feature_idx),
+                           noise_.SigmaPx(features.keypoints[pair.feature_idx].scale_px));
   }
-  inliers_.resize(observations_.size());
-  PoseOptimizerOptions options;
-  options.chi2_gate = kChi2TwoDof;
-  PoseOptimizerResult optimised;
-  if (!OptimizePose(camera_, observations_, initial, options, inliers_, &optimised)) return false;
-  *result = optimised;
-  return optimised.num_inliers >= options_.min_ransac_inliers;
-}
-
-void Relocaliser::KeepInliers() {
-  std::size_t num = 0;
-  for (std::size_t i = 0; i < pairs_.size(); ++i) {
-    if (inliers_[i] != 0) pairs_[num++] = pairs_[i];
-  }
-  pairs_.resize(num);
 }
 
 RelocalisationVerdict Relocaliser::CheckCertainty(const Atlas& atlas, const PoseOptimizerResult& result,

@@ -13,10 +13,9 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
-#include "engine/geometry/absolute_pose.h"
 #include "engine/geometry/rng.h"
 #include "engine/noise_model.h"
-#include "engine/optim/pose_optimizer.h"
+#include "engine/optim/pose_from_matches.h"
 #include "engine/place/place_config.h"
 #include "engine/place/projected_search.h"
 #include "engine/place/retrieval.h"
@@ -92,8 +91,7 @@ class Relocaliser {
 
   RelocalisationVerdict Try(const Atlas& atlas, const FrameFeatures& features, KeyframeHandle candidate,
                             Relocalisation* out);
-  bool Optimise(const Atlas& atlas, const FrameFeatures& features, const SE3& initial, PoseOptimizerResult* result);
-  void KeepInliers();
+  void ListPairs(const Atlas& atlas, const FrameFeatures& features);
   bool IsTried(KeyframeHandle keyframe) const;
   RelocalisationVerdict TryNext(const Atlas& atlas, const FrameFeatures& features, const RetrievalCandidate& candidate,
                                 Relocalisation* out);
@@ -110,7 +108,7 @@ class Relocaliser {
   const CameraModel& camera_;
   VisionDevice& device_;
   KeyframeRetrieval& retrieval_;
-  AbsolutePoseRansac ransac_;
+  PoseFromMatches pose_from_matches_;
   ProjectedSearch search_;
   PointCollector collector_;
   Rng rng_;
@@ -129,10 +127,6 @@ class Relocaliser {
   std::vector<FoundPoint> found_;
   std::vector<Pair> pairs_;
   std::vector<Eigen::Vector3d> bearings_;
-  std::vector<Eigen::Vector3d> positions_;
-  std::vector<double> tolerance_;
-  std::vector<PoseObservation> observations_;
-  std::vector<std::uint8_t> inliers_;
 };
 
 }  // namespace haustra

@@ -74,6 +74,22 @@ bool FrameBudget::MayRecover(bool is_lost) {
   return false;
 }
 
+bool FrameBudget::MayInitialise() {
+  may_take_its_time_ = num_initialise_refusals_ >= kMaxRefusals;
+  if (may_take_its_time_ || CanAfford(Stage::kInitialise)) return true;
+  EndInitialising(true);
+  return false;
+}
+
+TimePoint FrameBudget::initialise_deadline() const {
+  return is_limited() && may_take_its_time_ ? Now() + kLateWait : wait_deadline();
+}
+
+void FrameBudget::EndInitialising(bool is_stopped) {
+  num_initialise_refusals_ = is_stopped ? num_initialise_refusals_ + 1 : 0;
+  if (is_stopped) StepDown(Rung::kNoRecovery);
+}
+
 void FrameBudget::StepDown(Rung rung) {
   if (rung > rung_) rung_ = rung;
 }

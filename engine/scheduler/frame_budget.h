@@ -62,6 +62,14 @@ class FrameBudget {
   // As CanAfford for recovery, which steps down when it is refused. After kMaxRefusals refusals in a row it is run
   // whatever it takes: a lost frame has no pose that could be late.
   bool MayRecover(bool is_lost);
+  // Whether a map may be looked for in this frame. Refused without time, which is a step down; what was begun is
+  // stopped when the frame's time is over. After kMaxRefusals frames in a row without an end to it, it takes its time.
+  bool MayInitialise();
+  bool ShouldStopInitialising() const { return !may_take_its_time_ && is_over(); }
+  // When to stop waiting for the device in it.
+  TimePoint initialise_deadline() const;
+  // After MayInitialise has said yes.
+  void EndInitialising(bool is_stopped);
   // The frame stands at least so far down.
   void StepDown(Rung rung);
 
@@ -109,7 +117,9 @@ class FrameBudget {
   TimePoint deadline_ = kNoDeadline;
   bool has_fewer_features_ = false;
   bool has_fewer_points_ = false;
-  int num_recovery_refusals_ = 0;  // in a row
+  int num_recovery_refusals_ = 0;    // in a row
+  int num_initialise_refusals_ = 0;  // in a row
+  bool may_take_its_time_ = false;   // the attempt to found a map
   Rung rung_ = Rung::kFull;
 };
 

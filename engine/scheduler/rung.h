@@ -8,7 +8,7 @@ namespace haustra {
 
 enum class Rung : std::uint8_t {
   kFull = 0,       // nothing was left out
-  kNoRecovery,     // guided search failed, and brute force would have taken too long
+  kNoRecovery,     // brute force would have taken too long: after a guided search that failed, or to found a map
   kFewerFeatures,  // of the picture, and no fine ones
   kFewerPoints,    // of the local map
   kPredicted,      // no measurement in time: the pose is the prediction, or there is none

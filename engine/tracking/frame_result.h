@@ -46,7 +46,7 @@ struct FrameResult {
   // While tracking: pose in the map that is active now, and relative to a keyframe, so that the final pose can be had
   // from Engine::Resolve when the map has been optimised, merged or moved since.
   MapId map_id = kNoId;
-  // Reframings (local_map.h) so far. Two poses compare only when map and epoch agree.
+  // Reframings (engine/atlas/reframing.h) so far. Two poses compare only when map and epoch agree.
   std::uint64_t map_epoch = 0;
   SE3 cam_from_map;
   KeyframeId reference_keyframe = kNoId;

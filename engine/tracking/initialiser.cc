@@ -100,8 +100,9 @@ void Initialiser::MoveInto(KeyframeProposal* proposal) {
   num_between_ = 0;
 }
 
-TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
-  const TrackingReason reason = Compare(view, deadline);
+TrackingReason Initialiser::Try(const ProposedView& view, const FrameBudget& budget) {
+  const TrackingReason reason = Compare(view, budget);
+  if (reason == TrackingReason::kNoTime) return reason;
   const bool was_unexplained = is_unexplained_;
   is_unexplained_ = reason == TrackingReason::kNoEpipolarGeometry;
   if (is_unexplained_ && !was_unexplained) unexplained_since_ = view.timestamp;
@@ -111,7 +112,7 @@ TrackingReason Initialiser::Try(const ProposedView& view, TimePoint deadline) {
   return reason;
 }
 
-TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline) {
+TrackingReason Initialiser::Compare(const ProposedView& view, const FrameBudget& budget) {
   const InitialisationConfig& options = config_.initialisation;
   num_matches_ = num_inliers_ = num_pairs_ = 0;
 
@@ -123,7 +124,9 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
   request.disparity = &window_;
   request.matches = matches_;
   request.num_matches = &num_matches_;
-  if (!lane_.Match(request, deadline).ok()) return TrackingReason::kFewMatches;
+  if (!lane_.Match(request, budget.initialise_deadline()).ok()) {
+    return lane_.has_pending() ? TrackingReason::kNoTime : TrackingReason::kFewMatches;
+  }
   num_matches_ = overlay_.Sift(reference_.features, view.features,
                                std::span(matches_).first(static_cast<std::size_t>(num_matches_)), reference_.timestamp,
                                view.timestamp);
@@ -144,7 +147,10 @@ TrackingReason Initialiser::Compare(const ProposedView& view, TimePoint deadline
     tolerance_.push_back(kGateOneDof * sigma / camera_.focal_px());
   }
   TwoViewRansac::Estimate estimate;
-  const bool found = ransac_.Run(bearings_a_, bearings_b_, tolerance_, TwoViewRansac::Options{}, rng_, &estimate);
+  TwoViewRansac::Options ransac;
+  ransac.should_stop = [&budget] { return budget.ShouldStopInitialising(); };
+  const bool found = ransac_.Run(bearings_a_, bearings_b_, tolerance_, ransac, rng_, &estimate);
+  if (!found && budget.ShouldStopInitialising()) return TrackingReason::kNoTime;
   num_inliers_ = found ? estimate.num_inliers : 0;
   if (!found || num_inliers_ < options.min_points || num_inliers_ < options.min_inlier_share * num_matches_) {
     return TrackingReason::kNoEpipolarGeometry;

@@ -11,6 +11,7 @@
 #include "engine/config.h"
 #include "engine/geometry/rng.h"
 #include "engine/geometry/two_view.h"
+#include "engine/scheduler/frame_budget.h"
 #include "engine/scheduler/lane_wait.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/keyframe_proposal.h"
@@ -43,9 +44,9 @@ class Initialiser {
   // next one. A reference that shares less and less with the present still leaves half of the baseline behind.
   void RenewReference();
 
-  // Compares the view with the reference; means nothing when the lane has a request pending afterwards: then there was
-  // no time. kMapProposed: MoveInto() gives what founds the map.
-  TrackingReason Try(const ProposedView& view, TimePoint deadline);
+  // Compares the view with the reference, as long as the frame's time allows (FrameBudget::ShouldStopInitialising).
+  // kNoTime: it was stopped, and all is as before. kMapProposed: MoveInto() gives what founds the map.
+  TrackingReason Try(const ProposedView& view, const FrameBudget& budget);
   // After Try: the reference has little in common with what is seen now, or no motion explains it any more.
   bool is_worn_out() const { return is_worn_out_; }
 
@@ -64,7 +65,7 @@ class Initialiser {
   OverlayWatch& overlay_;
   const DisparityWindow window_;
   const double scene_share_;
-  TrackingReason Compare(const ProposedView& view, TimePoint deadline);
+  TrackingReason Compare(const ProposedView& view, const FrameBudget& budget);
 
   TwoViewRansac ransac_;
   Rng rng_;

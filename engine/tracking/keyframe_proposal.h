@@ -62,13 +62,13 @@ struct KeyframeProposal {
 
   ProposalKind kind = ProposalKind::kKeyframe;
   ProposedView view;
-  NoiseModel noise;                       // as measured up to this frame
-  std::uint64_t relocalisation_done = 0;  // the last relocalisation (local_map.h) that the tracker had heard of
+  NoiseModel noise;                   // as measured up to this frame
+  std::uint64_t num_found_heard = 0;  // frames that the mapper had found and the tracker had heard of (map_reply.h)
 
   // A keyframe of an existing map: its pose and the points that its features were found to show.
   MapId map_id = kNoId;
   SE3 cam_from_map;
-  std::uint64_t reframing_done = 0;         // the last reframing (local_map.h) that the pose has been through
+  std::uint64_t num_reframings_heard = 0;   // those that the pose has been through (map_reply.h)
   std::pmr::vector<MapPointHandle> points;  // [0, view.features.num)
 
   // A new map: the other view, the motion between them with a baseline of one, and the triangulated pairs.

@@ -1,60 +1,38 @@
 // Answers every frame with a camera pose or an honest 'lost' (system.md 5, 6 and 8). Reads the newest LocalMap
 // snapshot, never the atlas; proposes keyframes and new maps through a ring and never waits for the mapper.
-//   tracking: predict, guided search of the last frame's points, pose; guided search of the local map, pose;
-//             too little found: brute force against the local map's descriptors, RANSAC, guided search, pose
-//   lost:     the same brute force against the last window, a request to find the frame in any map (the mapper
-//             answers with a snapshot of that place), and the initialisation of a new map, all on every frame
+//   tracking: predict, guided search of the last frame's points, pose; guided search of the local map, pose
+//             (pose_search.h); too little found: brute force against the local map (pose_recovery.h)
+//   lost:     the pose that the mapper has answered with, if any; else the same brute force, a request to find the
+//             frame in any map, and the initialisation of a new map (proposer.h), all on every frame
+// What it knows between two frames is a state of tracker_state.h, which the mapper's replies change (map_reply.h).
 // A frame with a deadline walks down the ladder of engine/scheduler before it misses it; what the device has not
 // answered by then is left for the next frame to collect, and the pose is the prediction. Full: without a feature set
-// the frame is answered as a damaged one and counted; a proposal that finds the ring full is given up and counted: at
-// most two wait at a time (a keyframe or a frame without a place, and a new map).
+// the frame is answered as a damaged one and counted.
 // thread-bound(tracking); rt-safe after construction: no allocation, no lock, no wait but for the vision device.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "engine/atlas/local_map.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
-#include "engine/geometry/absolute_pose.h"
-#include "engine/geometry/rng.h"
-#include "engine/optim/pose_optimizer.h"
 #include "engine/scheduler/frame_budget.h"
 #include "engine/scheduler/lane_wait.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/initialiser.h"
-#include "engine/tracking/keyframe_proposal.h"
 #include "engine/tracking/noise_meter.h"
 #include "engine/tracking/overlay_watch.h"
-#include "hal/core/mailbox.h"
-#include "hal/core/spsc_ring.h"
+#include "engine/tracking/pose_recovery.h"
+#include "engine/tracking/pose_search.h"
+#include "engine/tracking/proposer.h"
+#include "engine/tracking/tracker_state.h"
+#include "engine/tracking/tracking_link.h"
 #include "hal/frame_source.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
-
-// The only things that tracking and mapping share.
-struct TrackingLink {
-  TrackingLink(int num_proposals, int max_features, int max_between, int max_local_points,
-               std::pmr::memory_resource* memory = std::pmr::get_default_resource())
-      : proposals(static_cast<std::size_t>(num_proposals), memory, max_features, max_between, memory),
-        snapshots(memory, max_local_points, memory) {}
-  // A line each for proposals and snapshots.
-  static MemoryPlan PlanMemory(int num_proposals, int max_features, int max_between, int max_local_points);
-
-  SpscRing<KeyframeProposal> proposals;  // tracking to mapping
-  LatestMailbox<LocalMap> snapshots;     // mapping to tracking
-  // Version of the snapshot that the tracker used in its last finished frame: what older ones alone refer to may go.
-  std::atomic<std::uint64_t> version_done{0};
-  // Proposals waiting or being worked on: the mapper is busy while this is not zero.
-  std::atomic<int> num_pending{0};
-  // Placeless frames that the mapper has finished with; what came of them is in the snapshot before this counts them.
-  std::atomic<std::uint64_t> num_placeless_done{0};
-};
 
 class Tracker {
  public:
@@ -76,75 +54,39 @@ class Tracker {
   // A frame that could not be read: counts as lost, breaks nothing.
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp);
 
-  TrackingState state() const { return state_; }
+  TrackingState state() const { return StateOf(state_); }
   // Frames for which the device had no feature set left. Any thread.
   std::uint64_t num_sets_refused() const { return num_sets_refused_.load(std::memory_order_relaxed); }
 
  private:
-  // A feature of the current frame and the snapshot point that it shows.
-  struct PointMatch {
-    std::int32_t feature_idx = -1;
-    std::int32_t point_idx = -1;
+  enum class Outcome {
+    kPose,    // and the state is Tracking
+    kNoPose,  // and the state is another
+    kNoTime,  // nobody knows; the state is what it was, or the start that was tried
   };
 
-  // What makes a pose, to return to when another one is no better.
-  struct KeptPose {
-    std::vector<PointMatch> matches;
-    SE3 pose;
-    Matrix6d information = Matrix6d::Zero();
-    int num_expected = 0;
-  };
-
+  void HearMapper();
   bool NeedsAllFeatures() const;
-  void Measure(const Frame& frame, FrameResult* result);
+  Outcome Measure(const Frame& frame, FrameResult* result);
   bool Extract(const Frame& frame);
-  void ReadSnapshot();
-  void TrackMap(FrameResult* result);
-  void FindMap(FrameResult* result);
-  void Adopt();
-  bool AdoptFoundFrame(FrameResult* result);
-  void AnswerWithoutMeasurement(FrameResult* result);
-  SE3 Predict() const;
-  void ContinueFrom(const SE3& pose, std::uint32_t frame_index);
 
-  bool SearchAroundPrediction(const SE3& predicted);
-  bool SearchLastFrame(const SE3& predicted, double radius_px);
-  Stage LocalMapStage() const;
-  bool FitLocalMap(double min_radius_px);
-  bool SearchLocalMap(double min_radius_px);
-  bool IsSuddenlyThin() const;
-  void LookAround();
-  void KeepPose(KeptPose* kept) const;
-  void ReturnTo(const KeptPose& kept);
-  bool SearchByBruteForce();
-  GuidedQuery Displaced(GuidedQuery query, bool along_x) const;
-  bool MeasureChance();
-  double NumByChance() const;
-  bool IsTrackedPoseEvident();
-  bool HasEvidence(int min_inliers) const;
-  bool RunGuided();
-  bool GuidedMatch(std::span<const GuidedQuery> queries);
-  bool OptimiseMatches();
-  const NoiseModel& noise() const { return noise_meter_.model(); }
-  void MeasureNoise();
-  void WatchOverlay();
-  void KeepInliers();
-  void CountMatches();
+  Outcome TrackMap(FrameResult* result);
+  TrackingReason SearchGuided(const Tracking& tracking, FrameResult* result);
   bool IsPlausibleMotion(const SE3& predicted) const;
-  bool RecoverPose();
-  void RecoverOrConfirm(bool* has_pose, FrameResult* result);
-  bool IsQuestionedPoseConfirmed();
-  bool BruteForceAgrees(double min_share) const;
-  bool IsChosenPoseEvident();
+  SE3 Predict(const Tracking& tracking) const;
 
-  void ConsiderKeyframe(FrameResult* result);
-  void ProposeKeyframe(FrameResult* result);
-  void ProposeMap();
-  void AskForPlace();
-  void FillPose(FrameResult* result);
-  int NearestKeyframe() const;
-  void EndFrame();
-  void EndUnmeasuredFrame();
+  Outcome FindMap(FrameResult* result);
+  Outcome TryStart(const Start& start, FrameResult* result);
+  Outcome BeginMap(Lost* lost, FrameResult* result);
+
+  void AnswerWithPose(FrameResult* result);
+  void AnswerWithoutMeasurement(FrameResult* result);
+  void MeasureNoise(const Tracking& tracking);
+  void WatchOverlay(MapId map_id);
+  void ConsiderKeyframe(const LocalKeyframe& reference, Tracking* tracking, FrameResult* result);
+  void KeepFrame(Tracking* tracking);
+  void ForgetLastFrame();
+  void DropFrame();
   void SetLost();
 
   const LocalMap& local_map() const { return link_.snapshots.ReadSlot(); }
@@ -153,79 +95,28 @@ class Tracker {
   const CameraModel& camera_;
   VisionDevice& device_;
   TrackingLink& link_;
+  std::atomic<std::uint64_t> num_sets_refused_{0};
+
+  TrackerState state_ = Lost{};
+  RepliesHeard heard_;
+  ProposedView current_;
+  bool is_set_given_ = false;  // the current feature set has a new owner: mapper or initialiser
+  LastFrame last_;
+  bool owns_last_set_ = false;
+
   FrameBudget budget_;
   LaneWait lane_;
   NoiseMeter noise_meter_;
-  bool has_no_time_ = false;  // the frame is answered without a measurement
-  bool pose_stands_ = false;  // it is tracked, whatever the device has not answered in time
-  double motion_radius_px_;
   OverlayWatch overlay_;
   Initialiser initialiser_;
-  AbsolutePoseRansac absolute_pose_;
-  Rng rng_;
+  PoseSearch search_;
+  PoseRecovery recovery_;
+  Proposer proposer_;
 
-  std::atomic<std::uint64_t> num_sets_refused_{0};
-  TrackingState state_ = TrackingState::kInitialising;
-  bool had_map_ = false;  // a map was tracked before: relocalisation has something to look for
-  MapId map_id_ = kNoId;
-  std::uint64_t next_founding_id_ = 1;
-  std::uint64_t awaited_founding_ = 0;  // 0: none
-  std::uint64_t reframing_done_ = 0;
-  std::uint64_t relocalisation_done_ = 0;
-  std::uint64_t num_placeless_ = 0;  // frames whose place was asked for
-  bool is_asking_ = false;           // the last of them is not answered yet
-
-  ProposedView current_;
-  SE3 pose_;  // of the current frame, cam_from_map
-  std::vector<PointMatch> matches_;
-  std::vector<PointMatch> seeds_;  // found around the prediction, right or wrong
-  KeptPose narrow_;                // before LookAround
-  KeptPose questioned_;            // before RecoverOrConfirm
-  std::vector<PointMatch> alike_;  // all that brute force found in the current frame
-
-  bool has_last_ = false;
-  FrameFeatures last_;
-  bool owns_last_set_ = false;
-  SE3 last_pose_;
-  std::uint32_t last_pose_frame_ = 0;  // frame that last_pose_ belongs to
-  std::uint32_t founding_frame_ = 0;   // second view of the awaited map
-  std::vector<std::pair<std::int32_t, MapPointHandle>> last_matches_;
-  SE3 velocity_;  // cam_now_from_cam_before, one frame
-  bool has_velocity_ = false;
-
-  TimePoint last_keyframe_time_;
-  TimePoint last_timestamp_;
-  SE3 last_keyframe_pose_;
-  KeyframeId last_reference_ = kNoId;  // keyframe that the last pose was given relative to
-  int num_predicted_ = 0;              // frames in a row
-  bool current_is_proposed_ = false;   // its feature set has a new owner: mapper or initialiser
-
-  // Workspaces.
-  std::vector<GuidedQuery> queries_;
-  std::vector<GuidedQuery> decoys_;
-  std::vector<std::int32_t> query_points_;
-  std::vector<Match> found_;
-  std::int32_t num_found_ = 0;
-  std::vector<std::uint8_t> allowed_;
-  std::vector<std::uint8_t> is_matched_point_;
-  std::vector<PoseObservation> observations_;
-  std::vector<std::uint8_t> inliers_;
-  std::vector<DescriptorRef> refs_;
-  std::vector<Eigen::Vector2d> pixels_;
-  std::vector<Eigen::Vector3d> bearings_;
-  std::vector<Eigen::Vector3d> points_;
-  std::vector<double> tolerance_;
-  int num_expected_ = 0;     // established points that should be visible from the pose
-  int num_established_ = 0;  // established points among the matches
-  bool has_chance_rate_ = false;
-  double chance_rate_ = 0.0;                 // of the local map's points, those that are found where they are not
-  double num_searched_ = 0.0;                // points of the local map in view
-  Matrix6d information_ = Matrix6d::Zero();  // of pose_, from the last optimisation
-  double median_depth_ = 1.0;
-  std::vector<double> depths_;
-  std::vector<OverlayWatch::Tracked> tracked_;
-  SE3 overlay_pose_;  // of the frame that overlay_ keeps, in map overlay_map_
+  TimePoint last_timestamp_;  // of the last frame with a pose
+  SE3 overlay_pose_;          // of the frame that overlay_ keeps, in map overlay_map_
   MapId overlay_map_ = kNoId;
+  std::vector<OverlayWatch::Tracked> tracked_;  // workspace
 };
 
 }  // namespace haustra

@@ -288,9 +288,36 @@ TEST(TwoViewRansac, RunNeverAllocates) {
   TwoViewRansac ransac(250);
   TwoViewRansac::Estimate estimate;
   const test::AllocationCounter counter;
-  const bool found = ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate);
+  TwoViewRansac::Options options;
+  options.should_stop = [&counter] { return counter.count() > 0; };
+  const bool found = ransac.Run(scene.a, scene.b, scene.tolerance, options, rng, &estimate);
   EXPECT_EQ(counter.count(), 0u);
   EXPECT_TRUE(found);
+}
+
+// At whichever question the caller says so: before a trial, or before the end.
+TEST(TwoViewRansac, StopsWhenItIsToldAndKeepsItsOutputs) {
+  Rng scene_rng(11);
+  const TwoViewScene scene =
+      MakeTwoViewScene(scene_rng, Shape::kTube, 250, Eigen::Vector3d(0.3, 0.1, -0.2), 0.3, kHalfPixelRad);
+  TwoViewRansac ransac(250);
+  int num_asked = 0, stop_at = 0;
+  TwoViewRansac::Options options;
+  options.should_stop = [&] { return ++num_asked == stop_at; };
+  TwoViewRansac::Estimate estimate;
+  Rng rng(12);
+  ASSERT_TRUE(ransac.Run(scene.a, scene.b, scene.tolerance, options, rng, &estimate));
+  const int num_questions = num_asked;
+  ASSERT_GE(num_questions, 3);
+  for (stop_at = 1; stop_at <= num_questions; ++stop_at) {
+    num_asked = 0;
+    estimate.num_inliers = -7;
+    Rng again(12);
+    EXPECT_FALSE(ransac.Run(scene.a, scene.b, scene.tolerance, options, again, &estimate)) << stop_at;
+    EXPECT_EQ(num_asked, stop_at);
+    EXPECT_EQ(estimate.num_inliers, -7);
+    EXPECT_EQ(std::count(ransac.inliers().begin(), ransac.inliers().end(), 0), 250);
+  }
 }
 
 }  // namespace

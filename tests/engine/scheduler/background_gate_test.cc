@@ -15,9 +15,9 @@ namespace {
 using std::chrono::milliseconds;
 
 // Frames at 0, 40, 80 ms, each tracked for `busy`; the script runs as the clock moves.
-class Tracking {
+class TrackingThread {
  public:
-  explicit Tracking(Duration busy) : gate_(clock_, 0.98, &Tracking::Sleep, this) {
+  explicit TrackingThread(Duration busy) : gate_(clock_, 0.98, &TrackingThread::Sleep, this) {
     for (int i = 0; i < 10; ++i) {
       const TimePoint due(i * milliseconds(40));
       script_.emplace(due, [this] { gate_.FrameBegins(); });
@@ -47,7 +47,7 @@ class Tracking {
 
  private:
   static void Sleep(void* self, Duration duration) {
-    auto& tracking = *static_cast<Tracking*>(self);
+    auto& tracking = *static_cast<TrackingThread*>(self);
     tracking.AdvanceTo(tracking.clock_.Now() + duration);
   }
 
@@ -57,7 +57,7 @@ class Tracking {
 };
 
 TEST(BackgroundGate, RequestThatFitsIntoTheGapGoesAtOnce) {
-  Tracking tracking(milliseconds(15));
+  TrackingThread tracking(milliseconds(15));
   tracking.gate().Leave(milliseconds(5));
   EXPECT_EQ(tracking.EnterAt(20), 20);
   EXPECT_EQ(tracking.EnterAt(35), 35);
@@ -65,7 +65,7 @@ TEST(BackgroundGate, RequestThatFitsIntoTheGapGoesAtOnce) {
 }
 
 TEST(BackgroundGate, RequestNearTheNextFrameWaitsUntilItIsAnswered) {
-  Tracking tracking(milliseconds(15));
+  TrackingThread tracking(milliseconds(15));
   tracking.gate().Leave(milliseconds(5));
   const double entered = tracking.EnterAt(36);
   EXPECT_GE(entered, 55);
@@ -75,12 +75,12 @@ TEST(BackgroundGate, RequestNearTheNextFrameWaitsUntilItIsAnswered) {
 }
 
 TEST(BackgroundGate, RequestDuringAFrameWaitsUntilItIsAnswered) {
-  Tracking tracking(milliseconds(15));
+  TrackingThread tracking(milliseconds(15));
   EXPECT_GE(tracking.EnterAt(45), 55);
 }
 
 TEST(BackgroundGate, LongRequestGoesRightAfterAFrame) {
-  Tracking tracking(milliseconds(15));
+  TrackingThread tracking(milliseconds(15));
   for (int i = 0; i < 3; ++i) tracking.gate().Leave(milliseconds(60));  // fits into no gap
   const double entered = tracking.EnterAt(20);
   EXPECT_GE(entered, 55);
@@ -88,13 +88,13 @@ TEST(BackgroundGate, LongRequestGoesRightAfterAFrame) {
 }
 
 TEST(BackgroundGate, TrackingWithoutAPauseStopsNothing) {
-  Tracking tracking(milliseconds(40));  // ends when the next begins
+  TrackingThread tracking(milliseconds(40));  // ends when the next begins
   const double entered = tracking.EnterAt(50);
   EXPECT_LE(entered, 125);
 }
 
 TEST(BackgroundGate, FrameThatNeverComesIsNotWaitedForForEver) {
-  Tracking tracking(milliseconds(15));
+  TrackingThread tracking(milliseconds(15));
   tracking.EndsAfter(2);
   tracking.gate().Leave(milliseconds(5));
   const double entered = tracking.EnterAt(38);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
 #include "engine/geometry/rng.h"
@@ -203,6 +204,53 @@ TEST(FrameBudget, RecoveryWhileTrackingIsNeverWorthTheDeadline) {
     EXPECT_FALSE(budget.MayRecover(false)) << i;
     budget.EndFrame();
   }
+}
+
+// An attempt to found a map that would take 60 ms: begun while that is not known, stopped when the frame's time is
+// over, then refused; the fourth frame lets it have its end. What it took is known then.
+TEST(FrameBudget, FoundingIsStoppedOrRefusedWithoutTimeAndTakesItInTheEnd) {
+  Driver driver;
+  FrameBudget& budget = driver.budget();
+  std::string story;
+  for (int i = 0; i < 9; ++i) {
+    const TimePoint due = driver.clock().Now();
+    budget.BeginFrame(due + kPeriodOfBudget, false, false);
+    if (!budget.MayInitialise()) {
+      story += "refused ";
+      EXPECT_EQ(budget.rung(), Rung::kNoRecovery);
+    } else {
+      int ms = 0;
+      {
+        const FrameBudget::Timer timer(budget, Stage::kInitialise);
+        for (; ms < 60 && !budget.ShouldStopInitialising(); ++ms) driver.clock().Advance(milliseconds(1));
+      }
+      budget.EndInitialising(ms < 60);
+      story += ms < 60 ? "stopped " : "done ";
+      EXPECT_EQ(budget.rung(), ms < 60 ? Rung::kNoRecovery : Rung::kFull);
+      EXPECT_EQ(driver.clock().Now() > due + kPeriodOfBudget, ms == 60);
+    }
+    budget.EndFrame();
+    driver.clock().AdvanceTo(due + kPeriodOfBudget);
+  }
+  EXPECT_EQ(story, "stopped refused refused done refused refused refused done refused ");
+}
+
+TEST(FrameBudget, FoundingThatTakesItsTimeWaitsForTheDeviceBeyondTheDeadline) {
+  Driver driver;
+  FrameBudget& budget = driver.budget();
+  for (int i = 0; i < 4; ++i) {
+    const TimePoint due = driver.clock().Now();
+    budget.BeginFrame(due + kPeriodOfBudget, false, false);
+    ASSERT_TRUE(budget.MayInitialise());
+    EXPECT_EQ(budget.initialise_deadline() > due + kPeriodOfBudget, i == 3) << i;
+    budget.EndInitialising(i < 3);
+    budget.EndFrame();
+  }
+  FrameBudget timeless(SchedulerConfig{}, nullptr);
+  timeless.BeginFrame(kNoDeadline, false, false);
+  EXPECT_TRUE(timeless.MayInitialise());
+  EXPECT_FALSE(timeless.ShouldStopInitialising());
+  EXPECT_EQ(timeless.initialise_deadline(), kNoDeadline);
 }
 
 TEST(FrameBudget, LostFrameGetsAllFeaturesAndTheTimeForThem) {

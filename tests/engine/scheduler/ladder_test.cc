@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -36,10 +37,14 @@ struct Answer {
 class Camera {
  public:
   explicit Camera(int num_frames, bool degrade = true, double reduced_share = 0.5)
+      : Camera([=](ScriptedColon& colon) {
+          colon.config().scheduler.degrade = degrade;
+          colon.config().scheduler.reduced_share = reduced_share;
+          colon.Move(0.0, 0.03 * num_frames, num_frames);
+        }) {}
+  explicit Camera(const std::function<void(ScriptedColon&)>& script)
       : device_(colon_.device(), clock_, [this](TimePoint time) { clock_.AdvanceTo(time); }) {
-    colon_.config().scheduler.degrade = degrade;
-    colon_.config().scheduler.reduced_share = reduced_share;
-    colon_.Move(0.0, 0.03 * num_frames, num_frames);
+    script(colon_);
     device_.SetModel(kFast);
     engine_ = colon_.MakeEngine(Engine::Mode::kRealTime, device_, &clock_);
   }
@@ -250,6 +255,36 @@ TEST(Ladder, PredictedPoseLiesOnTheCourse) {
   EXPECT_NE(predicted.result.reference_keyframe, kNoId);
 }
 
+// haustra_pose_ring.h: poses compare when map and epoch agree. Two maps are joined, and the first frame that hears of
+// it is answered with a prediction.
+TEST(Ladder, PredictedPoseCarriesMapAndEpochOfThePoseThatWouldHaveBeenMeasured) {
+  const auto come_back = [](ScriptedColon& colon) {
+    colon.Move(0.0, 4.0, 100);
+    colon.Occlude(5);
+    colon.Move(9.0, 3.0, 150);
+  };
+  Camera undisturbed(come_back), camera(come_back);
+  std::vector<Answer> answers;
+  while (answers.size() < 250 && (answers.empty() || answers.back().result.map_epoch == 0)) {
+    answers.push_back(undisturbed.Next());
+  }
+  const FrameResult joined = answers.back().result;
+  ASSERT_GT(joined.map_epoch, 0u) << "no map was moved";
+  ASSERT_EQ(joined.reason, TrackingReason::kTracked);
+  camera.Next(static_cast<int>(answers.size()) - 1);
+  TimedVisionDevice::Model stalled = kFast;
+  stalled.extract = milliseconds(38);
+  camera.SetModel(stalled);
+  const FrameResult predicted = camera.Next().result;
+  ASSERT_EQ(predicted.reason, TrackingReason::kPredicted);
+  EXPECT_EQ(predicted.map_id, joined.map_id);
+  EXPECT_EQ(predicted.map_epoch, joined.map_epoch);
+  const Eigen::Vector3d apart = predicted.cam_from_map.InverseTranslation() - joined.cam_from_map.InverseTranslation();
+  const FrameResult later = undisturbed.Next().result;
+  const Eigen::Vector3d step = later.cam_from_map.InverseTranslation() - joined.cam_from_map.InverseTranslation();
+  EXPECT_LT(apart.norm(), step.norm());
+}
+
 TEST(Ladder, ShortStallCostsItsFrameAndNoMore) {
   Camera camera(200);
   camera.Next(100);
@@ -262,6 +297,21 @@ TEST(Ladder, ShortStallCostsItsFrameAndNoMore) {
   EXPECT_GE(Count(answers, Rung::kFull), 48);
   ExpectInTime(answers);
   for (const Answer& answer : answers) EXPECT_EQ(answer.result.state, TrackingState::kTracking);
+}
+
+// Extraction takes 10 ms, and to compare two views 35: no frame has so much time. It is taken now and then, since a
+// scope without a map has no pose that could be late.
+TEST(Ladder, MapIsFoundedWhereNoFrameHasTheTimeForIt) {
+  Camera camera(200);
+  TimedVisionDevice::Model slow = kFast;
+  slow.match = milliseconds(35);
+  camera.SetModel(slow);
+  const std::vector<Answer> answers = camera.Next(100);
+  EXPECT_EQ(answers.back().result.state, TrackingState::kTracking);
+  const auto is_late = [](const Answer& answer) { return answer.latency > kFramePeriod; };
+  EXPECT_LE(std::count_if(answers.begin(), answers.end(), is_late), 25);
+  const auto has_no_time = [](const Answer& answer) { return answer.result.reason == TrackingReason::kNoTime; };
+  EXPECT_GE(std::count_if(answers.begin(), answers.end(), has_no_time), 3);
 }
 
 TEST(Ladder, SwitchedOffWaitsForEverything) {

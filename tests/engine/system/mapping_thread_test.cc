@@ -23,8 +23,7 @@ class WatchedClock final : public Clock {
 class MappingThread : public testing::Test {
  protected:
   MappingThread()
-      : link_(config_.memory.max_proposals, config_.features.max, config_.initialisation.kept_views,
-              config_.memory.max_local_points),
+      : link_(config_),
         places_(config_, std::pmr::get_default_resource()),
         mapper_(config_, colon_.camera(), colon_.device(), link_, places_, &clock_, true, nullptr),
         tracker_(config_, colon_.camera(), colon_.device(), link_, nullptr, 1.0) {
@@ -94,6 +93,18 @@ TEST_F(MappingThread, BundleIsStoppedByAProposalThatWaits) {
   ASSERT_TRUE(mapper_.Step());
   EXPECT_EQ(mapper_.counters().num_bundles_stopped, before + 1) << "nobody waited";
   EXPECT_GT(num_looks, num_looks_stopped);
+}
+
+// Nothing is lost for want of room: what cannot be told is not done.
+TEST_F(MappingThread, NoStepIsBegunWhileTheRepliesHaveNoRoom) {
+  RunToProposal(8);
+  while (link_.replies.TryPush({0, FrameNotFound{}})) continue;
+  const std::uint64_t before = mapper_.counters().num_keyframes;
+  EXPECT_FALSE(mapper_.Step());
+  EXPECT_NE(link_.proposals.Front(), nullptr);
+  link_.replies.Pop();
+  EXPECT_TRUE(mapper_.Step());
+  EXPECT_EQ(mapper_.counters().num_keyframes, before + 1);
 }
 
 }  // namespace

@@ -1,0 +1,64 @@
+// A window of the atlas as a bundle adjustment: keyframes that move, all points that they see, and a ring of keyframes
+// around them that holds the gauge. Filled from the atlas once, solved, and written back once. Local bundle, settling
+// and weld differ in which keyframes they choose, and in what holds the gauge where there is no ring.
+// thread-bound(mapping); allocates, bounded by the size of the window.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "engine/atlas/atlas.h"
+#include "engine/camera/camera_model.h"
+#include "engine/config.h"
+#include "engine/noise_model.h"
+#include "engine/optim/schur_bundle_adjustment.h"
+
+namespace haustra {
+
+class BundleWindow {
+ public:
+  // Everything named outlives it; the adjuster may have other users between calls.
+  BundleWindow(const MemoryConfig& memory, const NoiseModel& noise, const CameraModel& camera,
+               SchurBundleAdjuster& adjuster);
+
+  // An empty window. Then Add, then Close, then Adjust.
+  void Clear();
+  // A keyframe that moves. False: the window has it already.
+  bool Add(KeyframeHandle keyframe);
+  // Takes the points in, and for the ring those keyframes outside that see most of them: at most `max_fixed`, of those
+  // that `may_hold` (empty: any) lets hold the gauge.
+  void Close(const Atlas& atlas, int max_fixed, const std::function<bool(KeyframeHandle)>& may_hold);
+  // Of the keyframes that were added, the i-th holds the gauge, too.
+  void Fix(std::size_t i) { problem_.poses[i].is_fixed = true; }
+  // Solves and writes back what was gained. Takes out the observations that the adjuster calls outliers; on the word of
+  // a bundle that was stopped none goes. kNone, or an error of the adjuster: the atlas is as it was.
+  Result<BundleSummary> Adjust(const BundleOptions& options, Atlas* atlas);
+
+  // Those that were added, in their order.
+  std::span<const KeyframeHandle> moving() const { return {poses_.data(), num_moving_}; }
+  std::size_t num_fixed() const { return poses_.size() - num_moving_; }
+  int num_points() const { return static_cast<int>(points_.size()); }
+  // As it was filled, or after Adjust as it was solved. Its first poses are those of moving().
+  const BundleProblem& problem() const { return problem_; }
+
+ private:
+  std::vector<KeyframeHandle> ListRing(const Atlas& atlas);
+  void ReserveObservations(const Atlas& atlas);
+  void Fill(const Atlas& atlas);
+  void WriteBack(Atlas* atlas);
+
+  const NoiseModel& noise_;
+  const CameraModel& camera_;
+  SchurBundleAdjuster& adjuster_;
+  BundleProblem problem_;
+  std::vector<KeyframeHandle> poses_;  // of problem_.poses: those that move, then the ring
+  std::size_t num_moving_ = 0;
+  std::vector<MapPointHandle> points_;     // of problem_.points
+  std::vector<std::int32_t> pose_slots_;   // by keyframe slot: index in poses_, -1
+  std::vector<std::int32_t> point_slots_;  // by point slot: index in points_, -1
+  std::vector<int> ring_votes_;            // by keyframe slot: points of the window that it sees
+};
+
+}  // namespace haustra

@@ -216,9 +216,9 @@ class RealTimeSession {
   void TrackLoop() {
     NameThisThread("tracking");
     while (true) {
-      if (heartbeat_ != nullptr) heartbeat_->Beat(clock_.Now());
-      // The mailbox takes the slot back when a newer one is asked for.
+      // The mailbox takes the slot back when a newer one is asked for. A device that keeps it is no progress: no beat.
       if (!engine_.MayReleaseFrame(clock_.Now() + kIdle)) continue;
+      if (heartbeat_ != nullptr) heartbeat_->Beat(clock_.Now());
       if (!frames_.Refresh()) {
         (void)frame_ready_.WaitFor(kIdle);
         continue;

@@ -97,7 +97,8 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
 struct RealTimeOptions {
   double rate = 1.0;  // > 0; 1: the camera's own pace. A live camera has no other, whatever stands here
   RealTimeConfig rt;
-  // Beats on the tracking thread while the session runs; may be null. Outlives the session.
+  // Beats on the tracking thread while the session runs and the vision device answers; may be null. Outlives the
+  // session.
   Heartbeat* heartbeat = nullptr;
   SessionHooks* hooks = nullptr;  // may be null; outlives the session
   // Frames, steps of mapping and steps of merging that wait for the observer, of each; further ones are lost, counted.

@@ -1,6 +1,7 @@
 // A real-time session whose vision device is lost or never answers; no time is asserted.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <memory>
 #include <thread>
@@ -8,6 +9,7 @@
 #include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
 #include "platform/session/session.h"
+#include "platform/session/watched_vision_device.h"
 #include "tests/tools/run/recording_observer.h"
 #include "tests/tools/run/scripted_colon.h"
 
@@ -63,6 +65,96 @@ TEST(HungDevice, KeepsTheHeartFromBeating) {
   device.LetGo();
   session.join();
   EXPECT_GT(heartbeat.count(), before);
+}
+
+using Fault = WatchedVisionDevice::Fault;
+constexpr Duration kPatience = milliseconds(50);
+
+// A request of the tracking lane that finds nothing.
+struct SmallRequest {
+  explicit SmallRequest(VisionDevice& device) : set(*device.CreateFeatureSet()) {
+    request.train = set;
+    request.matches = matches;
+    request.num_matches = &num_matches;
+  }
+  Result<Ticket> Enqueue(VisionDevice& device) const { return device.EnqueueGuidedMatch(Lane::kTracking, request); }
+
+  FeatureSetHandle set;
+  std::array<Match, 1> matches;
+  std::int32_t num_matches = 0;
+  GuidedMatchRequest request;
+};
+
+TEST(WatchedVisionDevice, HangsWhenAnAnswerDoesNotComeInTimeAndIsLeftAloneFromThenOn) {
+  ScriptedColon colon;
+  HungDevice hung(colon.device());
+  const SystemClock clock;
+  WatchedVisionDevice device(hung, clock, kPatience);
+  const SmallRequest small(device);
+  const Result<Ticket> ticket = small.Enqueue(device);
+  ASSERT_TRUE(ticket.ok());
+  EXPECT_EQ(device.Wait(*ticket, clock.Now()).code(), StatusCode::kDeadlineExceeded);
+  EXPECT_EQ(device.fault(), Fault::kNone) << "a deadline is no fault";
+  EXPECT_EQ(device.Wait(*ticket, kNoDeadline).code(), StatusCode::kUnavailable);
+  EXPECT_EQ(device.fault(), Fault::kHung);
+  const int num_looks = hung.num_looks();
+  EXPECT_EQ(device.Wait(*ticket, kNoDeadline).code(), StatusCode::kUnavailable);
+  EXPECT_EQ(small.Enqueue(device).code(), StatusCode::kUnavailable);
+  EXPECT_EQ(device.ReadDescriptors(small.set, {}).code(), StatusCode::kUnavailable);
+  EXPECT_EQ(hung.num_looks(), num_looks);
+}
+
+TEST(WatchedVisionDevice, IsLostWithTheFirstAnswerThatSaysSo) {
+  ScriptedColon colon;
+  const SystemClock clock;
+  WatchedVisionDevice device(colon.device(), clock, kPatience);
+  const SmallRequest small(device);
+  const Result<Ticket> ticket = small.Enqueue(device);
+  ASSERT_TRUE(ticket.ok());
+  EXPECT_TRUE(device.Wait(*ticket, kNoDeadline).ok());
+  colon.device().SetLost(true);
+  EXPECT_EQ(small.Enqueue(device).code(), StatusCode::kUnavailable);
+  EXPECT_EQ(device.fault(), Fault::kLost);
+  // What was on it is gone, whether it comes back or not.
+  colon.device().SetLost(false);
+  EXPECT_EQ(small.Enqueue(device).code(), StatusCode::kUnavailable);
+}
+
+// Frames without end, whatever the device does with them.
+Result<SessionSummary> RunOnWatched(ScriptedColon& colon, VisionDevice& inner, RecordingObserver& observer) {
+  const SystemClock clock;
+  WatchedVisionDevice device(inner, clock, kPatience);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, device, &clock);
+  RealTimeOptions options;
+  options.rt.enabled = false;
+  options.device = &device;
+  return RunRealTime(colon.source(), *engine, clock, options, observer, test::kNeverStop);
+}
+
+TEST(WatchedVisionDevice, ThatHangsEndsTheSession) {
+  RecordProperty("req", "DMN-010");
+  ScriptedColon colon;
+  colon.Occlude(100000);
+  HungDevice hung(colon.device());
+  RecordingObserver observer;
+  const auto session = RunOnWatched(colon, hung, observer);
+  EXPECT_EQ(session.code(), StatusCode::kUnavailable);
+  EXPECT_EQ(session.status().message(), "the vision device hangs");
+  hung.LetGo();
+}
+
+TEST(WatchedVisionDevice, ThatIsLostEndsTheSession) {
+  RecordProperty("req", "DMN-010");
+  ScriptedColon colon;
+  colon.Move(0.0, 4.0, 100);
+  colon.Occlude(100000);
+  RecordingObserver observer;
+  observer.on_frame = [&](const FrameOutcome& outcome) {
+    if (outcome.result.frame_index == 30) colon.device().SetLost(true);
+  };
+  const auto session = RunOnWatched(colon, colon.device(), observer);
+  EXPECT_EQ(session.code(), StatusCode::kUnavailable);
+  EXPECT_EQ(session.status().message(), "the vision device is lost");
 }
 
 }  // namespace

@@ -5,12 +5,16 @@
 //   running             a procedure
 //   stopped             a procedure was to end with its data kept, and that failed: `end` again, or `end wipe`
 //
+// A vision device that is lost is made anew, once a procedure, and the procedure goes on from its last checkpoint. The
+// second time, and when the device hangs, the service ends with kExitUnavailable; the last checkpoint stands.
+//
 // Threads: the service thread (this class; signals, control socket, watchdog), the session's (platform/session), and
 // the file worker. The service thread never waits for a disk, a client or a camera but while a procedure begins or
 // ends.
 #pragma once
 
 #include <csignal>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -34,9 +38,17 @@ struct ConfigSource {
   std::vector<std::string> assignments;
 };
 
+// What a test puts something else in the place of.
+struct DaemonParts {
+  std::function<Result<std::unique_ptr<FrameSource>>(const SourceConfig&)> open_source;
+  MakeVisionDevice make_device;
+};
+// Those that the configuration names.
+DaemonParts SystemParts();
+
 class Daemon {
  public:
-  Daemon(const DaemonConfig& config, ConfigSource config_source, const Clock& clock);
+  Daemon(const DaemonConfig& config, ConfigSource config_source, const Clock& clock, DaemonParts parts);
   ~Daemon();
   Daemon(const Daemon&) = delete;
   Daemon& operator=(const Daemon&) = delete;
@@ -44,6 +56,9 @@ class Daemon {
   // From start to stop; the exit code (platform/exit_codes.h). Signals that mean something to it must be blocked in all
   // threads (BlockSignals) before any other thread was made.
   int Run();
+  // After Run. A thread is stuck in a driver, or waits for a device that hangs: the destructor would wait for it, too.
+  // The process is to end without one (std::_Exit); the kernel takes back its memory.
+  bool is_given_up() const { return is_given_up_; }
 
   // SIGTERM and SIGINT stop, SIGHUP reloads, SIGUSR1 writes the metrics to the log.
   static sigset_t BlockSignals();
@@ -65,6 +80,12 @@ class Daemon {
   void Tick(TimePoint now);
   void Reload();
   void Stop();
+  // False: a thread did not end in time, and the process is given up.
+  bool StopThreads();
+  // The maps can be read.
+  bool has_maps() const;
+  // A new device and a new engine, which goes on from the last checkpoint.
+  Status RecreateDevice();
 
   // Makes an engine ready; kWaitingForSource when the camera is not there. Errors that waiting does not mend.
   Status PrepareProcedure();
@@ -87,6 +108,7 @@ class Daemon {
   DaemonConfig config_;
   ConfigSource config_source_;
   const Clock& clock_;
+  const DaemonParts parts_;
   ServiceNotifier notifier_;
   int wake_ = -1;
   TimePoint started_;
@@ -105,13 +127,15 @@ class Daemon {
   ProcedureCounts earlier_;  // of the procedures that have ended
   std::string trouble_;      // what somebody should look at; empty: nothing
   std::string hang_;
-  std::vector<std::string> needs_restart_;
+  std::string needs_restart_;  // keys, with commas
   TimePoint next_source_try_;
   TimePoint next_feed_;
   TimePoint next_checkpoint_;
   std::optional<TimePoint> last_checkpoint_;
   std::string checkpoint_error_;
   bool is_checkpoint_under_way_ = false;
+  bool is_device_recreated_ = false;  // in this procedure
+  bool is_given_up_ = false;
   int exit_code_ = 0;
 
   std::mutex saved_mutex_;

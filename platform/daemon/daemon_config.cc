@@ -37,6 +37,8 @@ std::vector<ConfigField> DaemonConfigFields() {
                                                     kRestart));
   add(BindField<&C::vision, &VisionConfig::threads>("vision.threads", {0, 256}, "threads",
                                                     "of the CPU device; 0: one a core", kRestart));
+  add(BindField<&C::vision, &VisionConfig::answer_limit_ms>("vision.answer_limit_ms", {50, 600000}, "ms",
+                                                            "without an answer: the vision device hangs", kRestart));
 
   add(BindField<&C::procedure, &ProcedureConfig::begin_at_start>(
       "procedure.begin_at_start", {}, "", "a procedure begins with the service, not when the tower says so", kRestart));
@@ -62,6 +64,8 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::watchdog, &WatchdogConfig::mapping_limit_ms>("watchdog.mapping_limit_ms", {1000, 600000}, "ms",
                                                                  "in one step: the mapping or the merging thread hangs",
                                                                  kLive));
+  add(BindField<&C::watchdog, &WatchdogConfig::stop_limit_ms>("watchdog.stop_limit_ms", {100, 600000}, "ms",
+                                                              "until threads that do not end are given up", kLive));
 
   add(BindText<&C::files, &FilesConfig::state_folder>(
       "files.state_folder", "for checkpoints and saved maps; empty: $STATE_DIRECTORY", kRestart));

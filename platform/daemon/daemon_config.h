@@ -23,6 +23,9 @@ struct SourceConfig {
 struct VisionConfig {
   std::string device = "cpu";
   int threads = 0;  // of the CPU device; 0: one a core [0, 256]
+  // A device that owes an answer for so long hangs. An answer takes tens of milliseconds; the limit is below that of
+  // the tracking thread, so that the device is named and not the thread that waits for it [50, 600000]
+  int answer_limit_ms = 500;
 };
 
 struct ProcedureConfig {
@@ -49,6 +52,8 @@ struct WatchdogConfig {
   int tracking_limit_ms = 1000;  // [100, 600000]
   int capture_limit_ms = 3000;   // [100, 600000]
   int mapping_limit_ms = 30000;  // [1000, 600000]
+  // Threads that have not ended by then are given up, and the process with them. Below TimeoutStopSec of the unit.
+  int stop_limit_ms = 4000;  // [100, 600000]
 };
 
 struct FilesConfig {

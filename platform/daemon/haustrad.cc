@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <string>
 #include <vector>
@@ -42,8 +43,10 @@ int Run(int argc, char** argv) {
   UseOneHeap();
   Daemon::BlockSignals();
   const SystemClock clock;
-  Daemon daemon(loaded->config(), {arguments.config, assignments}, clock);
-  return daemon.Run();
+  Daemon daemon(loaded->config(), {arguments.config, assignments}, clock, SystemParts());
+  const int code = daemon.Run();
+  if (daemon.is_given_up()) std::_Exit(code);
+  return code;
 }
 
 }  // namespace

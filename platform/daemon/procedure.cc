@@ -33,11 +33,12 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
            sizeof(haustra_snapshot) + config.engine.memory.max_map_points * sizeof(haustra_point),
            "memory.max_map_points");
   HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostBytes()));
-  HAUSTRA_ASSIGN(procedure->device_,
-                 CreateVisionDevice(config.vision.device, config.engine, calibration, config.vision.threads));
+  HAUSTRA_ASSIGN(procedure->device_, context.make_device(config, calibration));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
+  procedure->watched_ = std::make_unique<WatchedVisionDevice>(*procedure->device_, context.clock,
+                                                              std::chrono::milliseconds(config.vision.answer_limit_ms));
   HAUSTRA_ASSIGN(procedure->vocabulary_, LoadVocabularyFor(config.engine));
-  procedure->engine_ = std::make_unique<Engine>(config.engine, camera, *procedure->device_, Engine::Mode::kRealTime,
+  procedure->engine_ = std::make_unique<Engine>(config.engine, camera, *procedure->watched_, Engine::Mode::kRealTime,
                                                 &context.clock, SceneShare(mask), procedure->vocabulary_.get());
   return procedure;
 }
@@ -69,7 +70,12 @@ void Procedure::Start(std::uint64_t number, const ProcedureCounts& counts) {
   tracking_beat_.Beat(now);
   mapping_beat_.Beat(now);
   merging_beat_.Beat(now);
-  thread_ = std::thread([this] { Run(); });
+  has_stopped_.store(false);
+  thread_ = std::thread([this] {
+    Run();
+    has_stopped_.store(true, std::memory_order_release);
+    context_.wake();
+  });
 }
 
 void Procedure::Run() {
@@ -78,6 +84,7 @@ void Procedure::Run() {
   options.rt = config_.engine.rt;
   options.heartbeat = &tracking_beat_;
   options.hooks = this;
+  options.device = watched_.get();
   const Result<SessionSummary> summary = RunRealTime(*source_, *engine_, context_.clock, options, *this, stop_);
   if (summary.ok() && summary->heap_growth_bytes > 0) {
     Log(LogLevel::kWarning, "heap_grew",
@@ -87,13 +94,16 @@ void Procedure::Run() {
     const std::lock_guard lock(mutex_);
     ended_ = summary.ok() ? Internal("the session ended by itself") : summary.status();
   }
-  context_.wake();
+}
+
+void Procedure::RequestStop() {
+  stop_.store(true);
+  source_->RequestStop();
 }
 
 void Procedure::Stop() {
   if (!thread_.joinable()) return;
-  stop_.store(true);
-  source_->RequestStop();
+  RequestStop();
   thread_.join();
   // Nobody is left to take it.
   std::optional<SaveRequest> request;
@@ -156,6 +166,7 @@ void Procedure::WriteMaps(SaveRequest request) {
 }
 
 void Procedure::OnTracked(const FrameOutcome& outcome) {
+  if (stop_.load(std::memory_order_relaxed)) return;
   const TimePoint now = context_.clock.Now();
   context_.ring.PublishPose(PoseRecord(outcome.result, now - outcome.latency, now, number_));
 }
@@ -164,6 +175,8 @@ void Procedure::BetweenMapSteps() {
   const TimePoint now = context_.clock.Now();
   mapping_beat_.Beat(now);
   if (!engine_->is_merging()) merging_beat_.Beat(now);
+  // Stop() serves what is asked from now on.
+  if (stop_.load(std::memory_order_relaxed)) return;
   const std::uint64_t changes = NumChanges(engine_->mapper_counters());
   if (changes != changes_seen_) {
     changes_seen_ = changes;

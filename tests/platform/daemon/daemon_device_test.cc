@@ -1,0 +1,228 @@
+// haustrad in this process, with a scripted camera and a vision device that fails; no time is asserted.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "hal/forwarding_vision_device.h"
+#include "platform/clock/system_clock.h"
+#include "platform/control/control_client.h"
+#include "platform/daemon/daemon.h"
+#include "platform/exit_codes.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr Duration kHangLimit = seconds(60);
+
+// Hands on to a device, unless it is to hang. Each engine gets one of its own.
+struct Faults {
+  std::atomic<bool> is_lost{false};    // each call is answered so
+  std::atomic<bool> is_silent{false};  // a wait is never over
+  std::atomic<bool> is_stuck{false};   // a call does not return
+  std::atomic<int> num_stuck{0};
+};
+
+class FaultyDevice final : public ForwardingVisionDevice {
+ public:
+  FaultyDevice(std::unique_ptr<VisionDevice> device, Faults& faults)
+      : ForwardingVisionDevice(*device), device_(std::move(device)), faults_(faults) {}
+
+  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    if (faults_.is_lost) return Status(StatusCode::kUnavailable);
+    return ForwardingVisionDevice::EnqueueExtract(lane, request);
+  }
+  Status Wait(Ticket ticket, TimePoint deadline) override {
+    for (; faults_.is_stuck; std::this_thread::sleep_for(milliseconds(1))) faults_.num_stuck = 1;
+    while (faults_.is_silent) {
+      if (SystemClock().Now() >= deadline) return Status(StatusCode::kDeadlineExceeded);
+      std::this_thread::sleep_for(milliseconds(1));
+    }
+    return ForwardingVisionDevice::Wait(ticket, deadline);
+  }
+
+ private:
+  std::unique_ptr<VisionDevice> device_;
+  Faults& faults_;
+};
+
+// The same frames again for each engine.
+class ColonSource final : public FrameSource {
+ public:
+  ColonSource() { colon_.Move(0.0, 6.0, 150), colon_.Occlude(10000); }
+  const CameraCalibration& calibration() const override { return colon_.source().calibration(); }
+  std::uint32_t num_frames() const override { return colon_.source().num_frames(); }
+  ImageView static_mask() const override { return {}; }
+  Result<Frame> Next(TimePoint deadline) override { return colon_.source().Next(deadline); }
+  test::ScriptedColon& colon() { return colon_; }
+
+ private:
+  mutable test::ScriptedColon colon_;
+};
+
+class DaemonDevice : public testing::Test {
+ protected:
+  DaemonDevice() {
+    std::string pattern = testing::TempDir() + "daemon_device_XXXXXX";
+    folder_ = mkdtemp(pattern.data());
+    Daemon::BlockSignals();
+    config_.engine = test::SmallEngineConfig();
+    config_.engine.rt.enabled = false;
+    config_.source.path = "scripted";
+    config_.source.rate = 4.0;
+    config_.vision.answer_limit_ms = 200;
+    config_.watchdog.stop_limit_ms = 3000;
+    config_.checkpoint.interval_s = 1;
+    config_.files.state_folder = config_.files.runtime_folder = folder_;
+    config_.log.level = "error";
+  }
+  ~DaemonDevice() override {
+    faults_.is_lost = faults_.is_silent = faults_.is_stuck = false;
+    Terminate();
+    daemon_.reset();
+    fs::remove_all(folder_);
+  }
+
+  void Start() {
+    DaemonParts parts;
+    parts.open_source = [](const SourceConfig&) -> Result<std::unique_ptr<FrameSource>> {
+      return std::unique_ptr<FrameSource>(std::make_unique<ColonSource>());
+    };
+    parts.make_device = [this](const DaemonConfig& config, const CameraCalibration& calibration) {
+      ++num_devices_;
+      auto device = std::make_unique<ScriptedVisionDevice>(Engine::PlanFor(config.engine, calibration),
+                                                           ScriptedVisionDevice::Options{});
+      device->CopyScript(script_.colon().device());
+      return Result<std::unique_ptr<VisionDevice>>(std::make_unique<FaultyDevice>(std::move(device), faults_));
+    };
+    daemon_ = std::make_unique<Daemon>(config_, ConfigSource{}, clock_, parts);
+    thread_ = std::thread([this] {
+      exit_code_ = daemon_->Run();
+      has_ended_ = true;
+    });
+    ASSERT_TRUE(Until([&] { return StatusValue("state") == "idle"; }));
+  }
+  // A procedure with a map and a checkpoint.
+  void BeginAndMap() {
+    ASSERT_NO_FATAL_FAILURE(Start());
+    ASSERT_EQ(Ask("begin case-1"), "procedure 1\n");
+    ASSERT_TRUE(Until([&] { return !StatusValue("checkpoint_age_s").empty(); })) << Ask("status");
+  }
+  void Terminate() {
+    if (!thread_.joinable()) return;
+    if (!has_ended_) ::kill(::getpid(), SIGTERM);
+    thread_.join();
+  }
+  bool HasEnded() {
+    return Until([&] { return has_ended_.load(); });
+  }
+
+  static bool Until(const std::function<bool()>& is_so) {
+    const SystemClock clock;
+    const TimePoint limit = clock.Now() + kHangLimit;
+    while (!is_so()) {
+      if (clock.Now() > limit) return false;
+      std::this_thread::sleep_for(milliseconds(10));
+    }
+    return true;
+  }
+  std::string Ask(const std::string& request) const {
+    Result<ControlClient> client = ControlClient::Connect(folder_ + "/control");
+    if (!client.ok()) return "error: " + client.status().message();
+    const Result<std::string> reply = client->Ask(request, kHangLimit);
+    return reply.ok() ? *reply : "error: " + reply.status().message();
+  }
+  std::string StatusValue(const std::string& key) const {
+    const std::string text = "\n" + Ask("status");
+    const std::size_t at = text.find("\n" + key + " ");
+    if (at == std::string::npos) return "";
+    const std::size_t begin = at + key.size() + 2;
+    return text.substr(begin, text.find('\n', begin) - begin);
+  }
+  bool Exists(const std::string& name) const { return fs::exists(folder_ + "/" + name); }
+
+  const SystemClock clock_;
+  std::string folder_;
+  DaemonConfig config_;
+  Faults faults_;
+  ColonSource script_;
+  std::atomic<int> num_devices_{0};
+  std::unique_ptr<Daemon> daemon_;
+  std::thread thread_;
+  std::atomic<bool> has_ended_{false};
+  int exit_code_ = -1;
+};
+
+TEST_F(DaemonDevice, LostDeviceIsMadeAnewOnceAndTheProcedureGoesOn) {
+  RecordProperty("req", "DMN-010");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  faults_.is_lost = true;
+  ASSERT_TRUE(Until([&] { return num_devices_ == 2; }));
+  faults_.is_lost = false;
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  EXPECT_EQ(StatusValue("label"), "case-1");
+  ASSERT_TRUE(Until([&] { return StatusValue("maps") == "1"; })) << "from the checkpoint";
+  EXPECT_EQ(Ask("end wipe"), "wiped\n");
+}
+
+TEST_F(DaemonDevice, DeviceThatIsLostAgainEndsTheServiceAndTheCheckpointStands) {
+  RecordProperty("req", "DMN-010");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  faults_.is_lost = true;
+  ASSERT_TRUE(HasEnded());
+  EXPECT_EQ(exit_code_, kExitUnavailable);
+  EXPECT_EQ(num_devices_, 2);
+  EXPECT_FALSE(daemon_->is_given_up());
+  EXPECT_TRUE(Exists("checkpoint.atlas"));
+  EXPECT_TRUE(Exists("procedure"));
+}
+
+TEST_F(DaemonDevice, DeviceThatHangsEndsTheServiceAndTheCheckpointStands) {
+  RecordProperty("req", "DMN-010");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  faults_.is_silent = true;
+  ASSERT_TRUE(HasEnded());
+  EXPECT_EQ(exit_code_, kExitUnavailable);
+  EXPECT_EQ(num_devices_, 1) << "one that hangs is not made anew in this process";
+  EXPECT_TRUE(daemon_->is_given_up());
+  EXPECT_TRUE(Exists("checkpoint.atlas"));
+}
+
+TEST_F(DaemonDevice, EndComesThroughWhileADriverHangs) {
+  RecordProperty("req", "DMN-010");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  faults_.is_stuck = true;
+  ASSERT_TRUE(Until([&] { return faults_.num_stuck > 0; }));
+  EXPECT_EQ(Ask("end wipe"), "wiped\n");
+  ASSERT_TRUE(HasEnded());
+  EXPECT_EQ(exit_code_, kExitUnavailable);
+  EXPECT_TRUE(daemon_->is_given_up());
+  EXPECT_FALSE(Exists("checkpoint.atlas"));
+  EXPECT_FALSE(Exists("procedure"));
+}
+
+TEST_F(DaemonDevice, StopComesThroughWhileADriverHangs) {
+  RecordProperty("req", "DMN-010");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  faults_.is_stuck = true;
+  ASSERT_TRUE(Until([&] { return faults_.num_stuck > 0; }));
+  ::kill(::getpid(), SIGTERM);
+  ASSERT_TRUE(HasEnded());
+  EXPECT_EQ(exit_code_, kExitUnavailable);
+  EXPECT_TRUE(daemon_->is_given_up());
+  EXPECT_TRUE(Exists("checkpoint.atlas"));
+}
+
+}  // namespace
+}  // namespace haustra

@@ -4,7 +4,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <system_error>
 #include <utility>
@@ -13,17 +15,26 @@ namespace haustra {
 namespace {
 
 constexpr std::size_t kBufferBytes = std::size_t{1} << 16;
+// Names of temporary files that lie in the way: leftovers of a process with the same number.
+constexpr int kMaxAttempts = 1000;
+
+std::atomic<std::uint64_t> num_names{0};  // in this process
 
 std::string ErrorText(int error) { return std::generic_category().message(error); }
 
 }  // namespace
 
 Result<FileSink> FileSink::Create(const std::string& path) {
-  // The process id keeps two writers of one file out of each other's temporary file; the last to commit wins.
-  std::string temporary_path = path + ".partial-" + std::to_string(::getpid());
-  const int descriptor = ::open(temporary_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  // No two writers of one file meet in a temporary one, of this process or another; the last to commit wins.
+  std::string temporary_path;
+  int descriptor = -1;
+  int error = EEXIST;
+  for (int i = 0; descriptor < 0 && error == EEXIST && i < kMaxAttempts; ++i) {
+    temporary_path = path + ".partial-" + std::to_string(::getpid()) + "-" + std::to_string(++num_names);
+    descriptor = ::open(temporary_path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+    error = errno;
+  }
   if (descriptor < 0) {
-    const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
     return Unavailable(path + ": cannot be created: " + ErrorText(error));
   }

@@ -277,7 +277,10 @@ std::optional<Result<std::string>> Daemon::Handle(ControlServer::ClientId client
       return End(request.keep.value_or(config_.procedure.keep_data));
     case ControlCommand::kSave:
       if (!is_open()) return FailedPrecondition("no procedure is open");
-      if (store_->has_saved(request.name)) return FailedPrecondition("there is a save of that name");
+      if (store_->has_saved(request.name) || saves_under_way_.contains(store_->saved_path(request.name))) {
+        return FailedPrecondition("there is a save of that name");
+      }
+      saves_under_way_.insert(store_->saved_path(request.name));
       StartSave(store_->saved_path(request.name), client);
       return std::nullopt;
     default: return Internal("not handled");

@@ -18,6 +18,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -134,7 +135,8 @@ class Daemon {
   std::optional<TimePoint> last_checkpoint_;
   std::string checkpoint_error_;
   bool is_checkpoint_under_way_ = false;
-  bool is_device_recreated_ = false;  // in this procedure
+  std::set<std::string> saves_under_way_;  // paths that somebody asked for
+  bool is_device_recreated_ = false;       // in this procedure
   bool is_given_up_ = false;
   int exit_code_ = 0;
 

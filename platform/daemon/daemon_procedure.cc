@@ -157,6 +157,7 @@ void Daemon::TakeSaved() {
   }
   for (const SaveDone& done : saved) {
     if (done.client) {
+      saves_under_way_.erase(done.path);
       Log(done.status.ok() ? LogLevel::kInfo : LogLevel::kWarning, done.status.ok() ? "maps_saved" : "maps_not_saved",
           {{"file", done.path}, {"what", done.status.message()}});
       control_->Reply(

@@ -93,7 +93,7 @@ Result<std::string> Daemon::End(bool keep) {
   }
   const bool was_open = is_open();
   if (was_open) {
-    earlier_ = procedure_->counts();
+    earlier_ = WithoutProcedure(counts());
     if (!is_given_up_) procedure_.reset();
   }
   files_.Do(WipeThisThread);
@@ -209,7 +209,7 @@ bool Daemon::StopThreads() {
 Status Daemon::RecreateDevice() {
   is_device_recreated_ = true;
   procedure_->Stop();
-  earlier_ = procedure_->counts();
+  earlier_ = WithoutProcedure(counts());
   procedure_.reset();
   is_interrupted_ = true;
   interrupted_label_ = label_;

@@ -62,9 +62,7 @@ Status Procedure::Load(const std::string& path) { return LoadAtlasFile(path, eng
 
 void Procedure::Start(std::uint64_t number, const ProcedureCounts& counts) {
   number_ = number;
-  counts_ = counts;
-  counts_.has_frame = false;
-  counts_.maps = counts_.keyframes = counts_.points = 0;
+  counts_ = WithoutProcedure(counts);
   source_->Begin();
   const TimePoint now = context_.clock.Now();
   tracking_beat_.Beat(now);
@@ -167,8 +165,7 @@ void Procedure::WriteMaps(SaveRequest request) {
 
 void Procedure::OnTracked(const FrameOutcome& outcome) {
   if (stop_.load(std::memory_order_relaxed)) return;
-  const TimePoint now = context_.clock.Now();
-  context_.ring.PublishPose(PoseRecord(outcome.result, now - outcome.latency, now, number_));
+  context_.ring.PublishPose(PoseRecord(outcome.result, outcome.due, context_.clock.Now(), number_));
 }
 
 void Procedure::BetweenMapSteps() {

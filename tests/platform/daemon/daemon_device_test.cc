@@ -1,4 +1,4 @@
-// haustrad in this process, with a scripted camera and a vision device that fails; no time is asserted.
+// haustrad in this process, with a scripted camera and a vision device that may fail; no time is asserted.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
@@ -7,14 +7,17 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
 #include "platform/control/control_client.h"
 #include "platform/daemon/daemon.h"
 #include "platform/exit_codes.h"
+#include "platform/publish/haustra_pose_ring.h"
 #include "tests/tools/run/scripted_colon.h"
 
 namespace haustra {
@@ -58,7 +61,7 @@ class FaultyDevice final : public ForwardingVisionDevice {
 };
 
 // The same frames again for each engine.
-class ColonSource final : public FrameSource {
+class ColonSource : public FrameSource {
  public:
   ColonSource() { colon_.Move(0.0, 6.0, 150), colon_.Occlude(10000); }
   const CameraCalibration& calibration() const override { return colon_.source().calibration(); }
@@ -69,6 +72,28 @@ class ColonSource final : public FrameSource {
 
  private:
   mutable test::ScriptedColon colon_;
+};
+
+// A camera, which stamps its frames and remembers the stamps.
+class LiveColonSource final : public ColonSource {
+ public:
+  LiveColonSource(std::mutex& mutex, std::vector<TimePoint>& stamps) : mutex_(mutex), stamps_(stamps) {}
+  std::uint32_t num_frames() const override { return 0; }
+  bool is_live() const override { return true; }
+  Result<Frame> Next(TimePoint deadline) override {
+    std::this_thread::sleep_for(milliseconds(10));
+    Result<Frame> frame = ColonSource::Next(deadline);
+    if (!frame.ok()) return frame;
+    frame->timestamp = SystemClock().Now();
+    const std::lock_guard lock(mutex_);
+    stamps_.resize(frame->index + 1);
+    stamps_[frame->index] = frame->timestamp;
+    return frame;
+  }
+
+ private:
+  std::mutex& mutex_;
+  std::vector<TimePoint>& stamps_;
 };
 
 class DaemonDevice : public testing::Test {
@@ -96,7 +121,8 @@ class DaemonDevice : public testing::Test {
 
   void Start() {
     DaemonParts parts;
-    parts.open_source = [](const SourceConfig&) -> Result<std::unique_ptr<FrameSource>> {
+    parts.open_source = [this](const SourceConfig&) -> Result<std::unique_ptr<FrameSource>> {
+      if (is_live_) return std::unique_ptr<FrameSource>(std::make_unique<LiveColonSource>(stamps_mutex_, stamps_));
       return std::unique_ptr<FrameSource>(std::make_unique<ColonSource>());
     };
     parts.make_device = [this](const DaemonConfig& config, const CameraCalibration& calibration) {
@@ -157,6 +183,9 @@ class DaemonDevice : public testing::Test {
   DaemonConfig config_;
   Faults faults_;
   ColonSource script_;
+  bool is_live_ = false;
+  std::mutex stamps_mutex_;
+  std::vector<TimePoint> stamps_;  // of a live camera, by frame
   std::atomic<int> num_devices_{0};
   std::unique_ptr<Daemon> daemon_;
   std::thread thread_;
@@ -222,6 +251,46 @@ TEST_F(DaemonDevice, StopComesThroughWhileADriverHangs) {
   EXPECT_EQ(exit_code_, kExitUnavailable);
   EXPECT_TRUE(daemon_->is_given_up());
   EXPECT_TRUE(Exists("checkpoint.atlas"));
+}
+
+// "haustra_checkpoints_total{result=\"written\"} 3" gives 3.
+double Metric(const std::string& text, const std::string& name) {
+  const std::size_t at = text.find("\n" + name + " ");
+  return at == std::string::npos ? -1.0 : std::stod(text.substr(at + name.size() + 2));
+}
+
+TEST_F(DaemonDevice, CountersDoNotRunBackwardsAndGaugesAreOfTheOpenProcedure) {
+  RecordProperty("req", "DMN-008");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  const std::string checkpoints = "haustra_checkpoints_total{result=\"written\"}";
+  const std::string frames = "haustra_tracking_latency_seconds_count";
+  const std::string keyframes = "haustra_pool_used{pool=\"keyframes\"}";
+  const std::string before = Ask("metrics");
+  EXPECT_GE(Metric(before, checkpoints), 1.0);
+  EXPECT_GE(Metric(before, keyframes), 1.0);
+  ASSERT_EQ(Ask("end wipe"), "wiped\n");
+  const std::string after = Ask("metrics");
+  EXPECT_GE(Metric(after, checkpoints), Metric(before, checkpoints));
+  EXPECT_GE(Metric(after, frames), Metric(before, frames));
+  EXPECT_EQ(Metric(after, keyframes), 0.0);
+  ASSERT_EQ(Ask("begin case-2"), "procedure 2\n");
+  const std::string next = Ask("metrics");
+  EXPECT_GE(Metric(next, checkpoints), Metric(after, checkpoints));
+  EXPECT_GE(Metric(next, frames), Metric(after, frames));
+}
+
+TEST_F(DaemonDevice, PoseBearsTheStampOfItsFrame) {
+  RecordProperty("req", "TRK-002");
+  is_live_ = true;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Ask("begin"), "procedure 1\n");
+  haustra_ring ring;
+  ASSERT_EQ(haustra_ring_open(&ring, (folder_ + "/poses").c_str()), HAUSTRA_OK);
+  haustra_pose pose{};
+  ASSERT_TRUE(Until([&] { return haustra_ring_latest_pose(&ring, &pose) == HAUSTRA_OK && pose.frame_index >= 5; }));
+  haustra_ring_close(&ring);
+  const std::lock_guard lock(stamps_mutex_);
+  EXPECT_EQ(static_cast<std::int64_t>(pose.captured_ns), stamps_.at(pose.frame_index).time_since_epoch().count());
 }
 
 }  // namespace

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "capture/calibration_reader.h"
-#include "capture/codec/jpeg_codec.h"
 #include "capture/image_transform.h"
 #include "capture/number.h"
 #include "capture/static_mask.h"
@@ -122,6 +121,10 @@ Status V4l2Source::Connect() {
     height_px_ = height;
   }
   counter_.Restart(format.rate_hz, options_.max_rate_hz / sequence_.every_nth);
+  if (format.fourcc == V4L2_PIX_FMT_MJPEG && !decoder_) {
+    decoder_.emplace();
+    decoded_.Resize(format.width_px, format.height_px, PixelFormat::kBgr8);
+  }
   last_picture_ = io_.Now();
   gone_.clear();
   return Status::Ok();
@@ -236,7 +239,7 @@ Result<ImageView> V4l2Source::PixelsOf(const V4l2Picture& picture) {
   const V4l2Format& format = stream_->format();
   ImageView view;
   if (format.fourcc == V4L2_PIX_FMT_MJPEG) {
-    const Status status = capture::internal::DecodeJpeg(picture.bytes, sequence_.channels, &decoded_);
+    const Status status = decoder_->Decode(picture.bytes, sequence_.channels, &decoded_);
     if (!status.ok()) return DataLoss(stream_->path() + ": " + status.message());
     if (decoded_.width() != format.width_px || decoded_.height() != format.height_px) {
       return DataLoss(stream_->path() + ": a picture of " + SizeText(decoded_.width(), decoded_.height()) +

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "capture/codec/jpeg_codec.h"
 #include "capture/image.h"
 #include "capture/sequence_options.h"
 #include "capture/v4l2/device_io.h"
@@ -37,7 +38,7 @@ struct V4l2Counters {
 // gone or brings no signal, looks for it four times a second, and goes on with frames when it is back. After three
 // seconds without a picture the stream is begun again. A camera that comes back with pictures of another size stays
 // unavailable. Next never waits longer than a second, even with kNoDeadline. thread-bound(the reader), not rt-safe:
-// restarting and MJPEG allocate.
+// restarting allocates, and MJPEG does inside of TurboJPEG, for each picture.
 class V4l2Source final : public FrameSource {
  public:
   // The calibration (of the file that `sequence` names) is that of the picture or of the region. Without a file the
@@ -98,6 +99,7 @@ class V4l2Source final : public FrameSource {
   TimePoint last_stamp_;
   bool has_stamp_ = false;
   V4l2Counters counters_;
+  std::optional<capture::internal::JpegDecoder> decoder_;  // of an MJPEG camera, as decoded_ is
   Image decoded_;
   Image prepared_;
 };

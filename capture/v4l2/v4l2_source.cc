@@ -125,8 +125,16 @@ Status V4l2Source::Connect() {
     decoder_.emplace();
     decoded_.Resize(format.width_px, format.height_px, PixelFormat::kBgr8);
   }
-  last_picture_ = io_.Now();
   gone_.clear();
+  return Status::Ok();
+}
+
+Status V4l2Source::Start() {
+  if (const Status status = stream_->Start(); !status.ok()) {
+    Disconnect(status.message());
+    return Unavailable(gone_);
+  }
+  last_picture_ = io_.Now();
   return Status::Ok();
 }
 
@@ -161,6 +169,7 @@ Result<Frame> V4l2Source::Next(TimePoint deadline) {
   GiveBack();
   const TimePoint limit = Sooner(deadline, io_.Now() + kLongestWait);
   if (stream_ == nullptr) HAUSTRA_TRY(Reconnect(limit));
+  if (!stream_->is_streaming()) HAUSTRA_TRY(Start());
   const Result<std::uint32_t> index = Wait(limit);
   if (!index.ok()) {
     if (index.code() == StatusCode::kUnavailable) Disconnect(index.status().message());

@@ -34,6 +34,8 @@ struct V4l2Counters {
 // wrote it, in the camera's format, without a copy; the buffer goes back at the next call of Next. Halving gives grey
 // pictures, MJPEG those that ChannelChoice asks for.
 //
+// The camera takes no picture before the first call of Next. When the source ends nothing stays in its buffers.
+//
 // Whatever happens to the camera, the source lives on: Next answers kUnavailable, with the reason, while the device is
 // gone or brings no signal, looks for it four times a second, and goes on with frames when it is back. After three
 // seconds without a picture the stream is begun again. A camera that comes back with pictures of another size stays
@@ -72,6 +74,7 @@ class V4l2Source final : public FrameSource {
   Status Initialise();
   Status ResolveGeometry(const CameraCalibration* file);
   Status Connect();
+  Status Start();
   // Tries again when it is time to; kUnavailable with the reason.
   Status Reconnect(TimePoint limit);
   void Disconnect(std::string reason);

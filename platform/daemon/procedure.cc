@@ -148,7 +148,7 @@ void Procedure::WriteMaps(SaveRequest request) {
     has_changed_.store(true, std::memory_order_relaxed);
     context_.files.Do([saved = std::move(request.saved), status = std::move(status)] { saved(status); });
   };
-  Result<FileSink> created = FileSink::Create(request.path);
+  Result<FileSink> created = FileSink::Create(request.path, FormerFile::kWiped);
   if (!created.ok()) return failed(created.status());
   const auto sink = std::make_shared<FileSink>(std::move(*created));
   if (const Status status = engine_->SaveAtlas(*sink); !status.ok()) return failed(status);

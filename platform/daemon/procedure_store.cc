@@ -20,6 +20,7 @@
 
 #include "platform/control/control_protocol.h"
 #include "platform/file_sink.h"
+#include "platform/wipe_file.h"
 
 namespace haustra {
 namespace {
@@ -50,13 +51,6 @@ std::optional<std::string> ReadSmallFile(const std::string& path) {
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   text.resize(static_cast<std::size_t>(file.gcount()));
   return text;
-}
-
-void SyncFolder(const std::string& folder) {
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (descriptor < 0) return;
-  (void)::fsync(descriptor);
-  ::close(descriptor);
 }
 
 bool IsHalfWritten(const fs::path& path) { return path.filename().string().find(".partial-") != std::string::npos; }
@@ -142,7 +136,7 @@ bool ProcedureStore::MayResume(Duration limit) const {
 }
 
 Status ProcedureStore::WriteOpen(const std::string& label) const {
-  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(folder_ + "/procedure"));
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(folder_ + "/procedure", FormerFile::kWiped));
   HAUSTRA_TRY(sink.Write(ToText(ProcedureRecord{label, BootId(), BootTime()})));
   return sink.Commit();
 }
@@ -161,32 +155,8 @@ Status ProcedureStore::KeepCheckpoint(const std::string& name) const {
   if (std::rename(checkpoint_path().c_str(), saved_path(name).c_str()) != 0) {
     return Unavailable(saved_path(name) + ": cannot be put into place: " + ErrorText(errno));
   }
-  SyncFolder(folder_ + "/saved");
-  SyncFolder(folder_);
-  return Status::Ok();
-}
-
-Status WipeFile(const std::string& path) {
-  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
-  int error = descriptor < 0 ? errno : 0;
-  if (descriptor >= 0) {
-    struct stat info {};
-    if (::fstat(descriptor, &info) != 0) error = errno;
-    const std::vector<char> zeros(std::size_t{1} << 16);
-    for (off_t at = 0; error == 0 && at < info.st_size;) {
-      const auto count = static_cast<std::size_t>(std::min<off_t>(info.st_size - at, static_cast<off_t>(zeros.size())));
-      const ssize_t written = ::write(descriptor, zeros.data(), count);
-      if (written < 0 && errno != EINTR) error = errno;
-      if (written > 0) at += written;
-    }
-    if (error == 0 && ::fsync(descriptor) != 0) error = errno;
-    ::close(descriptor);
-  }
-  // Gone it must be, even where it could not be overwritten.
-  if (::unlink(path.c_str()) != 0 && errno != ENOENT) error = errno;
-  const std::size_t slash = path.rfind('/');
-  SyncFolder(slash == std::string::npos ? "." : path.substr(0, slash));
-  return error == 0 ? Status::Ok() : Unavailable(path + ": cannot be wiped: " + ErrorText(error));
+  HAUSTRA_TRY(SyncFolderOf(saved_path(name)));
+  return SyncFolderOf(checkpoint_path());
 }
 
 }  // namespace haustra

@@ -6,7 +6,8 @@
 //   FOLDER/checkpoint.atlas  its maps (engine/io/atlas_format.h)
 //   FOLDER/saved/NAME.atlas  maps that were kept
 //
-// Files are replaced as a whole or not at all (platform/file_sink.h) and readable by the service alone.
+// Files are replaced as a whole or not at all (platform/file_sink.h), those before them are overwritten, and they are
+// readable by the service alone.
 #pragma once
 
 #include <cstdint>
@@ -67,9 +68,5 @@ class ProcedureStore {
   int lock_;
   std::optional<ProcedureRecord> interrupted_;
 };
-
-// Overwrites the bytes once, waits for the disk, and removes the name. On flash memory the old bytes may outlast this:
-// README.md. kUnavailable.
-Status WipeFile(const std::string& path);
 
 }  // namespace haustra

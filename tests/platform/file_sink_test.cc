@@ -131,6 +131,37 @@ TEST_F(FileSinkTest, TwoWritersOfOneNameDoNotMeet) {
   EXPECT_EQ(num_files(), 1);
 }
 
+// A second name shows what becomes of the bytes that had the first one.
+TEST_F(FileSinkTest, WhatItReplacesIsWipedWhenItIsToBe) {
+  RecordProperty("req", "DATA-001");
+  const std::string secret(100000, 's');
+  std::ofstream(path()) << secret;
+  const std::string seen = (folder_ / "seen").string();
+  fs::create_hard_link(path(), seen);
+  Result<FileSink> sink = FileSink::Create(path(), FormerFile::kWiped);
+  ASSERT_TRUE(sink.ok());
+  ASSERT_TRUE(sink->Write("new").ok());
+  ASSERT_TRUE(sink->Commit().ok());
+  EXPECT_EQ(Read(path()), "new");
+  EXPECT_EQ(Read(seen), std::string(secret.size(), '\0'));
+  EXPECT_EQ(num_files(), 2);
+}
+
+TEST_F(FileSinkTest, WhatIsNotCommittedIsWipedWhenItIsToBe) {
+  RecordProperty("req", "DATA-001");
+  const std::string secret(100000, 's');
+  const std::string seen = (folder_ / "seen").string();
+  {
+    Result<FileSink> sink = FileSink::Create(path(), FormerFile::kWiped);
+    ASSERT_TRUE(sink.ok());
+    ASSERT_TRUE(sink->Write(secret).ok());
+    ASSERT_EQ(num_files(), 1);
+    fs::create_hard_link(*fs::directory_iterator(folder_), seen);
+  }
+  EXPECT_EQ(Read(seen), std::string(secret.size(), '\0'));
+  EXPECT_EQ(num_files(), 1);
+}
+
 // A link with the name of the next temporary file, to something else.
 TEST_F(FileSinkTest, WhatLiesInTheWayIsLeftAlone) {
   const std::string other = (folder_ / "other").string();

@@ -22,6 +22,7 @@
 #include "platform/daemon/procedure_store.h"
 #include "platform/daemon/status_text.h"
 #include "platform/daemon/supervised_source.h"
+#include "platform/wipe_file.h"
 
 namespace haustra {
 namespace {

@@ -6,6 +6,7 @@
 #include "platform/assemble.h"
 #include "platform/atlas_file.h"
 #include "platform/daemon/log.h"
+#include "platform/daemon/no_dumps.h"
 #include "platform/file_sink.h"
 #include "platform/memory_plan.h"
 #include "platform/publish/published_records.h"
@@ -40,6 +41,7 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   HAUSTRA_ASSIGN(procedure->vocabulary_, LoadVocabularyFor(config.engine));
   procedure->engine_ = std::make_unique<Engine>(config.engine, camera, *procedure->watched_, Engine::Mode::kRealTime,
                                                 &context.clock, SceneShare(mask), procedure->vocabulary_.get());
+  LeaveMemoryOutOfDumps();
   return procedure;
 }
 
@@ -201,8 +203,10 @@ void Procedure::PublishSnapshot(TimePoint now) {
   counts_.points = static_cast<std::uint32_t>(engine_->atlas().points().size());
 }
 
-// What the system refused of the real-time settings, once a procedure.
+// What the system refused of the real-time settings, once a procedure. The session has taken its memory: pictures lie
+// in it.
 void Procedure::OnStart(const RealTimeReport& report) {
+  LeaveMemoryOutOfDumps();
   for (const std::string& refusal : Refusals(report)) Log(LogLevel::kWarning, "realtime_refused", {{"what", refusal}});
 }
 

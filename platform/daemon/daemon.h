@@ -8,9 +8,9 @@
 // A vision device that is lost is made anew, once a procedure, and the procedure goes on from its last checkpoint. The
 // second time, and when the device hangs, the service ends with kExitUnavailable; the last checkpoint stands.
 //
-// Threads: the service thread (this class; signals, control socket, watchdog), the session's (platform/session), and
-// the file worker. The service thread never waits for a disk, a client or a camera but while a procedure begins or
-// ends.
+// Threads: the service thread (this class; signals, control socket, watchdog), the session's (platform/session), the
+// file worker, and one on which engines are made and a procedure's end is worked off. The service thread waits for none
+// of them without showing that it lives.
 #pragma once
 
 #include <csignal>
@@ -81,6 +81,10 @@ class Daemon {
   void Tick(TimePoint now);
   void Reload();
   void Stop();
+  // Does it on a thread of its own, and shows meanwhile that the service lives, up to watchdog.work_limit_ms: what
+  // waits for a disk or takes memory must not starve the watchdog. Nothing else is served meanwhile.
+  void Aside(const std::function<void()>& job);
+  void ShowLife();
   // False: a thread did not end in time, and the process is given up.
   bool StopThreads();
   // The maps can be read.
@@ -90,8 +94,11 @@ class Daemon {
 
   // Makes an engine ready; kWaitingForSource when the camera is not there. Errors that waiting does not mend.
   Status PrepareProcedure();
+  Status OpenAndPrepare();
   Status Begin(const std::string& label, bool is_resumed);
   Result<std::string> End(bool keep);
+  // The maps of the stopped procedure, to saved/.
+  Status Keep(const std::string& name);
   void ConsiderCheckpoint(TimePoint now);
   void TakeSaved();
   void StartSave(const std::string& path, std::optional<ControlServer::ClientId> client);
@@ -118,6 +125,7 @@ class Daemon {
   std::unique_ptr<PoseRingWriter> ring_;
   std::unique_ptr<ControlServer> control_;
   FileWorker files_;
+  FileWorker aside_;
   std::unique_ptr<Procedure> procedure_;
 
   State state_ = State::kWaitingForSource;

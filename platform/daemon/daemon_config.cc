@@ -66,6 +66,8 @@ std::vector<ConfigField> DaemonConfigFields() {
                                                                  kLive));
   add(BindField<&C::watchdog, &WatchdogConfig::stop_limit_ms>("watchdog.stop_limit_ms", {100, 600000}, "ms",
                                                               "until threads that do not end are given up", kLive));
+  add(BindField<&C::watchdog, &WatchdogConfig::work_limit_ms>("watchdog.work_limit_ms", {1000, 600000}, "ms",
+                                                              "of one begin or end, while the watchdog is fed", kLive));
 
   add(BindText<&C::files, &FilesConfig::state_folder>(
       "files.state_folder", "for checkpoints and saved maps; empty: $STATE_DIRECTORY", kRestart));

@@ -33,7 +33,8 @@ struct ProcedureConfig {
   bool begin_at_start = false;
   bool keep_data = false;  // of a procedure that has ended
   // After a crash the procedure goes on by itself if its last checkpoint is no older. Later, or after a restart of the
-  // machine, another patient may lie there: then somebody must say `resume` or `end` [0, 86400]
+  // machine, or when the service was stopped in order, another patient may lie there: then somebody must say `resume`
+  // or `end` [0, 86400]
   int resume_limit_s = 600;
 };
 
@@ -54,6 +55,9 @@ struct WatchdogConfig {
   int mapping_limit_ms = 30000;  // [1000, 600000]
   // Threads that have not ended by then are given up, and the process with them. Below TimeoutStopSec of the unit.
   int stop_limit_ms = 4000;  // [100, 600000]
+  // Making an engine, loading maps, keeping and wiping them: the watchdog is fed meanwhile, up to this. A CUDA context
+  // and a full atlas take seconds; a disk that hangs takes for ever.
+  int work_limit_ms = 30000;  // [1000, 600000]
 };
 
 struct FilesConfig {

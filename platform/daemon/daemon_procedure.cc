@@ -2,6 +2,8 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <atomic>
+#include <exception>
 #include <utility>
 
 #include "platform/daemon/daemon.h"
@@ -30,6 +32,12 @@ haustra_event ProcedureEvent(haustra_event_kind kind, std::uint64_t number) {
 }  // namespace
 
 Status Daemon::PrepareProcedure() {
+  Status status;
+  Aside([&] { status = OpenAndPrepare(); });
+  return status;
+}
+
+Status Daemon::OpenAndPrepare() {
   state_ = State::kWaitingForSource;
   next_source_try_ = clock_.Now() + kSourceRetry;
   Result<std::unique_ptr<FrameSource>> source = parts_.open_source(config_.source);
@@ -48,14 +56,16 @@ Status Daemon::PrepareProcedure() {
 }
 
 Status Daemon::Begin(const std::string& label, bool is_resumed) {
-  if (is_resumed && store_->has_checkpoint()) HAUSTRA_TRY(procedure_->Load(store_->checkpoint_path()));
+  Status loaded, recorded;
+  Aside([&] {
+    if (is_resumed && store_->has_checkpoint()) loaded = procedure_->Load(store_->checkpoint_path());
+    if (loaded.ok()) recorded = store_->WriteOpen(label, RecordedState::kRunning);
+  });
+  HAUSTRA_TRY(loaded);
   label_ = label;
-  checkpoint_error_.clear();
   // A disk that is full costs what a crash would lose, not the procedure.
-  if (const Status status = store_->WriteOpen(label_); !status.ok()) {
-    checkpoint_error_ = status.message();
-    Log(LogLevel::kWarning, "procedure_not_recorded", {{"what", status.message()}});
-  }
+  checkpoint_error_ = recorded.message();
+  if (!recorded.ok()) Log(LogLevel::kWarning, "procedure_not_recorded", {{"what", recorded.message()}});
   is_interrupted_ = false;
   last_checkpoint_.reset();
   ring_->SetProcedure(++number_);
@@ -79,32 +89,29 @@ Result<std::string> Daemon::End(bool keep) {
     kept_as = base;
     for (int i = 2; store_->has_saved(kept_as); ++i) kept_as = base + "-" + std::to_string(i);
     Status status;
-    if (is_interrupted_ || !has_maps()) {
-      status = store_->has_checkpoint() ? store_->KeepCheckpoint(kept_as) : NotFound("there is no checkpoint to keep");
-    } else {
-      procedure_->Save(store_->saved_path(kept_as), [&status](const Status& saved) { status = saved; });
-      files_.Finish();
-      notifier_.FeedWatchdog();
-    }
+    Aside([&] { status = Keep(kept_as); });
     if (!status.ok()) {
       trouble_ = "data not kept: " + status.message();
       return Unavailable(trouble_ + "; nothing was wiped: end again, or `end wipe`");
     }
   }
   const bool was_open = is_open();
-  if (was_open) {
-    earlier_ = WithoutProcedure(counts());
-    if (!is_given_up_) procedure_.reset();
-  }
-  files_.Do(WipeThisThread);
-  files_.Finish();
+  if (was_open) earlier_ = WithoutProcedure(counts());
+  Aside([&] {
+    if (was_open && !is_given_up_) procedure_.reset();
+    files_.Do(WipeThisThread);
+    files_.Finish();
+  });
   TakeSaved();
   WipeThisThread();
-  ReturnFreeMemory();
+  Status wiped;
+  Aside([&] {
+    WipeThisThread();
+    ReturnFreeMemory();
+    wiped = store_->Close();
+  });
   ring_->Wipe();
   ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number_));
-  const Status wiped = store_->Close();
-  notifier_.FeedWatchdog();
   Log(LogLevel::kInfo, "procedure_ended",
       {{"procedure", std::to_string(number_)}, {"label", label_}, {"kept_as", kept_as}});
   label_.clear();
@@ -121,9 +128,18 @@ Result<std::string> Daemon::End(bool keep) {
       exit_code_ = ExitCodeFor(status.code());
     }
   }
-  notifier_.FeedWatchdog();
   if (!wiped.ok()) return Unavailable("the procedure has ended, but " + wiped.message());
   return keep ? "kept as " + kept_as + "\n" : std::string("wiped\n");
+}
+
+Status Daemon::Keep(const std::string& name) {
+  if (is_interrupted_ || !has_maps()) {
+    return store_->has_checkpoint() ? store_->KeepCheckpoint(name) : NotFound("there is no checkpoint to keep");
+  }
+  Status status;
+  procedure_->Save(store_->saved_path(name), [&status](const Status& saved) { status = saved; });
+  files_.Finish();
+  return status;
 }
 
 void Daemon::ConsiderCheckpoint(TimePoint now) {
@@ -135,12 +151,12 @@ void Daemon::ConsiderCheckpoint(TimePoint now) {
     return;
   }
   // Nothing new, but the procedure goes on: that is what decides whether it may resume by itself.
-  files_.Do([this, label = label_] { (void)store_->WriteOpen(label); });
+  files_.Do([this, label = label_] { (void)store_->WriteOpen(label, RecordedState::kRunning); });
 }
 
 void Daemon::StartSave(const std::string& path, std::optional<ControlServer::ClientId> client) {
   procedure_->Save(path, [this, path, client, label = label_](Status status) {
-    if (status.ok() && !client) status = store_->WriteOpen(label);
+    if (status.ok() && !client) status = store_->WriteOpen(label, RecordedState::kRunning);
     {
       const std::lock_guard lock(saved_mutex_);
       saved_.push_back({std::move(status), path, client, clock_.Now()});
@@ -185,17 +201,36 @@ bool Daemon::has_maps() const {
   return procedure_ != nullptr && !is_given_up_ && procedure_->fault() == WatchedVisionDevice::Fault::kNone;
 }
 
+void Daemon::ShowLife() {
+  pollfd wake{wake_, POLLIN, 0};
+  ::poll(&wake, 1, 10);
+  std::uint64_t count = 0;
+  [[maybe_unused]] const ssize_t read = ::read(wake_, &count, sizeof count);
+  ring_->Beat();
+  notifier_.FeedWatchdog();
+}
+
+void Daemon::Aside(const std::function<void()>& job) {
+  std::atomic<bool> is_done{false};
+  std::exception_ptr thrown;
+  aside_.Do([&] {
+    try {
+      job();
+    } catch (...) {
+      thrown = std::current_exception();
+    }
+    is_done.store(true, std::memory_order_release);
+  });
+  const TimePoint limit = clock_.Now() + milliseconds(config_.watchdog.work_limit_ms);
+  while (!is_done.load(std::memory_order_acquire) && clock_.Now() < limit) ShowLife();
+  aside_.Finish();
+  if (thrown) std::rethrow_exception(thrown);
+}
+
 bool Daemon::StopThreads() {
   const TimePoint limit = clock_.Now() + milliseconds(config_.watchdog.stop_limit_ms);
   procedure_->RequestStop();
-  while (!procedure_->has_stopped() && clock_.Now() < limit) {
-    pollfd wake{wake_, POLLIN, 0};
-    ::poll(&wake, 1, 10);
-    std::uint64_t count = 0;
-    [[maybe_unused]] const ssize_t read = ::read(wake_, &count, sizeof count);
-    ring_->Beat();
-    notifier_.FeedWatchdog();
-  }
+  while (!procedure_->has_stopped() && clock_.Now() < limit) ShowLife();
   const bool has_stopped = procedure_->has_stopped();
   if (has_stopped) procedure_->Stop();
   // To destroy a device that hangs is to wait for it.
@@ -210,7 +245,7 @@ Status Daemon::RecreateDevice() {
   is_device_recreated_ = true;
   procedure_->Stop();
   earlier_ = WithoutProcedure(counts());
-  procedure_.reset();
+  Aside([this] { procedure_.reset(); });
   is_interrupted_ = true;
   interrupted_label_ = label_;
   if (const Status status = PrepareProcedure(); !status.ok()) {
@@ -224,14 +259,18 @@ Status Daemon::RecreateDevice() {
 
 void Daemon::Stop() {
   notifier_.Stopping("stopping");
-  if (state_ == State::kRunning) {
-    StopThreads();
-    files_.Finish();
-    if (has_maps()) {
-      StartSave(store_->checkpoint_path(), std::nullopt);
+  // In kStopped, too: its data were to be kept.
+  if (is_open()) {
+    if (state_ == State::kRunning) StopThreads();
+    Aside([this] {
       files_.Finish();
-      TakeSaved();
-    } else {
+      if (has_maps()) StartSave(store_->checkpoint_path(), std::nullopt);
+      files_.Finish();
+      // Somebody stopped it in order, and somebody is to say what becomes of the procedure.
+      if (exit_code_ == kExitOk && !is_given_up_) (void)store_->WriteOpen(label_, RecordedState::kStopped);
+    });
+    TakeSaved();
+    if (!has_maps()) {
       checkpoint_error_ = "the vision device does not give the maps; an earlier checkpoint stands";
     }
     Log(checkpoint_error_.empty() ? LogLevel::kInfo : LogLevel::kError, "procedure_stopped",
@@ -242,7 +281,7 @@ void Daemon::Stop() {
   if (is_given_up_) {
     ring_->Close();
   } else {
-    procedure_.reset();
+    Aside([this] { procedure_.reset(); });
     ring_.reset();
   }
   Log(LogLevel::kInfo, "stopped");

@@ -27,7 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kRecordHead = "haustra procedure 1\n";
+constexpr std::string_view kRecordHead = "haustra procedure 2\n";
 
 std::string ErrorText(int error) { return std::generic_category().message(error); }
 
@@ -53,13 +53,15 @@ std::optional<std::string> ReadSmallFile(const std::string& path) {
   return text;
 }
 
+std::string_view WordFor(RecordedState state) { return state == RecordedState::kRunning ? "running" : "stopped"; }
+
 bool IsHalfWritten(const fs::path& path) { return path.filename().string().find(".partial-") != std::string::npos; }
 
 }  // namespace
 
 std::string ToText(const ProcedureRecord& record) {
   return std::string(kRecordHead) + "label " + record.label + "\nboot " + record.boot_id + "\nwritten_at_ns " +
-         std::to_string(record.written_at.count()) + "\n";
+         std::to_string(record.written_at.count()) + "\nstate " + std::string(WordFor(record.state)) + "\n";
 }
 
 Result<ProcedureRecord> ParseProcedureRecord(const std::string& text) {
@@ -83,8 +85,13 @@ Result<ProcedureRecord> ParseProcedureRecord(const std::string& text) {
     if (error != std::errc() || end != written->data() + written->size()) written_ns = -1;
   }
   if (written_ns < 0) return DataLoss("its time cannot be read");
-  if (!rest.empty()) return DataLoss("it goes on after its end");
-  return ProcedureRecord{*label, *boot, Duration(written_ns)};
+  const std::optional<std::string> word = take("state ");
+  for (const RecordedState state : {RecordedState::kRunning, RecordedState::kStopped}) {
+    if (word != WordFor(state)) continue;
+    if (!rest.empty()) return DataLoss("it goes on after its end");
+    return ProcedureRecord{*label, *boot, Duration(written_ns), state};
+  }
+  return DataLoss("its state cannot be read");
 }
 
 Result<std::unique_ptr<ProcedureStore>> ProcedureStore::Open(const std::string& folder) {
@@ -132,12 +139,13 @@ bool ProcedureStore::has_saved(const std::string& name) const {
 
 bool ProcedureStore::MayResume(Duration limit) const {
   if (!interrupted_ || interrupted_->boot_id.empty() || interrupted_->boot_id != BootId()) return false;
+  if (interrupted_->state == RecordedState::kStopped) return false;
   return BootTime() - interrupted_->written_at <= limit;
 }
 
-Status ProcedureStore::WriteOpen(const std::string& label) const {
+Status ProcedureStore::WriteOpen(const std::string& label, RecordedState state) const {
   HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(folder_ + "/procedure", FormerFile::kWiped));
-  HAUSTRA_TRY(sink.Write(ToText(ProcedureRecord{label, BootId(), BootTime()})));
+  HAUSTRA_TRY(sink.Write(ToText(ProcedureRecord{label, BootId(), BootTime(), state})));
   return sink.Commit();
 }
 

@@ -127,11 +127,14 @@ class DaemonDevice : public testing::Test {
     };
     parts.make_device = [this](const DaemonConfig& config, const CameraCalibration& calibration) {
       ++num_devices_;
+      while (is_making_held_) std::this_thread::sleep_for(milliseconds(1));
       auto device = std::make_unique<ScriptedVisionDevice>(Engine::PlanFor(config.engine, calibration),
                                                            ScriptedVisionDevice::Options{});
       device->CopyScript(script_.colon().device());
       return Result<std::unique_ptr<VisionDevice>>(std::make_unique<FaultyDevice>(std::move(device), faults_));
     };
+    has_ended_ = false;
+    daemon_.reset();
     daemon_ = std::make_unique<Daemon>(config_, ConfigSource{}, clock_, parts);
     thread_ = std::thread([this] {
       exit_code_ = daemon_->Run();
@@ -154,9 +157,9 @@ class DaemonDevice : public testing::Test {
     return Until([&] { return has_ended_.load(); });
   }
 
-  static bool Until(const std::function<bool()>& is_so) {
+  static bool Until(const std::function<bool()>& is_so, Duration hang_limit = kHangLimit) {
     const SystemClock clock;
-    const TimePoint limit = clock.Now() + kHangLimit;
+    const TimePoint limit = clock.Now() + hang_limit;
     while (!is_so()) {
       if (clock.Now() > limit) return false;
       std::this_thread::sleep_for(milliseconds(10));
@@ -187,6 +190,7 @@ class DaemonDevice : public testing::Test {
   std::mutex stamps_mutex_;
   std::vector<TimePoint> stamps_;  // of a live camera, by frame
   std::atomic<int> num_devices_{0};
+  std::atomic<bool> is_making_held_{false};
   std::unique_ptr<Daemon> daemon_;
   std::thread thread_;
   std::atomic<bool> has_ended_{false};
@@ -277,6 +281,47 @@ TEST_F(DaemonDevice, CountersDoNotRunBackwardsAndGaugesAreOfTheOpenProcedure) {
   const std::string next = Ask("metrics");
   EXPECT_GE(Metric(next, checkpoints), Metric(after, checkpoints));
   EXPECT_GE(Metric(next, frames), Metric(after, frames));
+}
+
+TEST_F(DaemonDevice, WorkThatTakesLongDoesNotStopItsHeart) {
+  RecordProperty("req", "DMN-002");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  haustra_ring ring;
+  ASSERT_EQ(haustra_ring_open(&ring, (folder_ + "/poses").c_str()), HAUSTRA_OK);
+  is_making_held_ = true;
+  std::thread client([&] { EXPECT_EQ(Ask("end wipe"), "wiped\n"); });
+  const bool is_held = Until([&] { return num_devices_ == 2; });
+  const std::int64_t begin = haustra_now_ns();
+  const bool beats =
+      Until([&] { return __atomic_load_n(&ring.file->header.alive_ns, __ATOMIC_ACQUIRE) > begin; }, seconds(5));
+  is_making_held_ = false;
+  client.join();
+  haustra_ring_close(&ring);
+  EXPECT_TRUE(is_held);
+  EXPECT_TRUE(beats);
+}
+
+TEST_F(DaemonDevice, StopSavesWhatCouldNotBeKept) {
+  RecordProperty("req", "DMN-004");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  fs::remove_all(folder_ + "/saved");
+  EXPECT_TRUE(Ask("end keep").starts_with("error: data not kept"));
+  ASSERT_EQ(StatusValue("state"), "stopped");
+  fs::remove(folder_ + "/checkpoint.atlas");
+  Terminate();
+  EXPECT_EQ(exit_code_, kExitOk);
+  EXPECT_TRUE(Exists("checkpoint.atlas"));
+}
+
+TEST_F(DaemonDevice, AfterAStopInOrderSomebodySaysThatTheProcedureGoesOn) {
+  RecordProperty("req", "DATA-003");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  Terminate();
+  ASSERT_NO_FATAL_FAILURE(Start());
+  EXPECT_EQ(StatusValue("interrupted"), "yes");
+  EXPECT_EQ(StatusValue("label"), "case-1");
+  EXPECT_TRUE(Ask("resume").starts_with("procedure "));
+  EXPECT_EQ(StatusValue("label"), "case-1");
 }
 
 TEST_F(DaemonDevice, PoseBearsTheStampOfItsFrame) {

@@ -24,7 +24,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr mode_t kSharedMode = 0660;    // control socket: who may use it may begin and end procedures
+constexpr mode_t kSharedMode = 0660;    // sockets
 constexpr mode_t kReadableMode = 0640;  // poses
 
 std::string FolderFrom(const std::string& configured, const char* variable) {
@@ -34,10 +34,10 @@ std::string FolderFrom(const std::string& configured, const char* variable) {
   return value == nullptr ? std::string() : std::string(value).substr(0, std::string(value).find(':'));
 }
 
-Result<gid_t> GroupOf(const std::string& name) {
+Result<gid_t> GroupOf(const char* key, const std::string& name) {
   if (name.empty()) return static_cast<gid_t>(-1);
   const group* entry = ::getgrnam(name.c_str());
-  if (entry == nullptr) return FailedPrecondition("publish.group: there is no group '" + name + "'");
+  if (entry == nullptr) return FailedPrecondition(std::string(key) + ": there is no group '" + name + "'");
   return entry->gr_gid;
 }
 
@@ -107,8 +107,11 @@ int Daemon::SetUp() {
                      kExitConfig);
   }
   if (config_.source.path.empty()) return FailStart(FailedPrecondition("source.path is not set"), kExitConfig);
-  const Result<gid_t> group = GroupOf(config_.publish.group);
+  const Result<gid_t> group = GroupOf("publish.group", config_.publish.group);
   if (!group.ok()) return FailStart(group.status(), kExitConfig);
+  const Result<gid_t> control_group =
+      config_.control.group.empty() ? group : GroupOf("control.group", config_.control.group);
+  if (!control_group.ok()) return FailStart(control_group.status(), kExitConfig);
 
   Result<std::unique_ptr<ProcedureStore>> store = ProcedureStore::Open(state_folder);
   if (!store.ok()) {
@@ -139,11 +142,18 @@ int Daemon::SetUp() {
   }
 
   // Last: who can connect finds everything ready.
-  Result<std::unique_ptr<ControlServer>> control =
-      ControlServer::Create(runtime_folder + "/control", kSharedMode, *group, {},
-                            [this](auto client, const ControlPeer& peer, const ControlRequest& request) {
-                              return Handle(client, peer, request);
-                            });
+  const auto serve = [&](std::string_view name, gid_t owners, const ControlLimits& limits) {
+    return ControlServer::Create(runtime_folder + "/" + std::string(name), kSharedMode, owners, limits,
+                                 [this](auto client, const ControlPeer& peer, const ControlRequest& request) {
+                                   return Handle(client, peer, request);
+                                 });
+  };
+  ControlLimits looking;
+  looking.only_looks = true;
+  Result<std::unique_ptr<ControlServer>> lookout = serve(kStatusSocket, *group, looking);
+  if (!lookout.ok()) return FailStart(lookout.status(), kExitIo);
+  lookout_ = std::move(*lookout);
+  Result<std::unique_ptr<ControlServer>> control = serve(kControlSocket, *control_group, {});
   if (!control.ok()) return FailStart(control.status(), kExitIo);
   control_ = std::move(*control);
   ring_->SetService(Service());
@@ -154,12 +164,16 @@ int Daemon::SetUp() {
 
 int Daemon::Loop(int signals) {
   while (true) {
-    std::array<pollfd, 3> events{{{signals, POLLIN, 0}, {wake_, POLLIN, 0}, {control_->descriptor(), POLLIN, 0}}};
+    std::array<pollfd, 4> events{{{signals, POLLIN, 0},
+                                  {wake_, POLLIN, 0},
+                                  {lookout_->descriptor(), POLLIN, 0},
+                                  {control_->descriptor(), POLLIN, 0}}};
     ::poll(events.data(), events.size(), 50);
     std::uint64_t count = 0;
     [[maybe_unused]] const ssize_t read = ::read(wake_, &count, sizeof count);
     TakeSaved();
     if (!HandleSignals(signals)) break;
+    lookout_->Serve(clock_.Now());
     control_->Serve(clock_.Now());
     Tick(clock_.Now());
     if (exit_code_ != kExitOk) break;

@@ -123,6 +123,7 @@ class Daemon {
 
   std::unique_ptr<ProcedureStore> store_;
   std::unique_ptr<PoseRingWriter> ring_;
+  std::unique_ptr<ControlServer> lookout_;  // answers status and metrics
   std::unique_ptr<ControlServer> control_;
   FileWorker files_;
   FileWorker aside_;

@@ -54,8 +54,10 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::publish, &PublishConfig::snapshot_interval_ms>("publish.snapshot_interval_ms", {50, 60000}, "ms",
                                                                    "between two snapshots of the map", kLive));
   add(BindText<&C::publish, &PublishConfig::group>(
-      "publish.group", "system group that may read poses and use the control socket; empty: the service's own",
+      "publish.group", "system group that may read poses and ask for status and metrics; empty: the service's own",
       kRestart));
+  add(BindText<&C::control, &ControlConfig::group>(
+      "control.group", "system group that may begin and end procedures; empty: publish.group", kRestart));
 
   add(BindField<&C::watchdog, &WatchdogConfig::tracking_limit_ms>(
       "watchdog.tracking_limit_ms", {100, 600000}, "ms", "without a sign of life: the tracking thread hangs", kLive));

@@ -44,7 +44,11 @@ struct CheckpointConfig {
 
 struct PublishConfig {
   int snapshot_interval_ms = 500;  // [50, 60000]
-  std::string group;               // may read poses and use the control socket; empty: the service's own
+  std::string group;               // may read poses and ask for status and metrics; empty: the service's own
+};
+
+struct ControlConfig {
+  std::string group;  // may begin and end procedures; empty: publish.group
 };
 
 struct WatchdogConfig {
@@ -77,6 +81,7 @@ struct DaemonConfig {
   ProcedureConfig procedure;
   CheckpointConfig checkpoint;
   PublishConfig publish;
+  ControlConfig control;
   WatchdogConfig watchdog;
   FilesConfig files;
   LogConfig log;

@@ -278,6 +278,7 @@ void Daemon::Stop() {
     if (!checkpoint_error_.empty() && exit_code_ == kExitOk) exit_code_ = has_maps() ? kExitIo : kExitUnavailable;
   }
   control_.reset();
+  lookout_.reset();
   if (is_given_up_) {
     ring_->Close();
   } else {

@@ -67,9 +67,12 @@ std::string Daemon::MetricsText(TimePoint now) const {
   metrics.is_open = is_open();
   metrics.is_hanging = !hang_.empty();
   if (last_checkpoint_) metrics.checkpoint_age = now - *last_checkpoint_;
-  metrics.clients = control_ == nullptr ? 0 : control_->num_clients();
-  metrics.clients_refused = control_ == nullptr ? 0 : control_->num_refused();
-  metrics.requests_malformed = control_ == nullptr ? 0 : control_->num_malformed();
+  for (const ControlServer* server : {lookout_.get(), control_.get()}) {
+    if (server == nullptr) continue;
+    metrics.clients += server->num_clients();
+    metrics.clients_refused += server->num_refused();
+    metrics.requests_malformed += server->num_malformed();
+  }
   metrics.capacity = config_.engine.memory;
   return ToMetricsText(metrics, counts());
 }

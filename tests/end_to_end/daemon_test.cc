@@ -87,6 +87,7 @@ TEST_F(Daemon, StartsReadyTracksWhenToldAndStopsWithItsMapsSaved) {
   EXPECT_TRUE(Exists(StatePath("checkpoint.atlas")));
   EXPECT_FALSE(Exists(service_.runtime_folder() + "/poses"));
   EXPECT_FALSE(Exists(service_.runtime_folder() + "/control"));
+  EXPECT_FALSE(Exists(service_.runtime_folder() + "/status"));
   EXPECT_EQ(Haustra({"control", "status", "--folder", service_.runtime_folder()}).exit_code, 69);
   const CommandResult info = Haustra({"atlas", "info", StatePath("checkpoint.atlas")});
   EXPECT_EQ(info.exit_code, 0) << info.ToString();
@@ -324,6 +325,7 @@ TEST_F(Daemon, EveryReasonNotToStartHasItsExitCode) {
   EXPECT_EQ(run({}).exit_code, 78);  // no source
   EXPECT_EQ(run({"--source", "/nonexistent"}).exit_code, 66);
   EXPECT_EQ(run(Arguments({"--set", "publish.group=no-such-group"})).exit_code, 78);
+  EXPECT_EQ(run(Arguments({"--set", "control.group=no-such-group"})).exit_code, 78);
   const CommandResult printed = run(Arguments({"--print-config"}));
   EXPECT_EQ(printed.exit_code, 0);
   WriteBytes(folder_ + "/printed.yaml", printed.out);

@@ -301,6 +301,16 @@ TEST_F(DaemonDevice, WorkThatTakesLongDoesNotStopItsHeart) {
   EXPECT_TRUE(beats);
 }
 
+TEST_F(DaemonDevice, SocketForStatusBeginsNothing) {
+  RecordProperty("req", "CTL-003");
+  ASSERT_NO_FATAL_FAILURE(Start());
+  Result<ControlClient> client = ControlClient::Connect(folder_ + "/status");
+  ASSERT_TRUE(client.ok()) << client.status().ToString();
+  EXPECT_EQ(client->Ask("begin", kHangLimit).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(client->Ask("status", kHangLimit)->find("summary idle"), 0u);
+  EXPECT_EQ(StatusValue("state"), "idle");
+}
+
 TEST_F(DaemonDevice, StopSavesWhatCouldNotBeKept) {
   RecordProperty("req", "DMN-004");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());

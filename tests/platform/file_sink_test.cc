@@ -5,6 +5,7 @@
 
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -160,6 +161,38 @@ TEST_F(FileSinkTest, WhatIsNotCommittedIsWipedWhenItIsToBe) {
   }
   EXPECT_EQ(Read(seen), std::string(secret.size(), '\0'));
   EXPECT_EQ(num_files(), 1);
+}
+
+// A child writes one file after the other under one name until it is killed, at another moment each time.
+TEST_F(FileSinkTest, KillAtAnyMomentLeavesAWholeFile) {
+  RecordProperty("req", "DMN-005");
+  const std::string first(150000, 'a'), second(90000, 'b');
+  std::ofstream(path()) << first;
+  int num_seen_temporary = 0;
+  for (int i = 0; i < 100; ++i) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      for (bool is_first = false;; is_first = !is_first) {
+        Result<FileSink> sink = FileSink::Create(path(), FormerFile::kWiped);
+        if (!sink.ok() || !sink->Write(is_first ? first : second).ok() || !sink->Commit().ok()) ::_exit(1);
+      }
+    }
+    ::usleep(static_cast<useconds_t>(500 + 97 * i));
+    ::kill(child, SIGKILL);
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    ASSERT_TRUE(WIFSIGNALED(status)) << "the child could not write";
+    const std::string left = Read(path());
+    ASSERT_TRUE(left == first || left == second) << "after " << i << " kills: " << left.size() << " bytes";
+    // What the next start of the service wipes; nothing else lies about.
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
+      if (entry.path() == path()) continue;
+      EXPECT_THAT(entry.path().filename().string(), HasSubstr(".partial-"));
+      ++num_seen_temporary;
+      fs::remove(entry.path());
+    }
+  }
+  EXPECT_GT(num_seen_temporary, 0) << "no kill came in the middle";
 }
 
 // A link with the name of the next temporary file, to something else.

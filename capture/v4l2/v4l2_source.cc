@@ -282,6 +282,15 @@ Result<ImageView> V4l2Source::PixelsOf(const V4l2Picture& picture) {
   return view;
 }
 
+std::optional<PixelFormat> V4l2Source::pixel_format() const {
+  if (stream_ == nullptr) return std::nullopt;
+  const PixelFormat stored = capture::internal::FormatOf(stream_->format().fourcc);
+  if (sequence_.channels == ChannelChoice::kGrey) return PixelFormat::kGrey8;
+  // Halving gives luma of raw formats; of a part of NV12 only luma is read (picture_view.h).
+  if (sequence_.halve && stored != PixelFormat::kBgr8) return PixelFormat::kGrey8;
+  return stored == PixelFormat::kNv12 && !options_.region.is_whole() ? PixelFormat::kGrey8 : stored;
+}
+
 std::span<const std::uint8_t> V4l2Source::encoded() const {
   if (!held_ || stream_->format().fourcc != V4L2_PIX_FMT_MJPEG) return {};
   return held_->bytes;

@@ -53,6 +53,8 @@ class V4l2Source final : public FrameSource {
   const CameraCalibration& calibration() const override { return calibration_; }
   std::uint32_t num_frames() const override { return 0; }
   bool is_live() const override { return true; }
+  // Nothing while the camera is gone.
+  std::optional<PixelFormat> pixel_format() const override;
   ImageView static_mask() const override { return mask_.view(); }
   Result<Frame> Next(TimePoint deadline) override;
 

@@ -207,7 +207,7 @@ void Daemon::Tick(TimePoint now) {
   ring_->SetService(Service());
   if (state_ == State::kWaitingForSource && now >= next_source_try_) {
     if (const Status status = PrepareProcedure(); !status.ok()) {
-      Log(LogLevel::kError, "cannot_prepare", {{"what", status.message()}});
+      Log(LogLevel::kError, "cannot_prepare", {{"what", status.ToString()}});
       exit_code_ = ExitCodeFor(status.code());
       return;
     }

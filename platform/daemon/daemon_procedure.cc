@@ -124,7 +124,7 @@ Result<std::string> Daemon::End(bool keep) {
     exit_code_ = kExitUnavailable;
   } else if (was_open) {
     if (const Status status = PrepareProcedure(); !status.ok()) {
-      Log(LogLevel::kError, "cannot_prepare", {{"what", status.message()}});
+      Log(LogLevel::kError, "cannot_prepare", {{"what", status.ToString()}});
       exit_code_ = ExitCodeFor(status.code());
     }
   }
@@ -249,7 +249,7 @@ Status Daemon::RecreateDevice() {
   is_interrupted_ = true;
   interrupted_label_ = label_;
   if (const Status status = PrepareProcedure(); !status.ok()) {
-    Log(LogLevel::kError, "cannot_prepare", {{"what", status.message()}});
+    Log(LogLevel::kError, "cannot_prepare", {{"what", status.ToString()}});
     return status;
   }
   Log(LogLevel::kWarning, "device_recreated", {{"label", label_}});

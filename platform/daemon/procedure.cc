@@ -10,6 +10,7 @@
 #include "platform/file_sink.h"
 #include "platform/memory_plan.h"
 #include "platform/publish/published_records.h"
+#include "platform/session/warm_up.h"
 #include "platform/vocabulary_loader.h"
 
 namespace haustra {
@@ -36,6 +37,10 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostBytes()));
   HAUSTRA_ASSIGN(procedure->device_, context.make_device(config, calibration));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
+  // The device itself: what the first request takes is no silence.
+  if (const std::optional<PixelFormat> format = procedure->source_->pixel_format()) {
+    HAUSTRA_TRY(WarmUp(*procedure->device_, calibration.width_px, calibration.height_px, *format).status());
+  }
   procedure->watched_ = std::make_unique<WatchedVisionDevice>(*procedure->device_, context.clock,
                                                               std::chrono::milliseconds(config.vision.answer_limit_ms));
   HAUSTRA_ASSIGN(procedure->vocabulary_, LoadVocabularyFor(config.engine));

@@ -20,6 +20,7 @@ class SupervisedSource final : public FrameSource {
   const CameraCalibration& calibration() const override { return inner_->calibration(); }
   std::uint32_t num_frames() const override { return inner_->num_frames(); }
   bool is_live() const override { return inner_->is_live(); }
+  std::optional<PixelFormat> pixel_format() const override { return inner_->pixel_format(); }
   std::string FrameName(std::uint32_t frame_index) const override { return inner_->FrameName(frame_index); }
   ImageView static_mask() const override { return inner_->static_mask(); }
 

@@ -91,6 +91,31 @@ TEST(V4l2Source, NoPictureStaysInItsBuffers) {
   }
 }
 
+TEST(V4l2Source, FormatOfItsFramesIsKnownBeforeTheFirst) {
+  for (const std::uint32_t fourcc : {V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_NV12, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_MJPEG}) {
+    for (const bool halve : {false, true}) {
+      for (const ChannelChoice channels : {ChannelChoice::kAsStored, ChannelChoice::kGrey}) {
+        for (const bool is_part : {false, true}) {
+          ScriptedCamera camera;
+          camera.modes = {{fourcc, 64, 48, {25}}};
+          const Image colour(64, 48, PixelFormat::kBgr8);
+          ASSERT_TRUE(capture::internal::EncodeJpeg(colour.view(), 95, &camera.jpeg).ok());
+          V4l2Options options = Options();
+          if (is_part) options.region = {8, 8, 32, 24};
+          SequenceOptions sequence;
+          sequence.halve = halve;
+          sequence.channels = channels;
+          const auto source = MustOpen(camera, options, sequence);
+          const std::optional<PixelFormat> format = source->pixel_format();
+          const Result<Frame> frame = source->Next(kNoDeadline);
+          ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+          EXPECT_EQ(format, frame->image.format) << FourccText(fourcc) << halve << is_part;
+        }
+      }
+    }
+  }
+}
+
 // What is agreed with the camera.
 
 TEST(V4l2Source, WhatOnlyARecordingCanDoIsRefused) {

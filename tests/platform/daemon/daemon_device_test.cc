@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -35,6 +36,7 @@ struct Faults {
   std::atomic<bool> is_silent{false};  // a wait is never over
   std::atomic<bool> is_stuck{false};   // a call does not return
   std::atomic<int> num_stuck{0};
+  std::atomic<int> num_extractions{0};
 };
 
 class FaultyDevice final : public ForwardingVisionDevice {
@@ -44,6 +46,7 @@ class FaultyDevice final : public ForwardingVisionDevice {
 
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
     if (faults_.is_lost) return Status(StatusCode::kUnavailable);
+    ++faults_.num_extractions;
     return ForwardingVisionDevice::EnqueueExtract(lane, request);
   }
   Status Wait(Ticket ticket, TimePoint deadline) override {
@@ -66,6 +69,7 @@ class ColonSource : public FrameSource {
   ColonSource() { colon_.Move(0.0, 6.0, 150), colon_.Occlude(10000); }
   const CameraCalibration& calibration() const override { return colon_.source().calibration(); }
   std::uint32_t num_frames() const override { return colon_.source().num_frames(); }
+  std::optional<PixelFormat> pixel_format() const override { return PixelFormat::kGrey8; }
   ImageView static_mask() const override { return {}; }
   Result<Frame> Next(TimePoint deadline) override { return colon_.source().Next(deadline); }
   test::ScriptedColon& colon() { return colon_; }
@@ -127,6 +131,7 @@ class DaemonDevice : public testing::Test {
     };
     parts.make_device = [this](const DaemonConfig& config, const CameraCalibration& calibration) {
       ++num_devices_;
+      faults_.is_lost = false;  // a new one works
       while (is_making_held_) std::this_thread::sleep_for(milliseconds(1));
       auto device = std::make_unique<ScriptedVisionDevice>(Engine::PlanFor(config.engine, calibration),
                                                            ScriptedVisionDevice::Options{});
@@ -201,9 +206,8 @@ TEST_F(DaemonDevice, LostDeviceIsMadeAnewOnceAndTheProcedureGoesOn) {
   RecordProperty("req", "DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   faults_.is_lost = true;
-  ASSERT_TRUE(Until([&] { return num_devices_ == 2; }));
-  faults_.is_lost = false;
   ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  EXPECT_EQ(num_devices_, 2);
   EXPECT_EQ(StatusValue("label"), "case-1");
   ASSERT_TRUE(Until([&] { return StatusValue("maps") == "1"; })) << "from the checkpoint";
   EXPECT_EQ(Ask("end wipe"), "wiped\n");
@@ -212,6 +216,8 @@ TEST_F(DaemonDevice, LostDeviceIsMadeAnewOnceAndTheProcedureGoesOn) {
 TEST_F(DaemonDevice, DeviceThatIsLostAgainEndsTheServiceAndTheCheckpointStands) {
   RecordProperty("req", "DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  faults_.is_lost = true;
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
   faults_.is_lost = true;
   ASSERT_TRUE(HasEnded());
   EXPECT_EQ(exit_code_, kExitUnavailable);
@@ -299,6 +305,12 @@ TEST_F(DaemonDevice, WorkThatTakesLongDoesNotStopItsHeart) {
   haustra_ring_close(&ring);
   EXPECT_TRUE(is_held);
   EXPECT_TRUE(beats);
+}
+
+TEST_F(DaemonDevice, IsWarmBeforeTheFirstProcedureBegins) {
+  RecordProperty("req", "DMN-004");
+  ASSERT_NO_FATAL_FAILURE(Start());
+  EXPECT_EQ(faults_.num_extractions, 1);
 }
 
 TEST_F(DaemonDevice, SocketForStatusBeginsNothing) {

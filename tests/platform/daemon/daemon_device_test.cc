@@ -111,7 +111,7 @@ class DaemonDevice : public testing::Test {
     config_.source.path = "scripted";
     config_.source.rate = 4.0;
     config_.vision.answer_limit_ms = 200;
-    config_.watchdog.stop_limit_ms = 3000;
+    config_.watchdog.stop_limit_ms = 60000;
     config_.checkpoint.interval_s = 1;
     config_.files.state_folder = config_.files.runtime_folder = folder_;
     config_.log.level = "error";
@@ -240,6 +240,7 @@ TEST_F(DaemonDevice, DeviceThatHangsEndsTheServiceAndTheCheckpointStands) {
 
 TEST_F(DaemonDevice, EndComesThroughWhileADriverHangs) {
   RecordProperty("req", "DMN-010");
+  config_.watchdog.stop_limit_ms = 2000;
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   faults_.is_stuck = true;
   ASSERT_TRUE(Until([&] { return faults_.num_stuck > 0; }));
@@ -253,6 +254,7 @@ TEST_F(DaemonDevice, EndComesThroughWhileADriverHangs) {
 
 TEST_F(DaemonDevice, StopComesThroughWhileADriverHangs) {
   RecordProperty("req", "DMN-010");
+  config_.watchdog.stop_limit_ms = 2000;
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   faults_.is_stuck = true;
   ASSERT_TRUE(Until([&] { return faults_.num_stuck > 0; }));

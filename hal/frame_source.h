@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "hal/camera_calibration.h"
@@ -33,6 +34,8 @@ class FrameSource {
   // Whether a camera takes the frames as they are read: then their time stamps are of the machine's monotonic clock,
   // and the age of a frame is known.
   virtual bool is_live() const { return false; }
+  // How the pixels of the frames lie, where that is known before the first one comes.
+  virtual std::optional<PixelFormat> pixel_format() const { return std::nullopt; }
   // 255 where the scope's window shows the scene, 0 elsewhere; empty view when there is no static mask.
   virtual ImageView static_mask() const = 0;
 

@@ -4,34 +4,49 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <system_error>
 #include <utility>
+
+#include "platform/wipe_file.h"
 
 namespace haustra {
 namespace {
 
 constexpr std::size_t kBufferBytes = std::size_t{1} << 16;
+// Names of temporary files that lie in the way: leftovers of a process with the same number.
+constexpr int kMaxAttempts = 1000;
+
+std::atomic<std::uint64_t> num_names{0};  // in this process
 
 std::string ErrorText(int error) { return std::generic_category().message(error); }
 
 }  // namespace
 
-Result<FileSink> FileSink::Create(const std::string& path) {
-  // The process id keeps two writers of one file out of each other's temporary file; the last to commit wins.
-  std::string temporary_path = path + ".partial-" + std::to_string(::getpid());
-  const int descriptor = ::open(temporary_path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+Result<FileSink> FileSink::Create(const std::string& path) { return Create(path, FormerFile::kFreed); }
+
+Result<FileSink> FileSink::Create(const std::string& path, FormerFile former) {
+  // No two writers of one file meet in a temporary one, of this process or another; the last to commit wins.
+  std::string temporary_path;
+  int descriptor = -1;
+  int error = EEXIST;
+  for (int i = 0; descriptor < 0 && error == EEXIST && i < kMaxAttempts; ++i) {
+    temporary_path = path + ".partial-" + std::to_string(::getpid()) + "-" + std::to_string(++num_names);
+    descriptor = ::open(temporary_path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+    error = errno;
+  }
   if (descriptor < 0) {
-    const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
     return Unavailable(path + ": cannot be created: " + ErrorText(error));
   }
-  return FileSink(path, std::move(temporary_path), descriptor);
+  return FileSink(path, std::move(temporary_path), descriptor, former);
 }
 
-FileSink::FileSink(std::string path, std::string temporary_path, int descriptor)
-    : path_(std::move(path)), temporary_path_(std::move(temporary_path)), descriptor_(descriptor) {
+FileSink::FileSink(std::string path, std::string temporary_path, int descriptor, FormerFile former)
+    : path_(std::move(path)), temporary_path_(std::move(temporary_path)), descriptor_(descriptor), former_(former) {
   buffer_.reserve(kBufferBytes);
 }
 
@@ -39,6 +54,7 @@ FileSink::FileSink(FileSink&& other) noexcept
     : path_(std::move(other.path_)),
       temporary_path_(std::move(other.temporary_path_)),
       descriptor_(std::exchange(other.descriptor_, -1)),
+      former_(other.former_),
       buffer_(std::move(other.buffer_)),
       status_(std::move(other.status_)) {}
 
@@ -47,7 +63,15 @@ FileSink::~FileSink() { Discard(); }
 void FileSink::Discard() {
   if (descriptor_ < 0) return;
   ::close(std::exchange(descriptor_, -1));
-  ::unlink(temporary_path_.c_str());
+  RemoveTemporary();
+}
+
+void FileSink::RemoveTemporary() {
+  if (former_ == FormerFile::kWiped) {
+    (void)WipeFile(temporary_path_);
+  } else {
+    ::unlink(temporary_path_.c_str());
+  }
 }
 
 Status FileSink::WriteOut(std::string_view bytes) {
@@ -89,27 +113,28 @@ Status FileSink::Commit() {
     Discard();
     return status_;
   }
+  bool has_former = false;  // under the temporary name
   const bool is_closed = ::close(std::exchange(descriptor_, -1)) == 0;
-  if (!is_closed || std::rename(temporary_path_.c_str(), path_.c_str()) != 0) {
+  if (!is_closed || !PutIntoPlace(&has_former)) {
     status_ = Unavailable(path_ + ": cannot be put into place: " + ErrorText(errno));
-    ::unlink(temporary_path_.c_str());
+    RemoveTemporary();
     return status_;
   }
-  status_ = SyncFolder();
+  status_ = SyncFolderOf(path_);
+  if (!has_former) return status_;
+  const Status wiped = WipeFile(temporary_path_);
+  if (status_.ok()) status_ = wiped;
   return status_;
 }
 
-// The new name is an entry of the folder, which is written back on its own.
-Status FileSink::SyncFolder() const {
-  const std::size_t slash = path_.rfind('/');
-  const std::string folder = slash == std::string::npos ? "." : slash == 0 ? "/" : path_.substr(0, slash);
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  // A folder that may be written to but not read, or a file system that knows no such call, leaves it to the system.
-  if (descriptor < 0) return Status::Ok();
-  const int error = ::fsync(descriptor) == 0 ? 0 : errno;
-  ::close(descriptor);
-  if (error == 0 || error == EINVAL || error == EROFS) return Status::Ok();
-  return Unavailable(path_ + ": is in place, but may not outlast a power cut: " + ErrorText(error));
+// What is to be wiped changes names with the new file in one step, so a crash leaves it under the temporary name or in
+// place, and never under none.
+bool FileSink::PutIntoPlace(bool* has_former) const {
+  if (former_ == FormerFile::kWiped) {
+    *has_former = ::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0;
+    if (*has_former || errno != ENOENT) return *has_former;
+  }
+  return std::rename(temporary_path_.c_str(), path_.c_str()) == 0;
 }
 
 }  // namespace haustra

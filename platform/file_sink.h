@@ -1,5 +1,6 @@
 // A file that is there as a whole or not at all: bytes go to a temporary file beside it, Commit renames it into place.
 // A reader, or a crash in the middle, never meets half a file, and an older file stays until the new one is complete.
+// Any number of writers of one name do not meet: the last to commit wins.
 #pragma once
 
 #include <string>
@@ -10,10 +11,18 @@
 
 namespace haustra {
 
+// What becomes of the bytes that a new file replaces, or that were not committed: the file system gets them as they
+// are, or overwritten (wipe_file.h), which takes as long as writing them.
+enum class FormerFile { kFreed, kWiped };
+
 // thread-bound(the writer), not rt-safe.
 class FileSink final : public ByteSink {
  public:
   // kNotFound: the folder does not exist; kUnavailable: cannot be created (rights, disk). The message names the file.
+  // With kWiped the file system must be able to exchange two names (renameat2), as all journalling ones are; on another
+  // one Commit fails.
+  static Result<FileSink> Create(const std::string& path, FormerFile former);
+  // kFreed.
   static Result<FileSink> Create(const std::string& path);
 
   FileSink(FileSink&& other) noexcept;
@@ -28,15 +37,17 @@ class FileSink final : public ByteSink {
   Status Commit();
 
  private:
-  FileSink(std::string path, std::string temporary_path, int descriptor);
+  FileSink(std::string path, std::string temporary_path, int descriptor, FormerFile former);
 
   Status WriteOut(std::string_view bytes);
-  Status SyncFolder() const;
   void Discard();
+  void RemoveTemporary();
+  bool PutIntoPlace(bool* has_former) const;
 
   std::string path_;
   std::string temporary_path_;
   int descriptor_ = -1;  // -1: committed, failed or moved from
+  FormerFile former_ = FormerFile::kFreed;
   std::string buffer_;
   Status status_;
 };

@@ -12,8 +12,25 @@
 namespace haustra::capture::internal {
 
 bool IsJpeg(std::span<const std::uint8_t> bytes);
-// kDataLoss also for what the library only warns of: a file cut short or with bad entropy codes decodes to grey or
-// shifted blocks, which look like a scene to everything downstream.
+// Decodes one picture after the other. It keeps what TurboJPEG sets up once; for a picture the library takes and gives
+// back some memory of its own. thread-bound(its owner).
+class JpegDecoder {
+ public:
+  JpegDecoder();
+  ~JpegDecoder();
+  JpegDecoder(const JpegDecoder&) = delete;
+  JpegDecoder& operator=(const JpegDecoder&) = delete;
+
+  // kDataLoss also for what the library only warns of: a file cut short or with bad entropy codes decodes to grey or
+  // shifted blocks, which look like a scene to everything downstream. Bytes between the last block and the end marker
+  // are no damage: cameras fill up with them. Memory of `image` is used again.
+  Status Decode(std::span<const std::uint8_t> bytes, ChannelChoice channels, Image* image);
+
+ private:
+  void* codec_;
+};
+
+// With a decoder of its own.
 Status DecodeJpeg(std::span<const std::uint8_t> bytes, ChannelChoice channels, Image* image);
 Result<ImageSize> DecodeJpegSize(std::span<const std::uint8_t> bytes);
 Status EncodeJpeg(ImageView image, int quality, std::vector<std::uint8_t>* bytes);

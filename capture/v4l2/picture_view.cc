@@ -7,21 +7,22 @@
 namespace haustra::capture::internal {
 namespace {
 
-PixelFormat FormatOf(std::uint32_t fourcc) {
-  switch (fourcc) {
-    case V4L2_PIX_FMT_YUYV: return PixelFormat::kYuyv;
-    case V4L2_PIX_FMT_UYVY: return PixelFormat::kUyvy;
-    case V4L2_PIX_FMT_NV12: return PixelFormat::kNv12;
-    default: return PixelFormat::kGrey8;
-  }
-}
-
 std::string RegionText(const PictureRegion& region) {
   return std::to_string(region.width_px) + "x" + std::to_string(region.height_px) + "+" + std::to_string(region.x_px) +
          "+" + std::to_string(region.y_px);
 }
 
 }  // namespace
+
+PixelFormat FormatOf(std::uint32_t fourcc) {
+  switch (fourcc) {
+    case V4L2_PIX_FMT_YUYV: return PixelFormat::kYuyv;
+    case V4L2_PIX_FMT_UYVY: return PixelFormat::kUyvy;
+    case V4L2_PIX_FMT_NV12: return PixelFormat::kNv12;
+    case V4L2_PIX_FMT_MJPEG: return PixelFormat::kBgr8;
+    default: return PixelFormat::kGrey8;
+  }
+}
 
 ImageView ViewOfPicture(const V4l2Format& format, std::span<const std::uint8_t> bytes, const PictureRegion& region,
                         FieldChoice field) {

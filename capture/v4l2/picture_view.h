@@ -10,6 +10,9 @@
 
 namespace haustra::capture::internal {
 
+// Of the pictures as they are read; MJPEG gives colour.
+PixelFormat FormatOf(std::uint32_t fourcc);
+
 // Of raw formats, not MJPEG. `bytes` holds a whole picture (V4l2Format::min_bytes); `region` lies inside it, in rows
 // and columns of the progressive picture. With a field the view has every other row. NV12 is its luma alone (kGrey8)
 // unless it is whole and progressive, because the colour of a part does not lie right behind it.

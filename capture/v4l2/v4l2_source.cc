@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "capture/calibration_reader.h"
-#include "capture/codec/jpeg_codec.h"
 #include "capture/image_transform.h"
 #include "capture/number.h"
 #include "capture/static_mask.h"
@@ -122,8 +121,20 @@ Status V4l2Source::Connect() {
     height_px_ = height;
   }
   counter_.Restart(format.rate_hz, options_.max_rate_hz / sequence_.every_nth);
-  last_picture_ = io_.Now();
+  if (format.fourcc == V4L2_PIX_FMT_MJPEG && !decoder_) {
+    decoder_.emplace();
+    decoded_.Resize(format.width_px, format.height_px, PixelFormat::kBgr8);
+  }
   gone_.clear();
+  return Status::Ok();
+}
+
+Status V4l2Source::Start() {
+  if (const Status status = stream_->Start(); !status.ok()) {
+    Disconnect(status.message());
+    return Unavailable(gone_);
+  }
+  last_picture_ = io_.Now();
   return Status::Ok();
 }
 
@@ -158,6 +169,7 @@ Result<Frame> V4l2Source::Next(TimePoint deadline) {
   GiveBack();
   const TimePoint limit = Sooner(deadline, io_.Now() + kLongestWait);
   if (stream_ == nullptr) HAUSTRA_TRY(Reconnect(limit));
+  if (!stream_->is_streaming()) HAUSTRA_TRY(Start());
   const Result<std::uint32_t> index = Wait(limit);
   if (!index.ok()) {
     if (index.code() == StatusCode::kUnavailable) Disconnect(index.status().message());
@@ -236,7 +248,7 @@ Result<ImageView> V4l2Source::PixelsOf(const V4l2Picture& picture) {
   const V4l2Format& format = stream_->format();
   ImageView view;
   if (format.fourcc == V4L2_PIX_FMT_MJPEG) {
-    const Status status = capture::internal::DecodeJpeg(picture.bytes, sequence_.channels, &decoded_);
+    const Status status = decoder_->Decode(picture.bytes, sequence_.channels, &decoded_);
     if (!status.ok()) return DataLoss(stream_->path() + ": " + status.message());
     if (decoded_.width() != format.width_px || decoded_.height() != format.height_px) {
       return DataLoss(stream_->path() + ": a picture of " + SizeText(decoded_.width(), decoded_.height()) +
@@ -268,6 +280,15 @@ Result<ImageView> V4l2Source::PixelsOf(const V4l2Picture& picture) {
     return prepared_.view();
   }
   return view;
+}
+
+std::optional<PixelFormat> V4l2Source::pixel_format() const {
+  if (stream_ == nullptr) return std::nullopt;
+  const PixelFormat stored = capture::internal::FormatOf(stream_->format().fourcc);
+  if (sequence_.channels == ChannelChoice::kGrey) return PixelFormat::kGrey8;
+  // Halving gives luma of raw formats; of a part of NV12 only luma is read (picture_view.h).
+  if (sequence_.halve && stored != PixelFormat::kBgr8) return PixelFormat::kGrey8;
+  return stored == PixelFormat::kNv12 && !options_.region.is_whole() ? PixelFormat::kGrey8 : stored;
 }
 
 std::span<const std::uint8_t> V4l2Source::encoded() const {

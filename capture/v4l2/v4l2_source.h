@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "capture/codec/jpeg_codec.h"
 #include "capture/image.h"
 #include "capture/sequence_options.h"
 #include "capture/v4l2/device_io.h"
@@ -33,11 +34,13 @@ struct V4l2Counters {
 // wrote it, in the camera's format, without a copy; the buffer goes back at the next call of Next. Halving gives grey
 // pictures, MJPEG those that ChannelChoice asks for.
 //
+// The camera takes no picture before the first call of Next. When the source ends nothing stays in its buffers.
+//
 // Whatever happens to the camera, the source lives on: Next answers kUnavailable, with the reason, while the device is
 // gone or brings no signal, looks for it four times a second, and goes on with frames when it is back. After three
 // seconds without a picture the stream is begun again. A camera that comes back with pictures of another size stays
 // unavailable. Next never waits longer than a second, even with kNoDeadline. thread-bound(the reader), not rt-safe:
-// restarting and MJPEG allocate.
+// restarting allocates, and MJPEG does inside of TurboJPEG, for each picture.
 class V4l2Source final : public FrameSource {
  public:
   // The calibration (of the file that `sequence` names) is that of the picture or of the region. Without a file the
@@ -50,6 +53,8 @@ class V4l2Source final : public FrameSource {
   const CameraCalibration& calibration() const override { return calibration_; }
   std::uint32_t num_frames() const override { return 0; }
   bool is_live() const override { return true; }
+  // Nothing while the camera is gone.
+  std::optional<PixelFormat> pixel_format() const override;
   ImageView static_mask() const override { return mask_.view(); }
   Result<Frame> Next(TimePoint deadline) override;
 
@@ -71,6 +76,7 @@ class V4l2Source final : public FrameSource {
   Status Initialise();
   Status ResolveGeometry(const CameraCalibration* file);
   Status Connect();
+  Status Start();
   // Tries again when it is time to; kUnavailable with the reason.
   Status Reconnect(TimePoint limit);
   void Disconnect(std::string reason);
@@ -98,6 +104,7 @@ class V4l2Source final : public FrameSource {
   TimePoint last_stamp_;
   bool has_stamp_ = false;
   V4l2Counters counters_;
+  std::optional<capture::internal::JpegDecoder> decoder_;  // of an MJPEG camera, as decoded_ is
   Image decoded_;
   Image prepared_;
 };

@@ -69,7 +69,6 @@ Result<std::unique_ptr<V4l2Stream>> V4l2Stream::Open(const V4l2Options& options,
   HAUSTRA_TRY(stream->ChooseFormat(wanted_width_px, wanted_height_px, preferred_rate_hz));
   HAUSTRA_TRY(stream->SetRate(preferred_rate_hz));
   HAUSTRA_TRY(stream->TakeBuffers());
-  HAUSTRA_TRY(stream->Start());
   return stream;
 }
 
@@ -361,7 +360,13 @@ Status V4l2Stream::QueueBuffers() {
 
 void V4l2Stream::ReleaseBuffers() {
   for (const Buffer& buffer : buffers_) {
-    if (buffer.address != nullptr) io_.Unmap(buffer.address, buffer.length);
+    if (buffer.address != nullptr) {
+      // The driver may keep the memory for whoever comes next.
+      Sync(buffer, DMA_BUF_SYNC_START | DMA_BUF_SYNC_WRITE);
+      ::explicit_bzero(buffer.address, buffer.length);
+      Sync(buffer, DMA_BUF_SYNC_END | DMA_BUF_SYNC_WRITE);
+      io_.Unmap(buffer.address, buffer.length);
+    }
     if (buffer.dma_fd >= 0) io_.Close(buffer.dma_fd);
   }
   v4l2_requestbuffers none{};

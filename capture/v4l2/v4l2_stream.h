@@ -1,5 +1,5 @@
-// One running stream of a camera: opened, negotiated, buffers mapped, streaming. It ends with the object; whatever went
-// wrong is put right by making a new one.
+// One stream of a camera: opened, negotiated, buffers mapped; it runs from Start on, and takes no picture before. It
+// ends with the object, which leaves nothing in the buffers; whatever went wrong is put right by making a new one.
 #pragma once
 
 #include <cstdint>
@@ -55,7 +55,11 @@ class V4l2Stream {
   // What the driver calls the device.
   const std::string& name() const { return name_; }
 
-  // The next picture; kDeadlineExceeded: none until `deadline`. After kUnavailable the stream is of no more use.
+  Status Start();
+  bool is_streaming() const { return is_streaming_; }
+
+  // Once it runs. The next picture; kDeadlineExceeded: none until `deadline`. After kUnavailable the stream is of no
+  // more use.
   Result<V4l2Picture> Dequeue(TimePoint deadline);
   // Errors show at the next Dequeue.
   void GiveBack(const V4l2Picture& picture);
@@ -93,9 +97,8 @@ class V4l2Stream {
   std::uint32_t memory() const;  // V4L2_MEMORY_...
   // As many as were asked for, or what the driver has.
   Result<std::uint32_t> RequestBuffers(std::uint32_t memory);
-  // Brackets what the processor reads of an imported buffer.
+  // Brackets what the processor reads of an imported buffer, or writes.
   void Sync(const Buffer& buffer, std::uint64_t flags);
-  Status Start();
   // kDeadlineExceeded: nothing there.
   Result<V4l2Picture> TryDequeue();
   Status HandleEvents();

@@ -1,11 +1,11 @@
 // The life of the feature sets of a device; their memory is elsewhere: handles, owners, and who may write. Slots are
 // handed out lowest index first, so the same calls give the same handles on every run.
-// thread-safe: looking up a handle takes no lock.
+// thread-safe and rt-safe: lock-free, so that no thread of ordinary priority holds up tracking.
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
-#include <mutex>
 #include <vector>
 
 #include "hal/vision_device.h"
@@ -16,14 +16,14 @@ class FeatureSetSlots {
  public:
   enum class WriteClaim { kGranted, kStale, kWrittenBefore };
 
-  static constexpr std::size_t kBytesASlot =
-      sizeof(std::atomic<std::uint64_t>) + sizeof(std::int32_t) + 2 * sizeof(std::uint32_t);
-
   explicit FeatureSetSlots(int num_slots);
+  static std::size_t BytesFor(int num_slots);
 
   FeatureSetHandle Create();  // with one owner; invalid when all are in use
+  // At most 2^30 - 1 owners.
   bool Retain(FeatureSetHandle handle);
   void Release(FeatureSetHandle handle);
+  // While others create and release: of some moment.
   std::int32_t num_free() const;
 
   // -1 when the handle is stale or invalid; 0 for a set that nobody has written yet.
@@ -36,15 +36,30 @@ class FeatureSetSlots {
 
  private:
   enum State : std::uint64_t { kFree = 0, kEmpty = 1, kWriting = 2, kFilled = 3 };
-  static std::uint64_t TagOf(std::uint32_t generation, State state) {
-    return (static_cast<std::uint64_t>(generation) << 2) | state;
-  }
 
-  std::vector<std::atomic<std::uint64_t>> tags_;  // generation and state of each slot
+  // Generation (32 bits), number of owners (30) and state (2) of a slot change together or not at all.
+  struct Tag {
+    std::uint32_t generation = 0;
+    std::uint32_t num_owners = 0;
+    State state = kFree;
+
+    static Tag From(std::uint64_t word) {
+      return {static_cast<std::uint32_t>(word >> 32), static_cast<std::uint32_t>(word >> 2) & 0x3fffffffu,
+              static_cast<State>(word & 3)};
+    }
+    std::uint64_t word() const {
+      return static_cast<std::uint64_t>(generation) << 32 | static_cast<std::uint64_t>(num_owners) << 2 | state;
+    }
+  };
+
+  // Changes the slot's tag as `change` does; false, and nothing changed, when the handle is stale or `change` says so.
+  template <typename Change>
+  bool Update(FeatureSetHandle handle, Change&& change);
+  bool ChangeState(FeatureSetHandle handle, State from, State to);
+
+  std::vector<std::atomic<std::uint64_t>> tags_;  // one a slot
   std::vector<std::int32_t> num_features_;        // written before the tag says kFilled
-  mutable std::mutex mutex_;                      // guards num_owners_ and free_ (a min-heap of slots)
-  std::vector<std::uint32_t> num_owners_;
-  std::vector<std::uint32_t> free_;
+  std::vector<std::atomic<std::uint64_t>> free_;  // a bit a slot; whoever clears it has the slot
 };
 
 }  // namespace haustra::kernels

@@ -22,8 +22,8 @@ std::size_t FeatureSetPool::BytesFor(const VisionPlan& plan) {
          AlignedBuffer<std::uint8_t>::BytesFor(num_features * kDescriptorBytes) +
          AlignedBuffer<float>::BytesFor(num_features) +
          AlignedBuffer<std::int32_t>::BytesFor(num_sets * NumStarts(plan)) +
-         AlignedBuffer<std::int32_t>::BytesFor(num_features) +
-         num_sets * (sizeof(FeatureSet) + FeatureSetSlots::kBytesASlot);
+         AlignedBuffer<std::int32_t>::BytesFor(num_features) + num_sets * sizeof(FeatureSet) +
+         FeatureSetSlots::BytesFor(plan.max_feature_sets);
 }
 
 FeatureSetPool::FeatureSetPool(const VisionPlan& plan)

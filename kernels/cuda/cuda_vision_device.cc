@@ -189,9 +189,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
 
   Result<FeatureSetHandle> CreateFeatureSet() override {
     const FeatureSetHandle handle = slots_.Create();
-    if (!handle.is_valid()) {
-      return CapacityExceeded("all " + std::to_string(plan_.max_feature_sets) + " feature sets are in use");
-    }
+    if (!handle.is_valid()) return Status(StatusCode::kCapacityExceeded);  // a message would allocate
     return handle;
   }
   bool RetainFeatureSet(FeatureSetHandle set) override { return slots_.Retain(set); }
@@ -464,7 +462,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
 
   // Makes the device current for the calling thread; refuses when it was lost.
   Status Select() {
-    if (is_lost_.load(std::memory_order_relaxed)) return Unavailable("CUDA device lost by an earlier error");
+    if (is_lost_.load(std::memory_order_relaxed)) return Status(StatusCode::kUnavailable);  // a message would allocate
     return RecordLoss(ToStatus(cudaSetDevice(device_options_.device), "selection of the device"));
   }
 

@@ -140,8 +140,8 @@ Result<MemoryPlan> PlanCudaVisionDevice(const VisionPlan& plan, const ExtractOpt
              num_extracting * extraction.pinned.used_bytes(), by_image);
   memory.Add(MemoryPlace::kHostPinned, "matching (cuda)", kNumLanes, kNumLanes * matching.pinned.used_bytes(),
              by_lists);
-  memory.Add(MemoryPlace::kHost, "feature sets (cuda)", num_sets, num_sets * kernels::FeatureSetSlots::kBytesASlot,
-             by_sets);
+  memory.Add(MemoryPlace::kHost, "feature sets (cuda)", num_sets,
+             kernels::FeatureSetSlots::BytesFor(static_cast<int>(num_sets)), by_sets);
   memory.Add(MemoryPlace::kHost, "matching (cuda)", kNumLanes, kNumLanes * plan.max_features * sizeof(std::int32_t),
              by_lists);
   return memory;

@@ -25,6 +25,11 @@ inline constexpr std::size_t kMaxRequestBytes = 128;
 inline constexpr std::size_t kMaxReplyBytes = std::size_t{1} << 16;
 inline constexpr std::size_t kMaxNameBytes = 64;
 
+// Files of the two sockets in the runtime folder: who may use the first may begin and end procedures, who may use the
+// second may look (status, metrics).
+inline constexpr std::string_view kControlSocket = "control";
+inline constexpr std::string_view kStatusSocket = "status";
+
 enum class ControlCommand { kStatus, kMetrics, kBegin, kResume, kEnd, kSave };
 
 struct ControlRequest {
@@ -32,6 +37,11 @@ struct ControlRequest {
   std::string name;          // kBegin: the label, may be empty; kSave: never empty
   std::optional<bool> keep;  // kEnd
 };
+
+// Status and metrics: they change nothing.
+constexpr bool OnlyLooks(ControlCommand command) {
+  return command == ControlCommand::kStatus || command == ControlCommand::kMetrics;
+}
 
 bool IsControlName(std::string_view name);
 

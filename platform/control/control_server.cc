@@ -135,6 +135,10 @@ void ControlServer::Receive(ClientId id, TimePoint now) {
     ++num_malformed_;
     return Send(id, request.status());
   }
+  if (limits_.only_looks && !OnlyLooks(request->command)) {
+    return Send(id, FailedPrecondition("this socket answers status and metrics only; '" + std::string(kControlSocket) +
+                                       "' beside it takes the rest"));
+  }
   client.is_waiting = true;
   if (const std::optional<Result<std::string>> reply = handler_(id, client.peer, *request)) Reply(id, *reply, now);
 }

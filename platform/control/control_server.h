@@ -22,6 +22,7 @@ struct ControlLimits {
   int max_clients = 16;
   int max_clients_per_user = 8;                    // so that one user's programs cannot keep all others out
   Duration idle_limit = std::chrono::seconds(30);  // a client that asks nothing for so long is disconnected
+  bool only_looks = false;                         // requests that change anything are refused (kFailedPrecondition)
 };
 
 // Who asks, as the kernel says.

@@ -37,6 +37,8 @@ std::vector<ConfigField> DaemonConfigFields() {
                                                     kRestart));
   add(BindField<&C::vision, &VisionConfig::threads>("vision.threads", {0, 256}, "threads",
                                                     "of the CPU device; 0: one a core", kRestart));
+  add(BindField<&C::vision, &VisionConfig::answer_limit_ms>("vision.answer_limit_ms", {50, 600000}, "ms",
+                                                            "without an answer: the vision device hangs", kRestart));
 
   add(BindField<&C::procedure, &ProcedureConfig::begin_at_start>(
       "procedure.begin_at_start", {}, "", "a procedure begins with the service, not when the tower says so", kRestart));
@@ -52,8 +54,10 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::publish, &PublishConfig::snapshot_interval_ms>("publish.snapshot_interval_ms", {50, 60000}, "ms",
                                                                    "between two snapshots of the map", kLive));
   add(BindText<&C::publish, &PublishConfig::group>(
-      "publish.group", "system group that may read poses and use the control socket; empty: the service's own",
+      "publish.group", "system group that may read poses and ask for status and metrics; empty: the service's own",
       kRestart));
+  add(BindText<&C::control, &ControlConfig::group>(
+      "control.group", "system group that may begin and end procedures; empty: publish.group", kRestart));
 
   add(BindField<&C::watchdog, &WatchdogConfig::tracking_limit_ms>(
       "watchdog.tracking_limit_ms", {100, 600000}, "ms", "without a sign of life: the tracking thread hangs", kLive));
@@ -62,6 +66,10 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::watchdog, &WatchdogConfig::mapping_limit_ms>("watchdog.mapping_limit_ms", {1000, 600000}, "ms",
                                                                  "in one step: the mapping or the merging thread hangs",
                                                                  kLive));
+  add(BindField<&C::watchdog, &WatchdogConfig::stop_limit_ms>("watchdog.stop_limit_ms", {100, 600000}, "ms",
+                                                              "until threads that do not end are given up", kLive));
+  add(BindField<&C::watchdog, &WatchdogConfig::work_limit_ms>("watchdog.work_limit_ms", {1000, 600000}, "ms",
+                                                              "of one begin or end, while the watchdog is fed", kLive));
 
   add(BindText<&C::files, &FilesConfig::state_folder>(
       "files.state_folder", "for checkpoints and saved maps; empty: $STATE_DIRECTORY", kRestart));

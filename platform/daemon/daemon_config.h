@@ -23,6 +23,9 @@ struct SourceConfig {
 struct VisionConfig {
   std::string device = "cpu";
   int threads = 0;  // of the CPU device; 0: one a core [0, 256]
+  // A device that owes an answer for so long hangs. An answer takes tens of milliseconds; the limit is below that of
+  // the tracking thread, so that the device is named and not the thread that waits for it [50, 600000]
+  int answer_limit_ms = 500;
 };
 
 struct ProcedureConfig {
@@ -30,7 +33,8 @@ struct ProcedureConfig {
   bool begin_at_start = false;
   bool keep_data = false;  // of a procedure that has ended
   // After a crash the procedure goes on by itself if its last checkpoint is no older. Later, or after a restart of the
-  // machine, another patient may lie there: then somebody must say `resume` or `end` [0, 86400]
+  // machine, or when the service was stopped in order, another patient may lie there: then somebody must say `resume`
+  // or `end` [0, 86400]
   int resume_limit_s = 600;
 };
 
@@ -40,7 +44,11 @@ struct CheckpointConfig {
 
 struct PublishConfig {
   int snapshot_interval_ms = 500;  // [50, 60000]
-  std::string group;               // may read poses and use the control socket; empty: the service's own
+  std::string group;               // may read poses and ask for status and metrics; empty: the service's own
+};
+
+struct ControlConfig {
+  std::string group;  // may begin and end procedures; empty: publish.group
 };
 
 struct WatchdogConfig {
@@ -49,6 +57,11 @@ struct WatchdogConfig {
   int tracking_limit_ms = 1000;  // [100, 600000]
   int capture_limit_ms = 3000;   // [100, 600000]
   int mapping_limit_ms = 30000;  // [1000, 600000]
+  // Threads that have not ended by then are given up, and the process with them. Below TimeoutStopSec of the unit.
+  int stop_limit_ms = 4000;  // [100, 600000]
+  // Making an engine, loading maps, keeping and wiping them: the watchdog is fed meanwhile, up to this. A CUDA context
+  // and a full atlas take seconds; a disk that hangs takes for ever.
+  int work_limit_ms = 30000;  // [1000, 600000]
 };
 
 struct FilesConfig {
@@ -68,6 +81,7 @@ struct DaemonConfig {
   ProcedureConfig procedure;
   CheckpointConfig checkpoint;
   PublishConfig publish;
+  ControlConfig control;
   WatchdogConfig watchdog;
   FilesConfig files;
   LogConfig log;

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "platform/clock/system_clock.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/daemon_options.h"
+#include "platform/daemon/no_dumps.h"
 #include "platform/daemon/wipe_memory.h"
 #include "platform/exit_codes.h"
 #include "platform/realtime/one_heap.h"
@@ -38,12 +40,18 @@ int Run(int argc, char** argv) {
 
   // What it writes is for nobody else, but for the files that are shared on purpose.
   ::umask(0077);
+  if (!ForbidDumps()) {
+    std::fprintf(stderr, "haustrad: the system refuses to forbid core dumps\n");
+    return kExitSystem;
+  }
   OverwriteFreedMemory();
   UseOneHeap();
   Daemon::BlockSignals();
   const SystemClock clock;
-  Daemon daemon(loaded->config(), {arguments.config, assignments}, clock);
-  return daemon.Run();
+  Daemon daemon(loaded->config(), {arguments.config, assignments}, clock, SystemParts());
+  const int code = daemon.Run();
+  if (daemon.is_given_up()) std::_Exit(code);
+  return code;
 }
 
 }  // namespace

@@ -6,9 +6,11 @@
 #include "platform/assemble.h"
 #include "platform/atlas_file.h"
 #include "platform/daemon/log.h"
+#include "platform/daemon/no_dumps.h"
 #include "platform/file_sink.h"
 #include "platform/memory_plan.h"
 #include "platform/publish/published_records.h"
+#include "platform/session/warm_up.h"
 #include "platform/vocabulary_loader.h"
 
 namespace haustra {
@@ -33,12 +35,18 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
            sizeof(haustra_snapshot) + config.engine.memory.max_map_points * sizeof(haustra_point),
            "memory.max_map_points");
   HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostBytes()));
-  HAUSTRA_ASSIGN(procedure->device_,
-                 CreateVisionDevice(config.vision.device, config.engine, calibration, config.vision.threads));
+  HAUSTRA_ASSIGN(procedure->device_, context.make_device(config, calibration));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
+  // The device itself: what the first request takes is no silence.
+  if (const std::optional<PixelFormat> format = procedure->source_->pixel_format()) {
+    HAUSTRA_TRY(WarmUp(*procedure->device_, calibration.width_px, calibration.height_px, *format).status());
+  }
+  procedure->watched_ = std::make_unique<WatchedVisionDevice>(*procedure->device_, context.clock,
+                                                              std::chrono::milliseconds(config.vision.answer_limit_ms));
   HAUSTRA_ASSIGN(procedure->vocabulary_, LoadVocabularyFor(config.engine));
-  procedure->engine_ = std::make_unique<Engine>(config.engine, camera, *procedure->device_, Engine::Mode::kRealTime,
+  procedure->engine_ = std::make_unique<Engine>(config.engine, camera, *procedure->watched_, Engine::Mode::kRealTime,
                                                 &context.clock, SceneShare(mask), procedure->vocabulary_.get());
+  LeaveMemoryOutOfDumps();
   return procedure;
 }
 
@@ -61,15 +69,18 @@ Status Procedure::Load(const std::string& path) { return LoadAtlasFile(path, eng
 
 void Procedure::Start(std::uint64_t number, const ProcedureCounts& counts) {
   number_ = number;
-  counts_ = counts;
-  counts_.has_frame = false;
-  counts_.maps = counts_.keyframes = counts_.points = 0;
+  counts_ = WithoutProcedure(counts);
   source_->Begin();
   const TimePoint now = context_.clock.Now();
   tracking_beat_.Beat(now);
   mapping_beat_.Beat(now);
   merging_beat_.Beat(now);
-  thread_ = std::thread([this] { Run(); });
+  has_stopped_.store(false);
+  thread_ = std::thread([this] {
+    Run();
+    has_stopped_.store(true, std::memory_order_release);
+    context_.wake();
+  });
 }
 
 void Procedure::Run() {
@@ -78,6 +89,7 @@ void Procedure::Run() {
   options.rt = config_.engine.rt;
   options.heartbeat = &tracking_beat_;
   options.hooks = this;
+  options.device = watched_.get();
   const Result<SessionSummary> summary = RunRealTime(*source_, *engine_, context_.clock, options, *this, stop_);
   if (summary.ok() && summary->heap_growth_bytes > 0) {
     Log(LogLevel::kWarning, "heap_grew",
@@ -87,13 +99,16 @@ void Procedure::Run() {
     const std::lock_guard lock(mutex_);
     ended_ = summary.ok() ? Internal("the session ended by itself") : summary.status();
   }
-  context_.wake();
+}
+
+void Procedure::RequestStop() {
+  stop_.store(true);
+  source_->RequestStop();
 }
 
 void Procedure::Stop() {
   if (!thread_.joinable()) return;
-  stop_.store(true);
-  source_->RequestStop();
+  RequestStop();
   thread_.join();
   // Nobody is left to take it.
   std::optional<SaveRequest> request;
@@ -140,7 +155,7 @@ void Procedure::WriteMaps(SaveRequest request) {
     has_changed_.store(true, std::memory_order_relaxed);
     context_.files.Do([saved = std::move(request.saved), status = std::move(status)] { saved(status); });
   };
-  Result<FileSink> created = FileSink::Create(request.path);
+  Result<FileSink> created = FileSink::Create(request.path, FormerFile::kWiped);
   if (!created.ok()) return failed(created.status());
   const auto sink = std::make_shared<FileSink>(std::move(*created));
   if (const Status status = engine_->SaveAtlas(*sink); !status.ok()) return failed(status);
@@ -156,14 +171,16 @@ void Procedure::WriteMaps(SaveRequest request) {
 }
 
 void Procedure::OnTracked(const FrameOutcome& outcome) {
-  const TimePoint now = context_.clock.Now();
-  context_.ring.PublishPose(PoseRecord(outcome.result, now - outcome.latency, now, number_));
+  if (stop_.load(std::memory_order_relaxed)) return;
+  context_.ring.PublishPose(PoseRecord(outcome.result, outcome.due, context_.clock.Now(), number_));
 }
 
 void Procedure::BetweenMapSteps() {
   const TimePoint now = context_.clock.Now();
   mapping_beat_.Beat(now);
   if (!engine_->is_merging()) merging_beat_.Beat(now);
+  // Stop() serves what is asked from now on.
+  if (stop_.load(std::memory_order_relaxed)) return;
   const std::uint64_t changes = NumChanges(engine_->mapper_counters());
   if (changes != changes_seen_) {
     changes_seen_ = changes;
@@ -191,8 +208,10 @@ void Procedure::PublishSnapshot(TimePoint now) {
   counts_.points = static_cast<std::uint32_t>(engine_->atlas().points().size());
 }
 
-// What the system refused of the real-time settings, once a procedure.
+// What the system refused of the real-time settings, once a procedure. The session has taken its memory: pictures lie
+// in it.
 void Procedure::OnStart(const RealTimeReport& report) {
+  LeaveMemoryOutOfDumps();
   for (const std::string& refusal : Refusals(report)) Log(LogLevel::kWarning, "realtime_refused", {{"what", refusal}});
 }
 

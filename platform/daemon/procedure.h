@@ -24,6 +24,9 @@
 
 namespace haustra {
 
+using MakeVisionDevice =
+    std::function<Result<std::unique_ptr<VisionDevice>>(const DaemonConfig&, const CameraCalibration&)>;
+
 // Everything but what is marked is thread-bound(the service thread).
 class Procedure final : private SessionObserver, private SessionHooks {
  public:
@@ -32,6 +35,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
     const Clock& clock;
     PoseRingWriter& ring;
     FileWorker& files;
+    MakeVisionDevice make_device;
     std::function<void()> wake;  // something has come to an end: look again. Called on any thread.
   };
 
@@ -46,8 +50,13 @@ class Procedure final : private SessionObserver, private SessionHooks {
   Status Load(const std::string& path);
   // Frames are looked at from now on; they are published under this number.
   void Start(std::uint64_t number, const ProcedureCounts& counts);
-  // Ends the threads; the maps stay. Returns when they have ended.
+  // Ends the threads; the maps stay, nothing more is published. RequestStop only says so, has_stopped tells when Stop
+  // will not wait any more: for a thread that is stuck in a driver Stop waits for ever, and so does the destructor.
+  void RequestStop();
+  bool has_stopped() const { return has_stopped_.load(std::memory_order_acquire); }
   void Stop();
+  // Of the vision device. One that hangs must not be destroyed, nor this. One with a fault gives no maps to save.
+  WatchedVisionDevice::Fault fault() const { return watched_->fault(); }
   bool is_running() const { return thread_.joinable(); }
   // What ended the session by itself; nothing while it runs or when it was stopped.
   std::optional<Status> ended() const;
@@ -91,6 +100,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   Context context_;
   std::unique_ptr<SupervisedSource> source_;
   std::unique_ptr<VisionDevice> device_;
+  std::unique_ptr<WatchedVisionDevice> watched_;
   std::unique_ptr<const Vocabulary> vocabulary_;
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<haustra_snapshot> snapshot_;
@@ -99,6 +109,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
 
   std::thread thread_;
   std::atomic<bool> stop_{false};
+  std::atomic<bool> has_stopped_{true};
   Heartbeat tracking_beat_;
   Heartbeat mapping_beat_;
   Heartbeat merging_beat_;  // by the mapping thread, which waits for its answers

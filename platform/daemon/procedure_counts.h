@@ -40,4 +40,13 @@ struct ProcedureCounts {
   Duration checkpoint_pause{0};  // of the mapper, for the last one
 };
 
+// Without what is of one procedure only.
+inline ProcedureCounts WithoutProcedure(ProcedureCounts counts) {
+  counts.has_frame = false;
+  counts.last = FrameResult{};
+  counts.last_latency = Duration{0};
+  counts.maps = counts.keyframes = counts.points = 0;
+  return counts;
+}
+
 }  // namespace haustra

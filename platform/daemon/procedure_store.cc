@@ -20,13 +20,14 @@
 
 #include "platform/control/control_protocol.h"
 #include "platform/file_sink.h"
+#include "platform/wipe_file.h"
 
 namespace haustra {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kRecordHead = "haustra procedure 1\n";
+constexpr std::string_view kRecordHead = "haustra procedure 2\n";
 
 std::string ErrorText(int error) { return std::generic_category().message(error); }
 
@@ -52,12 +53,7 @@ std::optional<std::string> ReadSmallFile(const std::string& path) {
   return text;
 }
 
-void SyncFolder(const std::string& folder) {
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (descriptor < 0) return;
-  (void)::fsync(descriptor);
-  ::close(descriptor);
-}
+std::string_view WordFor(RecordedState state) { return state == RecordedState::kRunning ? "running" : "stopped"; }
 
 bool IsHalfWritten(const fs::path& path) { return path.filename().string().find(".partial-") != std::string::npos; }
 
@@ -65,7 +61,7 @@ bool IsHalfWritten(const fs::path& path) { return path.filename().string().find(
 
 std::string ToText(const ProcedureRecord& record) {
   return std::string(kRecordHead) + "label " + record.label + "\nboot " + record.boot_id + "\nwritten_at_ns " +
-         std::to_string(record.written_at.count()) + "\n";
+         std::to_string(record.written_at.count()) + "\nstate " + std::string(WordFor(record.state)) + "\n";
 }
 
 Result<ProcedureRecord> ParseProcedureRecord(const std::string& text) {
@@ -89,8 +85,13 @@ Result<ProcedureRecord> ParseProcedureRecord(const std::string& text) {
     if (error != std::errc() || end != written->data() + written->size()) written_ns = -1;
   }
   if (written_ns < 0) return DataLoss("its time cannot be read");
-  if (!rest.empty()) return DataLoss("it goes on after its end");
-  return ProcedureRecord{*label, *boot, Duration(written_ns)};
+  const std::optional<std::string> word = take("state ");
+  for (const RecordedState state : {RecordedState::kRunning, RecordedState::kStopped}) {
+    if (word != WordFor(state)) continue;
+    if (!rest.empty()) return DataLoss("it goes on after its end");
+    return ProcedureRecord{*label, *boot, Duration(written_ns), state};
+  }
+  return DataLoss("its state cannot be read");
 }
 
 Result<std::unique_ptr<ProcedureStore>> ProcedureStore::Open(const std::string& folder) {
@@ -138,12 +139,13 @@ bool ProcedureStore::has_saved(const std::string& name) const {
 
 bool ProcedureStore::MayResume(Duration limit) const {
   if (!interrupted_ || interrupted_->boot_id.empty() || interrupted_->boot_id != BootId()) return false;
+  if (interrupted_->state == RecordedState::kStopped) return false;
   return BootTime() - interrupted_->written_at <= limit;
 }
 
-Status ProcedureStore::WriteOpen(const std::string& label) const {
-  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(folder_ + "/procedure"));
-  HAUSTRA_TRY(sink.Write(ToText(ProcedureRecord{label, BootId(), BootTime()})));
+Status ProcedureStore::WriteOpen(const std::string& label, RecordedState state) const {
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(folder_ + "/procedure", FormerFile::kWiped));
+  HAUSTRA_TRY(sink.Write(ToText(ProcedureRecord{label, BootId(), BootTime(), state})));
   return sink.Commit();
 }
 
@@ -161,32 +163,8 @@ Status ProcedureStore::KeepCheckpoint(const std::string& name) const {
   if (std::rename(checkpoint_path().c_str(), saved_path(name).c_str()) != 0) {
     return Unavailable(saved_path(name) + ": cannot be put into place: " + ErrorText(errno));
   }
-  SyncFolder(folder_ + "/saved");
-  SyncFolder(folder_);
-  return Status::Ok();
-}
-
-Status WipeFile(const std::string& path) {
-  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
-  int error = descriptor < 0 ? errno : 0;
-  if (descriptor >= 0) {
-    struct stat info {};
-    if (::fstat(descriptor, &info) != 0) error = errno;
-    const std::vector<char> zeros(std::size_t{1} << 16);
-    for (off_t at = 0; error == 0 && at < info.st_size;) {
-      const auto count = static_cast<std::size_t>(std::min<off_t>(info.st_size - at, static_cast<off_t>(zeros.size())));
-      const ssize_t written = ::write(descriptor, zeros.data(), count);
-      if (written < 0 && errno != EINTR) error = errno;
-      if (written > 0) at += written;
-    }
-    if (error == 0 && ::fsync(descriptor) != 0) error = errno;
-    ::close(descriptor);
-  }
-  // Gone it must be, even where it could not be overwritten.
-  if (::unlink(path.c_str()) != 0 && errno != ENOENT) error = errno;
-  const std::size_t slash = path.rfind('/');
-  SyncFolder(slash == std::string::npos ? "." : path.substr(0, slash));
-  return error == 0 ? Status::Ok() : Unavailable(path + ": cannot be wiped: " + ErrorText(error));
+  HAUSTRA_TRY(SyncFolderOf(saved_path(name)));
+  return SyncFolderOf(checkpoint_path());
 }
 
 }  // namespace haustra

@@ -6,7 +6,8 @@
 //   FOLDER/checkpoint.atlas  its maps (engine/io/atlas_format.h)
 //   FOLDER/saved/NAME.atlas  maps that were kept
 //
-// Files are replaced as a whole or not at all (platform/file_sink.h) and readable by the service alone.
+// Files are replaced as a whole or not at all (platform/file_sink.h), those before them are overwritten, and they are
+// readable by the service alone.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +20,19 @@
 
 namespace haustra {
 
+// How the service that wrote a record was last heard of.
+enum class RecordedState {
+  kRunning,  // it did not come to say that it stops: a crash, a kill, a power cut
+  kStopped,  // somebody stopped it in order
+};
+
 // An open procedure, as it stands on the disk.
 struct ProcedureRecord {
   std::string label;    // may be empty
   std::string boot_id;  // of the system's run in which it was written
   // CLOCK_BOOTTIME of that run when it was written: no jump of the wall clock moves it.
   Duration written_at{0};
+  RecordedState state = RecordedState::kRunning;
 };
 
 std::string ToText(const ProcedureRecord& record);
@@ -49,11 +57,12 @@ class ProcedureStore {
   // What an earlier daemon had left open at Open; nothing when it had ended its procedure. A record that cannot be read
   // counts as an open procedure without a name.
   const std::optional<ProcedureRecord>& interrupted() const { return interrupted_; }
-  // Whether it may go on by itself: written in this run of the system, no longer ago than that.
+  // Whether it may go on by itself: written in this run of the system, no longer ago than that, and not stopped in
+  // order.
   bool MayResume(Duration limit) const;
 
-  // Says that a procedure is open, at its begin and after each checkpoint. kUnavailable.
-  Status WriteOpen(const std::string& label) const;
+  // Says that a procedure is open, at its begin, after each checkpoint and at the stop. kUnavailable.
+  Status WriteOpen(const std::string& label, RecordedState state) const;
   // The procedure has ended: checkpoint and record are overwritten and removed. A power cut between the two leaves a
   // record without data, which the tower is asked about; never data that nobody knows of. The first error.
   Status Close() const;
@@ -67,9 +76,5 @@ class ProcedureStore {
   int lock_;
   std::optional<ProcedureRecord> interrupted_;
 };
-
-// Overwrites the bytes once, waits for the disk, and removes the name. On flash memory the old bytes may outlast this:
-// README.md. kUnavailable.
-Status WipeFile(const std::string& path);
 
 }  // namespace haustra

@@ -29,8 +29,9 @@ void SupervisedSource::Answered() {
   last_answer_ns_.store(clock_.Now().time_since_epoch().count(), std::memory_order_relaxed);
 }
 
-Result<Frame> SupervisedSource::Next(TimePoint) {
-  while (!stop_.load(std::memory_order_relaxed)) {
+Result<Frame> SupervisedSource::Next(TimePoint deadline) {
+  for (bool is_first = true; !stop_.load(std::memory_order_relaxed); is_first = false) {
+    if (!is_first && clock_.Now() >= deadline) return Status(StatusCode::kDeadlineExceeded);
     if (signal() == SignalState::kOver) {
       std::this_thread::sleep_for(kPatience / 4);
       Answered();

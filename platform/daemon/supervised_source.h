@@ -20,12 +20,13 @@ class SupervisedSource final : public FrameSource {
   const CameraCalibration& calibration() const override { return inner_->calibration(); }
   std::uint32_t num_frames() const override { return inner_->num_frames(); }
   bool is_live() const override { return inner_->is_live(); }
+  std::optional<PixelFormat> pixel_format() const override { return inner_->pixel_format(); }
   std::string FrameName(std::uint32_t frame_index) const override { return inner_->FrameName(frame_index); }
   ImageView static_mask() const override { return inner_->static_mask(); }
 
-  // Waits for the next frame, whatever the deadline, until RequestStop: then kNotFound. A camera that has gone
-  // (kUnavailable) or is silent is asked again and again. A recording that is over waits for the stop. Frames that a
-  // camera had taken before Begin are thrown away. Other errors are passed on.
+  // Waits for the next frame until the deadline (kDeadlineExceeded; a tenth of a second late at most) or RequestStop
+  // (kNotFound). A camera that has gone (kUnavailable) or is silent is asked again and again. A recording that is over
+  // waits. Frames that a camera had taken before Begin are thrown away. Other errors are passed on.
   Result<Frame> Next(TimePoint deadline) override;
 
   // Before the first Next: frames count from now.

@@ -122,10 +122,14 @@ Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string
 }
 
 PoseRingWriter::~PoseRingWriter() {
+  Close();
+  ::munmap(file_, sizeof *file_);
+}
+
+void PoseRingWriter::Close() {
   Wipe();
   SetService(HAUSTRA_SERVICE_CLOSED);
   ::unlink(path_.c_str());
-  ::munmap(file_, sizeof *file_);
 }
 
 void PoseRingWriter::PublishPose(const haustra_pose& pose) {

@@ -41,6 +41,8 @@ class PoseRingWriter {
 
   // Forgets every pose, event and snapshot. Only while nobody publishes.
   void Wipe();
+  // As the destructor, but the memory stays: for a process that ends while a thread may still publish.
+  void Close();
 
   const std::string& path() const { return path_; }
 

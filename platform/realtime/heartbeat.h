@@ -1,6 +1,6 @@
-// A sign of life of the tracking thread: beats for every frame and, while no frame comes, many times a second. Who
-// watches it (the daemon's watchdog) knows that no beat for a second means a hang, whatever the camera does.
-// One thread beats, any number read; rt-safe, wait-free.
+// A sign of life of the tracking thread: beats for every frame and, while no frame comes, many times a second. It does
+// not beat while the thread waits for the vision device. Who watches it (the daemon's watchdog) knows that no beat for
+// a second means a hang, whatever the camera does. One thread beats, any number read; rt-safe, wait-free.
 #pragma once
 
 #include <atomic>

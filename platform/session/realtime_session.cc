@@ -57,6 +57,7 @@ class RealTimeSession {
         budget_(BudgetOf(engine.config().scheduler.deadline_ms, period_)),
         heartbeat_(options.heartbeat),
         hooks_(options.hooks),
+        device_(options.device),
         frames_(EmptySlot(source.calibration())),
         outcomes_(options.max_unread),
         mapping_times_(options.max_unread),
@@ -119,6 +120,15 @@ class RealTimeSession {
     return deadline_ms > 0 ? Duration(static_cast<std::int64_t>(1e6 * deadline_ms)) : period;
   }
 
+  Status DeviceStatus() const {
+    switch (device_ == nullptr ? WatchedVisionDevice::Fault::kNone : device_->fault()) {
+      case WatchedVisionDevice::Fault::kLost: return Unavailable("the vision device is lost");
+      case WatchedVisionDevice::Fault::kHung: return Unavailable("the vision device hangs");
+      case WatchedVisionDevice::Fault::kNone: break;
+    }
+    return Status::Ok();
+  }
+
   static FrameSlot EmptySlot(const CameraCalibration& camera) {
     FrameSlot slot;
     slot.pixels.resize(FrameBytes(camera));
@@ -133,6 +143,7 @@ class RealTimeSession {
     TimePoint origin_video;
     TimePoint origin;
     while (!stop.load(std::memory_order_relaxed)) {
+      if (status_ = DeviceStatus(); !status_.ok()) break;
       // A camera that brings nothing must not keep the session from ending, and one that has gone may come back.
       const TimePoint asked = clock_.Now();
       const Result<Frame> frame = source_.Next(asked + kLongestWait);
@@ -216,9 +227,9 @@ class RealTimeSession {
   void TrackLoop() {
     NameThisThread("tracking");
     while (true) {
-      if (heartbeat_ != nullptr) heartbeat_->Beat(clock_.Now());
-      // The mailbox takes the slot back when a newer one is asked for.
+      // The mailbox takes the slot back when a newer one is asked for. A device that keeps it is no progress: no beat.
       if (!engine_.MayReleaseFrame(clock_.Now() + kIdle)) continue;
+      if (heartbeat_ != nullptr) heartbeat_->Beat(clock_.Now());
       if (!frames_.Refresh()) {
         (void)frame_ready_.WaitFor(kIdle);
         continue;
@@ -333,6 +344,7 @@ class RealTimeSession {
   const Duration budget_;  // from due time to deadline
   Heartbeat* const heartbeat_;
   SessionHooks* const hooks_;
+  const WatchedVisionDevice* const device_;
   const HeapWatch* heap_watch_ = nullptr;
   LatestMailbox<FrameSlot> frames_;
   WakeSignal frame_ready_;

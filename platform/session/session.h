@@ -16,6 +16,7 @@
 #include "platform/realtime/realtime_report.h"
 #include "platform/realtime/thread_system.h"
 #include "platform/session/thread_use.h"
+#include "platform/session/watched_vision_device.h"
 
 namespace haustra {
 
@@ -97,9 +98,12 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
 struct RealTimeOptions {
   double rate = 1.0;  // > 0; 1: the camera's own pace. A live camera has no other, whatever stands here
   RealTimeConfig rt;
-  // Beats on the tracking thread while the session runs; may be null. Outlives the session.
+  // Beats on the tracking thread while the session runs and the vision device answers; may be null. Outlives the
+  // session.
   Heartbeat* heartbeat = nullptr;
   SessionHooks* hooks = nullptr;  // may be null; outlives the session
+  // The engine's device, when its faults are to end the session; may be null. Outlives the session.
+  const WatchedVisionDevice* device = nullptr;
   // Frames, steps of mapping and steps of merging that wait for the observer, of each; further ones are lost, counted.
   std::size_t max_unread = 4096;
   // Null: this machine.
@@ -119,7 +123,8 @@ MemoryPlan PlanRealTimeSession(const CameraCalibration& calibration);
 // Each frame is to be answered within config.scheduler.deadline_ms of its due time (0: within a period of the frames,
 // at the session's rate). `stop`, set by any thread, ends the session within a fraction of a second: what was mapped
 // stays in the engine, and the status is Ok. Sessions may follow each other with the same engine and source.
-// kInvalidArgument: rate. kFailedPrecondition: rt.require is set and a privilege is missing. Errors of the source.
+// kInvalidArgument: rate. kFailedPrecondition: rt.require is set and a privilege is missing. kUnavailable: the watched
+// device is lost or hangs. Errors of the source.
 Result<SessionSummary> RunRealTime(FrameSource& source, Engine& engine, const Clock& clock,
                                    const RealTimeOptions& options, SessionObserver& observer,
                                    const std::atomic<bool>& stop);

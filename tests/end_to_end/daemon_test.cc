@@ -5,6 +5,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstdlib>
 #include <filesystem>
 #include <set>
 #include <string>
@@ -87,6 +89,7 @@ TEST_F(Daemon, StartsReadyTracksWhenToldAndStopsWithItsMapsSaved) {
   EXPECT_TRUE(Exists(StatePath("checkpoint.atlas")));
   EXPECT_FALSE(Exists(service_.runtime_folder() + "/poses"));
   EXPECT_FALSE(Exists(service_.runtime_folder() + "/control"));
+  EXPECT_FALSE(Exists(service_.runtime_folder() + "/status"));
   EXPECT_EQ(Haustra({"control", "status", "--folder", service_.runtime_folder()}).exit_code, 69);
   const CommandResult info = Haustra({"atlas", "info", StatePath("checkpoint.atlas")});
   EXPECT_EQ(info.exit_code, 0) << info.ToString();
@@ -174,6 +177,67 @@ TEST_F(Daemon, KillLosesNoMoreThanWhatCameAfterTheLastCheckpoint) {
   EXPECT_EQ(StopAndWait(), 0);
 }
 
+// At other moments each time: while frames are mapped, while a checkpoint is written, while somebody saves.
+TEST_F(Daemon, KillAtAnyMomentLeavesWholeMapsAndAProcedureThatGoesOn) {
+  RecordProperty("req", "DMN-005,DMN-006");
+  const std::vector<std::string> settings = {
+      "--set", "checkpoint.interval_s=1",     "--set", "vision.threads=1",
+      "--set", "memory.max_map_points=20000", "--set", "memory.max_keyframes=100"};
+  ASSERT_NO_FATAL_FAILURE(StartReady(settings));
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap("case-1"));
+  ASSERT_TRUE(service_.WaitForStatus("checkpoint_age_s"));
+  int num_saved = 0;
+  for (int i = 0; i < 8; ++i) {
+    std::thread saver(
+        [&, name = "save save-" + std::to_string(i)] { num_saved += service_.Ask(name).starts_with("saved "); });
+    std::this_thread::sleep_for(std::chrono::milliseconds(i % 2 == 0 ? 10 * i : 150 * i));
+    service_.command().Signal(SIGKILL);
+    EXPECT_EQ(service_.Wait().signal, SIGKILL);
+    saver.join();
+    ASSERT_NO_FATAL_FAILURE(StartReady(settings));
+    EXPECT_EQ(service_.StatusValue("state"), "running") << i;
+    EXPECT_EQ(service_.StatusValue("label"), "case-1") << i;
+    int num_files = 0;
+    for (const std::string& file : FilesBelow(service_.state_folder())) {
+      EXPECT_EQ(file.find(".partial-"), std::string::npos) << file;
+      if (!file.ends_with(".atlas")) continue;
+      const CommandResult info = Haustra({"atlas", "info", StatePath(file)});
+      EXPECT_EQ(info.exit_code, 0) << info.ToString();
+      num_files += file.starts_with("saved/");
+    }
+    EXPECT_GE(num_files, num_saved) << "what was reported saved is there";
+  }
+  EXPECT_EQ(service_.Ask("end wipe"), "wiped\n");
+  EXPECT_EQ(StopAndWait(), 0);
+}
+
+TEST_F(Daemon, ManyProceduresTakeNoMoreMemoryThanAFew) {
+  RecordProperty("req", "MEM-002");
+  if (HAUSTRA_SANITIZED) GTEST_SKIP() << "a sanitizer keeps what is freed, on purpose";
+  constexpr int kNumFirst = 4;
+  // HAUSTRA_PROCEDURES=200 for a soak.
+  const char* wanted = std::getenv("HAUSTRA_PROCEDURES");
+  const int num_procedures = wanted != nullptr ? std::stoi(wanted) : 12;
+  // Between two searches of a heap that is given back as a whole, figures differ by some pages.
+  constexpr double kPages_bytes = 1e6;
+  ASSERT_NO_FATAL_FAILURE(StartReady(
+      {"--set", "vision.threads=1", "--set", "memory.max_map_points=20000", "--set", "memory.max_keyframes=100"}));
+  double most_of_first = 0.0, last = 0.0;
+  for (int i = 0; i < num_procedures; ++i) {
+    ASSERT_NO_FATAL_FAILURE(BeginAndMap("case-" + std::to_string(i)));
+    ASSERT_EQ(service_.Ask("end wipe"), "wiped\n");
+    const std::string metrics = service_.Ask("metrics");
+    const std::string name = "\nhaustra_resident_memory_bytes ";
+    const std::size_t at = metrics.find(name);
+    ASSERT_NE(at, std::string::npos);
+    last = std::stod(metrics.substr(at + name.size()));
+    if (i < kNumFirst) most_of_first = std::max(most_of_first, last);
+  }
+  EXPECT_LE(last, most_of_first + kPages_bytes);
+  RecordProperty("growth_bytes", std::to_string(last - most_of_first));
+  EXPECT_EQ(StopAndWait(), 0);
+}
+
 TEST_F(Daemon, ProcedureOfAnotherPatientDoesNotGoOnByItself) {
   RecordProperty("req", "DATA-003");
   ASSERT_NO_FATAL_FAILURE(StartReady());
@@ -206,7 +270,8 @@ TEST_F(Daemon, DamagedCheckpointIsRefusedAndKeptUntilSomebodyDecides) {
   WriteBytes(StatePath("checkpoint.atlas"), bytes);
   ASSERT_NO_FATAL_FAILURE(StartReady());
   EXPECT_EQ(service_.StatusValue("state"), "idle");
-  EXPECT_NE(service_.StatusValue("trouble").find("checkpoint.atlas"), std::string::npos) << service_.Status();
+  EXPECT_NE(service_.Ask("resume").find("checkpoint.atlas"), std::string::npos);
+  EXPECT_EQ(service_.StatusValue("state"), "idle");
   EXPECT_TRUE(Exists(StatePath("checkpoint.atlas")));
   EXPECT_EQ(service_.Ask("end wipe"), "wiped\n");
   EXPECT_FALSE(Exists(StatePath("checkpoint.atlas")));
@@ -246,9 +311,10 @@ TEST_F(Daemon, NothingOfAProcedureOutlastsItsEnd) {
   const std::set<std::string> pictures = PartsOfPictures(SequenceFolder("standard"));
   std::set<std::string> all = maps;
   all.insert(pictures.begin(), pictures.end());
-  // Not under a sanitizer: its memory is hundreds of gigabytes, and it keeps what is freed, on purpose.
-  const std::vector<PartFound> before =
-      HAUSTRA_SANITIZED ? std::vector<PartFound>{} : FindInMemory(service_.pid(), all);
+  // Not under a sanitizer: its memory is hundreds of gigabytes, and it keeps what is freed, on purpose. The service
+  // lets nobody else read its memory than the superuser.
+  const bool may_look = !HAUSTRA_SANITIZED && geteuid() == 0;
+  const std::vector<PartFound> before = may_look ? FindInMemory(service_.pid(), all) : std::vector<PartFound>{};
   EXPECT_EQ(service_.Ask("end"), "wiped\n");
   EXPECT_EQ(FilesBelow(service_.state_folder()), std::vector<std::string>({"lock", "saved/sample.atlas"}));
   haustra_ring ring;
@@ -257,9 +323,9 @@ TEST_F(Daemon, NothingOfAProcedureOutlastsItsEnd) {
   EXPECT_EQ(haustra_ring_latest_pose(&ring, &pose), HAUSTRA_NOT_YET);
   haustra_ring_close(&ring);
   EXPECT_EQ(service_.StatusValue("state"), "idle");
-  if (HAUSTRA_SANITIZED) {
+  if (!may_look) {
     StopAndWait();
-    GTEST_SKIP() << "the process's memory is not looked at under a sanitizer";
+    GTEST_SKIP() << "the process's memory is not looked at under a sanitizer, or without being root";
   }
   // Or the search proves nothing.
   EXPECT_GE(maps.size(), 2000u);
@@ -322,6 +388,7 @@ TEST_F(Daemon, EveryReasonNotToStartHasItsExitCode) {
   EXPECT_EQ(run({}).exit_code, 78);  // no source
   EXPECT_EQ(run({"--source", "/nonexistent"}).exit_code, 66);
   EXPECT_EQ(run(Arguments({"--set", "publish.group=no-such-group"})).exit_code, 78);
+  EXPECT_EQ(run(Arguments({"--set", "control.group=no-such-group"})).exit_code, 78);
   const CommandResult printed = run(Arguments({"--print-config"}));
   EXPECT_EQ(printed.exit_code, 0);
   WriteBytes(folder_ + "/printed.yaml", printed.out);

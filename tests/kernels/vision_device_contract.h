@@ -186,6 +186,7 @@ TEST_P(VisionDeviceContract, CreateFeatureSetWhenAllAreInUseReturnsCapacityExcee
   for (int i = 0; i < 6; ++i) sets.push_back(NewSet(*device));
   EXPECT_EQ(device->num_free_feature_sets(), 0);
   EXPECT_EQ(device->CreateFeatureSet().code(), StatusCode::kCapacityExceeded);
+  EXPECT_EQ(device->CreateFeatureSet().status().message(), "") << "tracking asks on every frame: a message allocates";
   device->ReleaseFeatureSet(sets[3]);
   EXPECT_EQ(device->num_free_feature_sets(), 1);
   EXPECT_TRUE(device->CreateFeatureSet().ok());

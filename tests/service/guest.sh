@@ -88,7 +88,9 @@ check "nothing stays in /run" test ! -e /run/haustra
 echo "== end of the procedure"
 systemctl reset-failed haustrad  # this script starts it more often than its limit allows
 check "start" systemctl start haustrad
-check "goes on after the restart" status_has "label case-1"
+check "waits to be told after a stop in order" status_has "interrupted yes"
+check "resume" ask resume
+check "the procedure goes on" status_has "label case-1"
 check "end" ask end
 check "only the lock is left" test "$(find /var/lib/haustra/ -type f -printf '%P ')" = "lock "
 

@@ -35,7 +35,8 @@ int Control(const ControlArguments& arguments) {
   // Here rather than there: a typing error needs no daemon.
   const Result<ControlRequest> request = ParseControlRequest(text);
   if (!request.ok()) return FailControl(request.status());
-  Result<ControlClient> client = ControlClient::Connect(arguments.folder + "/control");
+  Result<ControlClient> client = ControlClient::Connect(
+      arguments.folder + "/" + std::string(OnlyLooks(request->command) ? kStatusSocket : kControlSocket));
   if (!client.ok()) return FailControl(client.status());
   const Result<std::string> reply =
       client->Ask(*request, std::chrono::milliseconds(static_cast<std::int64_t>(1000 * arguments.timeout_s)));

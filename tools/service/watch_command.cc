@@ -91,7 +91,7 @@ class Watcher {
 
   void AskStatus() {
     if (!client_) {
-      Result<ControlClient> client = ControlClient::Connect(folder_ + "/control");
+      Result<ControlClient> client = ControlClient::Connect(folder_ + "/" + std::string(kStatusSocket));
       if (!client.ok()) {
         model_.control_error = client.status().message();
         model_.status.clear();

@@ -367,6 +367,10 @@ void* ScriptedCamera::Map(int fd, std::size_t length, std::int64_t offset) {
   return buffers_[index].data();
 }
 
-void ScriptedCamera::Unmap(void*, std::size_t) { --num_maps; }
+void ScriptedCamera::Unmap(void* address, std::size_t length) {
+  --num_maps;
+  const auto* bytes = static_cast<const std::uint8_t*>(address);
+  if (std::any_of(bytes, bytes + length, [](std::uint8_t byte) { return byte != 0; })) ++num_left;
+}
 
 }  // namespace haustra::test

@@ -67,6 +67,7 @@ class ScriptedCamera final : public DeviceIo {
   int num_calls = 0;
   int num_opened = 0;
   int num_maps = 0;     // now
+  int num_left = 0;     // buffers that were given up with something in them
   int num_synced = 0;   // pictures of the heap that were read between the two calls that it takes
   int num_streams = 0;  // begun
   int set_input = -1;

@@ -54,6 +54,68 @@ std::uint8_t LumaAt(const ImageView& image, int x, int y) {
   return image.row(y)[x];
 }
 
+// What it sees and when.
+
+TEST(V4l2Source, CameraTakesNoPictureBeforeTheFirstIsAskedFor) {
+  RecordProperty("req", "DATA-002");
+  ScriptedCamera camera;
+  // A driver that stamps when a picture is fetched: its time does not tell whose picture it is.
+  camera.faults[0].is_unstamped = true;
+  const auto source = MustOpen(camera);
+  camera.Sleep(seconds(3600));
+  const TimePoint begin = camera.now;
+  const Result<Frame> frame = source->Next(kNoDeadline);
+  ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+  EXPECT_GT(camera.now, begin) << "it was not there before";
+  EXPECT_EQ(LumaAt(frame->image, 0, 0), ScriptedCamera::Luma(0, 0, 0));
+}
+
+TEST(V4l2Source, NoPictureStaysInItsBuffers) {
+  RecordProperty("req", "DATA-001");
+  for (const BufferMemory memory : {BufferMemory::kMapped, BufferMemory::kDmaBuf}) {
+    ScriptedCamera camera;
+    V4l2Options options = Options();
+    options.memory = memory;
+    auto source = MustOpen(camera, options);
+    EXPECT_EQ(Indices(*source, 6), std::vector<int>({0, 1, 2, 3, 4, 5}));
+    source.reset();
+    EXPECT_EQ(camera.num_maps, 0);
+    EXPECT_EQ(camera.num_left, 0);
+    // Nor in those of a camera that was pulled out.
+    source = MustOpen(camera, options);
+    EXPECT_EQ(Indices(*source, 2), std::vector<int>({0, 1}));
+    camera.is_present = false;
+    EXPECT_EQ(Indices(*source, 1), std::vector<int>({-1}));
+    EXPECT_EQ(camera.num_maps, 0);
+    EXPECT_EQ(camera.num_left, 0);
+  }
+}
+
+TEST(V4l2Source, FormatOfItsFramesIsKnownBeforeTheFirst) {
+  for (const std::uint32_t fourcc : {V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_NV12, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_MJPEG}) {
+    for (const bool halve : {false, true}) {
+      for (const ChannelChoice channels : {ChannelChoice::kAsStored, ChannelChoice::kGrey}) {
+        for (const bool is_part : {false, true}) {
+          ScriptedCamera camera;
+          camera.modes = {{fourcc, 64, 48, {25}}};
+          const Image colour(64, 48, PixelFormat::kBgr8);
+          ASSERT_TRUE(capture::internal::EncodeJpeg(colour.view(), 95, &camera.jpeg).ok());
+          V4l2Options options = Options();
+          if (is_part) options.region = {8, 8, 32, 24};
+          SequenceOptions sequence;
+          sequence.halve = halve;
+          sequence.channels = channels;
+          const auto source = MustOpen(camera, options, sequence);
+          const std::optional<PixelFormat> format = source->pixel_format();
+          const Result<Frame> frame = source->Next(kNoDeadline);
+          ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+          EXPECT_EQ(format, frame->image.format) << FourccText(fourcc) << halve << is_part;
+        }
+      }
+    }
+  }
+}
+
 // What is agreed with the camera.
 
 TEST(V4l2Source, WhatOnlyARecordingCanDoIsRefused) {

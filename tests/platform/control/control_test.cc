@@ -130,6 +130,22 @@ class ControlSocket : public testing::Test {
 
 constexpr Duration kLimit = seconds(60);
 
+TEST_F(ControlSocket, WhoMayOnlyLookChangesNothing) {
+  RecordProperty("req", "CTL-003");
+  ControlLimits limits;
+  limits.only_looks = true;
+  Start(limits);
+  ControlClient client = Connect();
+  EXPECT_EQ(*client.Ask("status", seconds(10)), "did status");
+  EXPECT_EQ(*client.Ask("metrics", seconds(10)), "did metrics");
+  for (const char* request : {"begin", "begin case-1", "resume", "end", "end keep", "end wipe", "save one"}) {
+    const Result<std::string> reply = client.Ask(request, seconds(10));
+    EXPECT_EQ(reply.code(), StatusCode::kFailedPrecondition) << request;
+    EXPECT_NE(reply.status().message().find("status and metrics only"), std::string::npos) << request;
+  }
+  EXPECT_EQ(*client.Ask("status", seconds(10)), "did status");
+}
+
 TEST_F(ControlSocket, AnswersOneRequestAfterTheOther) {
   Start({});
   ControlClient client = Connect();

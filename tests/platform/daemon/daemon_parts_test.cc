@@ -22,6 +22,7 @@
 #include "platform/daemon/procedure_store.h"
 #include "platform/daemon/status_text.h"
 #include "platform/daemon/supervised_source.h"
+#include "platform/wipe_file.h"
 
 namespace haustra {
 namespace {
@@ -127,20 +128,21 @@ TEST(Log, RecordIsOneLineWhateverItHolds) {
 // --- Files.
 
 TEST(ProcedureRecord, IsReadAsItWasWrittenAndNothingElseIs) {
-  const ProcedureRecord record{"case-1", "a-b-c", Duration(123456789)};
+  const ProcedureRecord record{"case-1", "a-b-c", Duration(123456789), RecordedState::kStopped};
   const std::string text = ToText(record);
   const Result<ProcedureRecord> read = ParseProcedureRecord(text);
   ASSERT_TRUE(read.ok()) << read.status().ToString();
   EXPECT_EQ(read->label, "case-1");
   EXPECT_EQ(read->boot_id, "a-b-c");
   EXPECT_EQ(read->written_at, record.written_at);
+  EXPECT_EQ(read->state, record.state);
   for (std::size_t size = 0; size < text.size(); ++size) {
     EXPECT_FALSE(ParseProcedureRecord(text.substr(0, size)).ok()) << size;
   }
   EXPECT_FALSE(ParseProcedureRecord(text + "more").ok());
-  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 1\nlabel ../x\nboot b\nwritten_at_ns 1\n").ok());
-  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 1\nlabel x\nboot b\nwritten_at_ns -1\n").ok());
-  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 1\nlabel x\nboot b\nwritten_at_ns 1e9\n").ok());
+  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 2\nlabel ../x\nboot b\nwritten_at_ns 1\n").ok());
+  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 2\nlabel x\nboot b\nwritten_at_ns -1\n").ok());
+  EXPECT_FALSE(ParseProcedureRecord("haustra procedure 2\nlabel x\nboot b\nwritten_at_ns 1e9\n").ok());
 }
 
 std::unique_ptr<ProcedureStore> OpenStore(const StateFolder& folder) {
@@ -155,7 +157,7 @@ TEST(ProcedureStore, OpenProcedureIsFoundByTheNextDaemonAndAnEndedOneIsNot) {
   {
     const auto store = OpenStore(folder);
     EXPECT_FALSE(store->interrupted());
-    EXPECT_TRUE(store->WriteOpen("case-1").ok());
+    EXPECT_TRUE(store->WriteOpen("case-1", RecordedState::kRunning).ok());
     Write(store->checkpoint_path(), "maps");
   }
   {
@@ -173,7 +175,7 @@ TEST(ProcedureStore, OpenProcedureIsFoundByTheNextDaemonAndAnEndedOneIsNot) {
 TEST(ProcedureStore, OnlyAYoungProcedureOfThisBootMayGoOnByItself) {
   RecordProperty("req", "DATA-003");
   const StateFolder folder;
-  ASSERT_TRUE(OpenStore(folder)->WriteOpen("case-1").ok());
+  ASSERT_TRUE(OpenStore(folder)->WriteOpen("case-1", RecordedState::kRunning).ok());
   EXPECT_FALSE(OpenStore(folder)->MayResume(Duration(0)));
   ProcedureRecord record = *OpenStore(folder)->interrupted();
   // This machine may have been started a minute ago: there is no time before that.
@@ -181,6 +183,10 @@ TEST(ProcedureStore, OnlyAYoungProcedureOfThisBootMayGoOnByItself) {
   Write(folder / "procedure", ToText(record));
   EXPECT_FALSE(OpenStore(folder)->MayResume(seconds(15)));
   EXPECT_TRUE(OpenStore(folder)->MayResume(seconds(800)));
+  record.state = RecordedState::kStopped;
+  Write(folder / "procedure", ToText(record));
+  EXPECT_FALSE(OpenStore(folder)->MayResume(seconds(800)));
+  record.state = RecordedState::kRunning;
   record.boot_id = "another";
   Write(folder / "procedure", ToText(record));
   EXPECT_FALSE(OpenStore(folder)->MayResume(seconds(800)));

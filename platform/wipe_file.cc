@@ -1,0 +1,52 @@
+#include "platform/wipe_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <system_error>
+#include <vector>
+
+namespace haustra {
+namespace {
+
+std::string SystemText(int error) { return std::generic_category().message(error); }
+
+}  // namespace
+
+Status WipeFile(const std::string& path) {
+  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+  int error = descriptor < 0 ? errno : 0;
+  if (descriptor >= 0) {
+    struct stat info {};
+    if (::fstat(descriptor, &info) != 0) error = errno;
+    const std::vector<char> zeros(std::size_t{1} << 16);
+    for (off_t at = 0; error == 0 && at < info.st_size;) {
+      const auto count = static_cast<std::size_t>(std::min<off_t>(info.st_size - at, static_cast<off_t>(zeros.size())));
+      const ssize_t written = ::write(descriptor, zeros.data(), count);
+      if (written < 0 && errno != EINTR) error = errno;
+      if (written > 0) at += written;
+    }
+    if (error == 0 && ::fsync(descriptor) != 0) error = errno;
+    ::close(descriptor);
+  }
+  // Gone it must be, even where it could not be overwritten.
+  if (::unlink(path.c_str()) != 0 && errno != ENOENT) error = errno;
+  const Status synced = SyncFolderOf(path);
+  return error == 0 ? synced : Unavailable(path + ": cannot be wiped: " + SystemText(error));
+}
+
+Status SyncFolderOf(const std::string& path) {
+  const std::size_t slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return Status::Ok();
+  const int error = ::fsync(descriptor) == 0 ? 0 : errno;
+  ::close(descriptor);
+  if (error == 0 || error == EINVAL || error == EROFS) return Status::Ok();
+  return Unavailable(path + ": is in place, but may not outlast a power cut: " + SystemText(error));
+}
+
+}  // namespace haustra

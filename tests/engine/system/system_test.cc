@@ -224,7 +224,7 @@ TEST(System, OcclusionIsAnsweredLostAndThenRelocalisedInTheSameMap) {
   EXPECT_EQ(procedure.results()[90].map_id, procedure.results()[74].map_id);
 }
 
-// One landmark in twelve agrees with a pose, and these are more than a pose needs; the others contradict it.
+// One landmark in nine agrees with a pose, and these are more than a pose needs; the others contradict it.
 TEST(System, WallThatIsOnlyAlikeIsNotTakenForTheMap) {
   RecordProperty("req", "TRK-001");
   for (const bool has_gate : {true, false}) {
@@ -233,7 +233,7 @@ TEST(System, WallThatIsOnlyAlikeIsNotTakenForTheMap) {
     Procedure procedure(config);
     procedure.Move(0.0, 3.0, 75);
     procedure.Occlude(5);
-    for (int i = 0; i < 5; ++i) procedure.AddAlike(3.0, 12);
+    for (int i = 0; i < 5; ++i) procedure.AddAlike(3.0, 9);
     procedure.Run();
     const bool is_placed = std::any_of(procedure.results().begin() + 80, procedure.results().end(),
                                        [](const FrameResult& r) { return r.state == TrackingState::kTracking; });

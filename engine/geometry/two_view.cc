@@ -77,8 +77,8 @@ double TwoViewRansac::Cost(const Eigen::Matrix3d& essential, double bound) const
   return cost;
 }
 
-int TwoViewRansac::Linearise(const SE3& b_from_a, const Eigen::Vector3d& u, const Eigen::Vector3d& v,
-                             Matrix5d* hessian, Vector5d* gradient) const {
+int TwoViewRansac::Linearise(const SE3& b_from_a, const Eigen::Vector3d& u, const Eigen::Vector3d& v, Matrix5d* hessian,
+                             Vector5d* gradient) const {
   const Eigen::Matrix3d rotation = b_from_a.matrix3();
   const Eigen::Vector3d t = b_from_a.translation;
   hessian->setZero();
@@ -141,8 +141,7 @@ double TwoViewRansac::DirectionSigma(const SE3& b_from_a) const {
   // that is known along any axis.
   const Eigen::Matrix3d by_rotation = hessian.topLeftCorner<3, 3>();
   const Eigen::Matrix<double, 3, 2> mixed = hessian.topRightCorner<3, 2>();
-  const Eigen::Matrix2d known =
-      hessian.bottomRightCorner<2, 2>() - mixed.transpose() * by_rotation.ldlt().solve(mixed);
+  const Eigen::Matrix2d known = hessian.bottomRightCorner<2, 2>() - mixed.transpose() * by_rotation.ldlt().solve(mixed);
   const double mean = 0.5 * known.trace();
   const double least = mean - std::hypot(0.5 * (known(0, 0) - known(1, 1)), known(0, 1));
   if (!(least > 0.0)) return std::numeric_limits<double>::infinity();

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/geometry/constants.h"
 #include "engine/geometry/five_point.h"
 #include "engine/geometry/ransac_trials.h"
 #include "engine/geometry/triangulation.h"
@@ -19,8 +20,7 @@ constexpr int kMinMatches = 8;
 constexpr int kLocalIterations = 4;
 constexpr int kFinalIterations = 10;
 constexpr double kMovingTolerances = 2.0;
-constexpr double kSigmasOfTolerance = 1.96;  // 95 % of one degree of freedom
-constexpr double kMedianOfNormal = 0.6745;   // of the absolute value, in sigmas
+constexpr double kMedianOfNormal = 0.6745;  // of the absolute value, in sigmas
 // Two motions are one when they differ by less than this: about the spread of one solution of a weak pair.
 constexpr double kSameRotationRad = 0.03;
 constexpr double kSameDirectionRad = 0.15;
@@ -145,7 +145,7 @@ double TwoViewRansac::DirectionSigma(const SE3& b_from_a) const {
   const double mean = 0.5 * known.trace();
   const double least = mean - std::hypot(0.5 * (known(0, 0) - known(1, 1)), known(0, 1));
   if (!(least > 0.0)) return std::numeric_limits<double>::infinity();
-  return 1.0 / (kSigmasOfTolerance * std::sqrt(least));
+  return 1.0 / (kGateOneDof * std::sqrt(least));
 }
 
 double TwoViewRansac::NoiseRatio(const SE3& b_from_a) {
@@ -155,7 +155,7 @@ double TwoViewRansac::NoiseRatio(const SE3& b_from_a) {
   }
   const auto middle = residual2_.begin() + num_matches_ / 2;
   std::nth_element(residual2_.begin(), middle, residual2_.begin() + num_matches_);
-  return std::max(1.0, kSigmasOfTolerance * std::sqrt(*middle) / kMedianOfNormal);
+  return std::max(1.0, kGateOneDof * std::sqrt(*middle) / kMedianOfNormal);
 }
 
 bool TwoViewRansac::ChooseDecomposition(const Options& options, SE3* b_from_a, int* num_in_front) const {

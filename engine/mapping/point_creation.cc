@@ -9,8 +9,6 @@
 namespace haustra {
 namespace {
 
-constexpr double kGateOneDof = 1.96;  // 95 %
-
 // Features without a point, and for every feature how far from its epipolar plane it may lie.
 void ListUnmatched(const Keyframe& keyframe, const NoiseModel& noise, double focal_px, std::vector<std::int32_t>* list,
                    std::vector<float>* tolerance) {

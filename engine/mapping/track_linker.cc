@@ -9,7 +9,6 @@ namespace haustra {
 namespace {
 
 constexpr std::uint64_t kLinkerStream = 7;
-constexpr double kSigmasOneDof = 1.96;  // 95 %
 // Measured against expected inverse depth, in sigmas of both: beyond it the match is false, or the wall ends there.
 constexpr double kMaxDepthSigmas = 4.0;
 // Farther than this many times the wall around it a point is not placed: positions would lose their meaning.
@@ -89,7 +88,7 @@ bool TrackLinker::MatchAndVerify(const Keyframe& a, const Keyframe& b) {
     bearings_b_.push_back(b.features.bearing(match.train));
     const double scale =
         std::max(a.features.keypoints[match.query].scale_px, b.features.keypoints[match.train].scale_px);
-    tolerance_.push_back(kSigmasOneDof * noise_.SigmaPx(scale) / camera_.focal_px());
+    tolerance_.push_back(kGateOneDof * noise_.SigmaPx(scale) / camera_.focal_px());
   }
   TwoViewRansac::Estimate estimate;
   return ransac_.Run(bearings_a_, bearings_b_, tolerance_, VerificationOptions(), rng_, &estimate);

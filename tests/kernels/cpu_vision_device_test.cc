@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <thread>
 #include <vector>
 
 #include "platform/clock/system_clock.h"
+#include "platform/trap/wait_trap.h"
 #include "tests/kernels/allocation_counter.h"
 #include "tests/kernels/blob_scene.h"
 #include "tests/kernels/naive_matcher.h"
@@ -278,6 +280,40 @@ TEST(CpuVisionDevice, WorkAfterConstructionDoesNotAllocate) {
   EXPECT_TRUE(is_ok);
   EXPECT_GT(count, 300);
   EXPECT_EQ(after, before);
+}
+
+// What else may hold up tracking: neither mapping's requests nor its own helpers have a lock in common with it, and
+// without helpers it asks nothing of the kernel.
+TEST(CpuVisionDevice, WorkTakesNoLock) {
+  if (!WaitTrap::CatchesLocks()) GTEST_SKIP() << "locks cannot be watched in this build";
+  const Picture picture = Texture(5);
+  for (const int num_threads : {1, 3}) {
+    const auto device = Create(num_threads);
+    std::thread tracking([&] {
+      const bool is_told = WaitTrap::CatchSystemCalls();
+      std::vector<Keypoint> keypoints(500);
+      std::vector<Match> matches(500);
+      std::vector<GuidedQuery> queries(500);
+      std::int32_t count = 0;
+      const WaitTrap trap(WaitTrap::Mode::kCount);
+      const FeatureSetHandle set = device->CreateFeatureSet().value();
+      bool is_ok = ExtractAndWait(*device, Lane::kTracking, {picture.view(), set, keypoints, &count}).ok();
+      MatchRequest match;
+      match.query = match.train = DescriptorList::Whole(set);
+      match.options.mutual = true;
+      match.matches = matches;
+      match.num_matches = &count;
+      is_ok &= MatchAndWait(*device, Lane::kTracking, match).ok();
+      for (int i = 0; i < 500; ++i) queries[i] = {{set, i}, keypoints[i].x_px, keypoints[i].y_px, 20.0f, 0.0f, 99.0f};
+      is_ok &= GuidedMatchAndWait(*device, Lane::kTracking, {queries, set, {}, {}, matches, &count}).ok();
+      device->ReleaseFeatureSet(set);
+      EXPECT_TRUE(is_ok);
+      EXPECT_EQ(WaitTrap::num_locks(), 0u);
+      const bool may_ask_nothing = is_told && num_threads == 1;
+      EXPECT_EQ(may_ask_nothing ? WaitTrap::num_system_calls() : 0u, 0u) << WaitTrap::last_system_call();
+    });
+    tracking.join();
+  }
 }
 
 TEST(CpuVisionDevice, CreateRefusesWhatThisMachineCannotDo) {

@@ -58,6 +58,9 @@ class Engine {
   // All maps, for LoadAtlas. Mapping thread between two steps, or any when both have stopped. Errors of the sink.
   Status SaveAtlas(ByteSink& sink) const { return mapper_.SaveAtlas(sink); }
 
+  // Tracking thread, before its first frame: threads of the device that work for it take on its policy and priority.
+  // kFailedPrecondition: the system refuses.
+  Status ServeThisThread() { return tracker_.ServeThisThread(); }
   // Tracking thread. rt-safe. deadline: when the pose must be there (engine/scheduler), kNoDeadline in sequential mode.
   // next_due: when the next frame is expected; the mapper keeps an accelerator free for it. The frame's pixels stay
   // until MayReleaseFrame.

@@ -30,6 +30,8 @@ class ForwardingVisionDevice : public VisionDevice {
     return device_.EnqueueGuidedMatch(lane, request);
   }
   Status Wait(Ticket ticket, TimePoint deadline) override { return device_.Wait(ticket, deadline); }
+  bool Abandon(Ticket ticket) override { return device_.Abandon(ticket); }
+  Status ServeThisThread(Lane lane) override { return device_.ServeThisThread(lane); }
   Status ReadDescriptors(FeatureSetHandle set, std::span<std::uint8_t> out) override {
     return device_.ReadDescriptors(set, out);
   }

@@ -10,6 +10,9 @@ Status WaitFor(VisionDevice& device, const Result<Ticket>& ticket, TimePoint dea
 
 }  // namespace
 
+bool VisionDevice::Abandon(Ticket) { return false; }
+Status VisionDevice::ServeThisThread(Lane) { return Status::Ok(); }
+
 Status ExtractAndWait(VisionDevice& device, Lane lane, const ExtractRequest& request, TimePoint deadline) {
   return WaitFor(device, device.EnqueueExtract(lane, request), deadline);
 }

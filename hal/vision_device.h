@@ -3,8 +3,9 @@
 // hal/fakes.
 //
 // Asynchronous by contract: Enqueue* checks its arguments, queues the work on a lane and returns a ticket; Wait blocks
-// until the work is done or the deadline is over. Work on one lane runs in order. Buffers named in a request (inputs
-// and outputs) belong to the caller and must stay as they are until Wait has returned ok for its ticket.
+// until the work is done or the deadline is over (where there is no accelerator the waiting thread does the work).
+// Deadlines are of CLOCK_MONOTONIC. Work on one lane runs in order. Buffers named in a request (inputs and outputs)
+// belong to the caller and must stay as they are until Wait has returned ok for its ticket.
 //
 // A feature set is written once, by the extraction into it, and is immutable from then until its release; so any number
 // of matching requests on any lane may read it. Whoever releases a set makes sure that no queued work uses it. A stale
@@ -203,6 +204,14 @@ class VisionDevice {
   // them, touches no buffer but the image's, and leaves the set empty. kFailedPrecondition: dropped so. kUnavailable:
   // device lost.
   virtual Status Wait(Ticket ticket, TimePoint deadline) = 0;
+
+  // Gives up, without a wait, a request whose Wait came to its deadline. True: it is dropped as above, or was done
+  // before; none of its buffers is touched any more. False: the device is still at it.
+  virtual bool Abandon(Ticket ticket);
+
+  // The calling thread is the one that will use the lane: threads of the device that work for it take on its policy and
+  // priority. Not rt-safe. kFailedPrecondition: the system refuses.
+  virtual Status ServeThisThread(Lane lane);
 
   // Copies descriptors to the host (saving an atlas, tests). Blocks; not rt-safe. out: N x 128 u8, row-major.
   virtual Status ReadDescriptors(FeatureSetHandle set, std::span<std::uint8_t> out) = 0;

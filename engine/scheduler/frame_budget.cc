@@ -30,6 +30,8 @@ void FrameBudget::BeginFrame(TimePoint deadline, bool is_tracking, bool needs_al
   times_ = {};
   is_refused_ = {};
   was_run_ = {};
+  last_stage_ = -1;
+  was_given_up_ = false;
   has_fewer_features_ = has_fewer_points_ = false;
   if (!is_limited()) return;
   const Duration rest = remaining();
@@ -111,13 +113,15 @@ void FrameBudget::Add(Stage stage, Duration duration) {
   const auto i = static_cast<std::size_t>(stage);
   times_[i] += duration;
   was_run_[i] = true;
+  last_stage_ = static_cast<int>(i);
 }
 
 // One duration a frame, whatever it took to get it.
 void FrameBudget::EndFrame() {
+  const auto given_up = static_cast<std::size_t>(was_given_up_ ? last_stage_ : -1);
   for (std::size_t i = 0; i < expected_.size(); ++i) {
     if (was_run_[i]) {
-      expected_[i].Add(times_[i]);
+      expected_[i].Add(i == given_up ? 2 * times_[i] : times_[i]);
     } else if (is_refused_[i]) {
       expected_[i].Refused();
     }

@@ -70,6 +70,9 @@ class FrameBudget {
   TimePoint initialise_deadline() const;
   // After MayInitialise has said yes.
   void EndInitialising(bool is_stopped);
+  // The stage that was run last was given up at its deadline: it counts as twice as long as it lasted, so that it is
+  // not expected to fit the next time.
+  void GaveUp() { was_given_up_ = true; }
   // The frame stands at least so far down.
   void StepDown(Rung rung);
 
@@ -114,6 +117,8 @@ class FrameBudget {
   StageTimes times_{};
   std::array<bool, kNumStages> is_refused_{};
   std::array<bool, kNumStages> was_run_{};
+  int last_stage_ = -1;        // of the frame, -1: none
+  bool was_given_up_ = false;  // it
   TimePoint deadline_ = kNoDeadline;
   bool has_fewer_features_ = false;
   bool has_fewer_points_ = false;

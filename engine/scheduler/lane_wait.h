@@ -25,11 +25,11 @@ class LaneWait {
   // A request is under way: its buffers, feature sets and picture must stay.
   bool has_pending() const { return pending_.value != 0; }
 
-  // Waits for it. False: it is not done yet.
+  // Gives it up, or waits for it where the device cannot. False: it is not done yet.
   bool Drain(TimePoint deadline) {
     if (!has_pending()) return true;
     // An error is an end, too: a lost device writes nothing more.
-    if (IsUnfinished(device_.Wait(pending_, deadline), deadline)) return false;
+    if (!device_.Abandon(pending_) && IsUnfinished(device_.Wait(pending_, deadline), deadline)) return false;
     pending_ = Ticket{};
     for (const FeatureSetHandle set : kept_sets_) device_.ReleaseFeatureSet(set);
     kept_sets_.Clear();

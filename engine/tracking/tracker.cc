@@ -94,6 +94,7 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
       DropFrame();
       break;
     case Outcome::kNoTime:
+      budget_.GaveUp();
       AnswerWithoutMeasurement(&result);
       DropFrame();
       break;

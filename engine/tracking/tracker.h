@@ -51,6 +51,7 @@ class Tracker {
   FrameResult Track(const Frame& frame, TimePoint deadline);
   // False: the device still reads the last frame after `deadline`. Always true after a frame without a deadline.
   bool MayReleaseFrame(TimePoint deadline) { return lane_.Drain(deadline); }
+  Status ServeThisThread() { return device_.ServeThisThread(Lane::kTracking); }
   // A frame that could not be read: counts as lost, breaks nothing.
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp);
 

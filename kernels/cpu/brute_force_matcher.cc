@@ -9,8 +9,9 @@
 namespace haustra::kernels {
 namespace {
 
-// Fewer queries than this are not worth waking another thread for.
-constexpr int kMinQueriesPerRange = 64;
+// Of a task: fewer are not worth waking another thread for.
+constexpr int kComparedPerTask = 64;
+static_assert(kComparedPerTask % kQueryTile == 0);
 
 using Vector3f = std::array<float, 3>;
 
@@ -32,9 +33,11 @@ Vector3f MultiplyTransposed(const std::array<float, 9>& m, const Vector3f& v) {
 
 }  // namespace
 
-BruteForceMatcher::BruteForceMatcher(int max_list, const FeatureSetPool& sets, SimdLevel level, LanePool& pool,
-                                     Lane lane)
-    : sets_(sets), kernels_(MatchKernelsFor(level)), pool_(pool), lane_(lane) {
+BruteForceMatcher::BruteForceMatcher(int max_list, const FeatureSetPool& sets, SimdLevel level, LanePool& pool)
+    : sets_(sets),
+      kernels_(MatchKernelsFor(level)),
+      pool_(pool),
+      has_train_best_(static_cast<std::size_t>(pool.num_threads())) {
   const std::size_t num_queries = AlignUp(max_list, kQueryTile);
   const std::size_t num_train = AlignUp(max_list, kTrainBlock);
   query_bytes_ = AlignedBuffer<std::uint8_t>(num_queries * kDescriptorBytes);
@@ -137,12 +140,12 @@ void BruteForceMatcher::PackTrain(const DescriptorList& list, int size) {
   }
 }
 
-void BruteForceMatcher::PackGates(const MatchRequest& request, int num_queries, int num_train) {
-  const EpipolarGate* epipolar = request.epipolar;
-  const FeatureSet* query_set = sets_.Get(request.query.set);
-  for (int i = 0; i < num_queries; ++i) {
+void BruteForceMatcher::PackGates() {
+  const EpipolarGate* epipolar = request_.epipolar;
+  const FeatureSet* query_set = sets_.Get(request_.query.set);
+  for (int i = 0; i < num_queries_; ++i) {
     GatePoint& gate = query_gates_[i];
-    const int feature = EntryOf(request.query, query_set, i).feature_idx;
+    const int feature = EntryOf(request_.query, query_set, i).feature_idx;
     gate.x_px = query_set->keypoints[feature].x_px;
     gate.y_px = query_set->keypoints[feature].y_px;
     if (epipolar == nullptr) continue;
@@ -150,12 +153,12 @@ void BruteForceMatcher::PackGates(const MatchRequest& request, int num_queries, 
     gate.epipolar = Normalised(Multiply(epipolar->train_from_query_essential, gate.bearing));
     gate.tolerance = epipolar->query_tolerance[feature];
   }
-  const FeatureSet* train_set = sets_.Get(request.train.set);
-  for (int i = 0; i < AlignUp(num_train, kTrainBlock); ++i) {
+  const FeatureSet* train_set = sets_.Get(request_.train.set);
+  for (int i = 0; i < AlignUp(num_train_, kTrainBlock); ++i) {
     GateBlock& gate = train_gates_[i / kTrainBlock];
     const int lane = i % kTrainBlock;
     // Filler takes the values of the last entry: it never matches anyway.
-    const int feature = EntryOf(request.train, train_set, std::min(i, num_train - 1)).feature_idx;
+    const int feature = EntryOf(request_.train, train_set, std::min(i, num_train_ - 1)).feature_idx;
     gate.x_px[lane] = train_set->keypoints[feature].x_px;
     gate.y_px[lane] = train_set->keypoints[feature].y_px;
     if (epipolar == nullptr) continue;
@@ -169,65 +172,117 @@ void BruteForceMatcher::PackGates(const MatchRequest& request, int num_queries, 
   }
 }
 
-int BruteForceMatcher::Match(const MatchRequest& request) {
-  const int num_queries = ListSize(request.query, sets_);
-  const int num_train = ListSize(request.train, sets_);
-  if (num_queries == 0 || num_train == 0) return 0;
-  PackQueries(request.query, num_queries);
-  PackTrain(request.train, num_train);
+void BruteForceMatcher::Begin(const MatchRequest& request) {
+  request_ = request;
+  if (request.disparity != nullptr) {
+    disparity_ = *request.disparity;
+    request_.disparity = &disparity_;
+  }
+  if (request.epipolar != nullptr) {
+    epipolar_ = *request.epipolar;
+    request_.epipolar = &epipolar_;
+  }
+  num_queries_ = ListSize(request.query, sets_);
+  num_train_ = ListSize(request.train, sets_);
+  num_matches_ = 0;
+  step_ = num_queries_ > 0 && num_train_ > 0 ? Step::kPackQueries : Step::kDone;
+}
 
-  const QueryList queries = {query_bytes_.data(), query_inverse_norms_.data(), query_is_valid_.data(),
-                             query_gates_.data()};
-  TrainBlocks train = {AlignUp(num_train, kTrainBlock) / kTrainBlock,
-                       train_bytes_.data(),
-                       train_sums_.data(),
-                       train_inverse_norms_.data(),
-                       train_is_valid_.data(),
-                       nullptr};
-  GateOptions gate;
-  if (request.disparity != nullptr || request.epipolar != nullptr) {
-    PackGates(request, num_queries, num_train);
-    train.gates = train_gates_.data();
-    gate.has_epipolar = request.epipolar != nullptr;
-    gate.has_window = request.disparity != nullptr;
+bool BruteForceMatcher::Continue(TimePoint deadline) {
+  while (pool_.Finish(deadline)) {
+    if (step_ == Step::kDone) return true;
+    if (IsOver(deadline)) return false;
+    Advance();
+  }
+  return false;
+}
+
+void BruteForceMatcher::Advance() {
+  switch (step_) {
+    case Step::kPackQueries:
+      PackQueries(request_.query, num_queries_);
+      step_ = Step::kPackTrain;
+      break;
+    case Step::kPackTrain:
+      PackTrain(request_.train, num_train_);
+      step_ = Step::kCompare;
+      break;
+    case Step::kCompare:
+      BeginComparisons();
+      step_ = Step::kAccept;
+      break;
+    case Step::kAccept:
+      if (request_.options.mutual) JoinTrainBest();
+      num_matches_ = Accept();
+      step_ = Step::kDone;
+      break;
+    case Step::kDone: break;
+  }
+}
+
+void BruteForceMatcher::BeginComparisons() {
+  const bool has_gates = request_.disparity != nullptr || request_.epipolar != nullptr;
+  if (has_gates) PackGates();
+  std::fill(has_train_best_.begin(), has_train_best_.end(), std::uint8_t{0});
+  pool_.Begin((num_queries_ + kComparedPerTask - 1) / kComparedPerTask, [this, has_gates](int task, int worker) {
+    const QueryList queries = {query_bytes_.data(), query_inverse_norms_.data(), query_is_valid_.data(),
+                               query_gates_.data()};
+    const TrainBlocks train = {AlignUp(num_train_, kTrainBlock) / kTrainBlock,
+                               train_bytes_.data(),
+                               train_sums_.data(),
+                               train_inverse_norms_.data(),
+                               train_is_valid_.data(),
+                               has_gates ? train_gates_.data() : nullptr};
+    GateOptions gate;
+    gate.has_epipolar = request_.epipolar != nullptr;
+    gate.has_window = request_.disparity != nullptr;
     if (gate.has_window) {
-      gate.max_dx_px = request.disparity->max_dx_px;
-      gate.max_dy_px = request.disparity->max_dy_px;
+      gate.max_dx_px = request_.disparity->max_dx_px;
+      gate.max_dy_px = request_.disparity->max_dy_px;
     }
-  }
-
-  const int num_ranges = std::clamp(num_queries / kMinQueriesPerRange, 1, pool_.num_threads());
-  const int per_range = AlignUp((num_queries + num_ranges - 1) / num_ranges, kQueryTile);
-  const int num_lanes = train.num_blocks * kTrainBlock;
-  const bool is_mutual = request.options.mutual;
-  pool_.ParallelFor(lane_, num_ranges, [&](int range, int) {
-    TrainBest best;
-    if (is_mutual) {
-      best = {train_best_similarity_[range].data(), train_best_query_[range].data()};
-      std::fill_n(best.similarity, num_lanes, -1.0f);
-      std::fill_n(best.query, num_lanes, -1);
-    }
-    const int begin = std::min(range * per_range, num_queries);
-    kernels_.MatchQueries(queries, begin, std::min(begin + per_range, num_queries), train, gate, results_.data(), best);
+    const int begin = task * kComparedPerTask;
+    kernels_.MatchQueries(queries, begin, std::min(begin + kComparedPerTask, num_queries_), train, gate,
+                          results_.data(), request_.options.mutual ? TrainBestOf(worker) : TrainBest{});
   });
-  if (is_mutual) {
-    float* similarity = train_best_similarity_[0].data();
-    std::int32_t* query = train_best_query_[0].data();
-    for (int range = 1; range < num_ranges; ++range) {
-      for (int i = 0; i < num_train; ++i) {
-        if (train_best_similarity_[range][i] <= similarity[i]) continue;
-        similarity[i] = train_best_similarity_[range][i];
-        query[i] = train_best_query_[range][i];
-      }
+}
+
+// By the worker itself; a worker that has compared nothing has none.
+TrainBest BruteForceMatcher::TrainBestOf(int worker) {
+  const auto i = static_cast<std::size_t>(worker);
+  const TrainBest best = {train_best_similarity_[i].data(), train_best_query_[i].data()};
+  if (has_train_best_[i] == 0) {
+    has_train_best_[i] = 1;
+    const int num_lanes = AlignUp(num_train_, kTrainBlock);
+    std::fill_n(best.similarity, num_lanes, -1.0f);
+    std::fill_n(best.query, num_lanes, -1);
+  }
+  return best;
+}
+
+// Ties go to the lowest query, whoever compared it.
+void BruteForceMatcher::JoinTrainBest() {
+  const TrainBest joined = TrainBestOf(0);
+  for (std::size_t worker = 1; worker < has_train_best_.size(); ++worker) {
+    if (has_train_best_[worker] == 0) continue;
+    for (int i = 0; i < num_train_; ++i) {
+      const float similarity = train_best_similarity_[worker][i];
+      const std::int32_t query = train_best_query_[worker][i];
+      const bool is_better =
+          similarity > joined.similarity[i] || (similarity == joined.similarity[i] && query < joined.query[i]);
+      if (!is_better) continue;
+      joined.similarity[i] = similarity;
+      joined.query[i] = query;
     }
   }
+}
 
+int BruteForceMatcher::Accept() const {
   int num_matches = 0;
-  for (int i = 0; i < num_queries; ++i) {
+  for (int i = 0; i < num_queries_; ++i) {
     const TwoNearest& top = results_[i];
-    if (top.best_idx < 0 || !IsAccepted(top.best, top.second, request.options)) continue;
-    if (is_mutual && train_best_query_[0][top.best_idx] != i) continue;
-    request.matches[num_matches++] = {i, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};
+    if (top.best_idx < 0 || !IsAccepted(top.best, top.second, request_.options)) continue;
+    if (request_.options.mutual && train_best_query_[0][top.best_idx] != i) continue;
+    request_.matches[num_matches++] = {i, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};
   }
   return num_matches;
 }

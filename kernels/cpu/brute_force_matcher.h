@@ -13,11 +13,12 @@
 
 namespace haustra::kernels {
 
-// thread-bound(one lane); Match does not allocate.
+// thread-bound(one lane); nothing but construction allocates.
 class BruteForceMatcher {
  public:
-  // `sets` and `pool` must outlive the matcher. max_list: longest list of either side.
-  BruteForceMatcher(int max_list, const FeatureSetPool& sets, SimdLevel level, LanePool& pool, Lane lane);
+  // `sets` and `pool` must outlive the matcher, which uses the pool alone while a matching lasts. max_list: longest
+  // list of either side.
+  BruteForceMatcher(int max_list, const FeatureSetPool& sets, SimdLevel level, LanePool& pool);
 
   static std::size_t BytesFor(int max_list, int num_threads);
   // Touches all memory.
@@ -27,8 +28,14 @@ class BruteForceMatcher {
   static int ListSize(const DescriptorList& list, const FeatureSetPool& sets);
 
   // The request must have been checked: lists of at most max_list entries, handles alive, indices in range, bearings
-  // and tolerances for every feature, no gate on gathered lists. Returns the number of matches.
-  int Match(const MatchRequest& request);
+  // and tolerances for every feature, no gate on gathered lists. What it names stays until the matching is done or
+  // dropped. Forgets a matching whose loop was dropped.
+  void Begin(const MatchRequest& request);
+  // True when the matches are written. False when the deadline is over before; then it can be continued. The deadline
+  // is looked at about once a millisecond.
+  bool Continue(TimePoint deadline);
+  // Of the matching that is done.
+  int num_matches() const { return num_matches_; }
 
  private:
   struct Entry {
@@ -36,15 +43,31 @@ class BruteForceMatcher {
     std::int32_t feature_idx = 0;
   };
 
+  enum class Step { kPackQueries, kPackTrain, kCompare, kAccept, kDone };
+
+  void Advance();
   Entry EntryOf(const DescriptorList& list, const FeatureSet* set, int position) const;
   void PackQueries(const DescriptorList& list, int size);
   void PackTrain(const DescriptorList& list, int size);
-  void PackGates(const MatchRequest& request, int num_queries, int num_train);
+  void PackGates();
+  void BeginComparisons();
+  TrainBest TrainBestOf(int worker);
+  void JoinTrainBest();
+  int Accept() const;
 
   const FeatureSetPool& sets_;
   const MatchKernels& kernels_;
   LanePool& pool_;
-  Lane lane_;
+
+  // The matching.
+  Step step_ = Step::kDone;
+  MatchRequest request_;
+  DisparityWindow disparity_;  // of the request
+  EpipolarGate epipolar_;      // of the request
+  int num_queries_ = 0;
+  int num_train_ = 0;
+  int num_matches_ = 0;
+
   AlignedBuffer<std::uint8_t> query_bytes_;
   AlignedBuffer<float> query_inverse_norms_;
   AlignedBuffer<std::uint8_t> query_is_valid_;
@@ -55,7 +78,8 @@ class BruteForceMatcher {
   AlignedBuffer<std::int32_t> train_is_valid_;
   AlignedBuffer<GateBlock> train_gates_;
   AlignedBuffer<TwoNearest> results_;
-  // Of each range of queries, then joined into the first.
+  // Of the queries that each worker has compared, then joined into the first.
+  std::vector<std::uint8_t> has_train_best_;
   std::vector<AlignedBuffer<float>> train_best_similarity_;
   std::vector<AlignedBuffer<std::int32_t>> train_best_query_;
 };

@@ -1,7 +1,6 @@
 #include "kernels/cpu/cpu_vision_device.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <new>
@@ -20,6 +19,7 @@ namespace kernels {
 namespace {
 
 constexpr int kMaxThreads = 64;
+constexpr std::uint64_t kNumLanes = static_cast<std::uint64_t>(Lane::kNumLanes);
 
 class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
  public:
@@ -27,12 +27,11 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
       : plan_(plan),
         max_list_(std::max(plan.max_features, plan.max_match_list)),
         name_("cpu-" + std::string(ToString(level))),
-        pool_(num_threads),
         sets_(plan),
         static_mask_(static_cast<std::size_t>(plan.max_width_px) * plan.max_height_px) {
     for (int i = 0; i < static_cast<int>(Lane::kNumLanes); ++i) {
       const Lane lane = static_cast<Lane>(i);
-      LaneWork& work = lanes_[i].emplace(plan, max_list_, options, level, pool_, lane, sets_);
+      LaneWork& work = lanes_[i].emplace(plan, max_list_, options, level, num_threads, lane, sets_);
       if (lane == Lane::kTracking) {
         work.extractor->Prefault();
         work.brute_force.Prefault();
@@ -70,37 +69,65 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
 
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
     HAUSTRA_TRY(CheckExtractRequest(lane, request, plan_, static_mask_view_.width, static_mask_view_.height));
+    LaneWork& work = WorkOf(lane);
+    Settle(work);
     bool is_stale = false;
     FeatureSet* set = sets_.BeginWrite(request.set, &is_stale);
     if (set == nullptr) return WriteRefused(is_stale);
-
-    const int num_features = WorkOf(lane).extractor->Extract(request.image, static_mask_view_, request.max_features,
-                                                             request.min_scale_px, *set);
-    std::copy_n(set->keypoints, num_features, request.keypoints.data());
-    *request.num_keypoints = num_features;
-    sets_.Publish(request.set, num_features);
-    return NextTicket();
+    // The caller may release it after a wait that gave up.
+    sets_.Retain(request.set);
+    work.kind = WorkKind::kExtraction;
+    work.extract = request;
+    work.set = set;
+    work.extractor->Begin(request.image, static_mask_view_, request.max_features, request.min_scale_px, *set);
+    return NextTicket(lane);
   }
 
   Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) override {
     HAUSTRA_TRY(CheckLane(lane));
+    LaneWork& work = WorkOf(lane);
+    Settle(work);
     HAUSTRA_TRY(CheckMatchRequest(request, plan_, *this));
-    *request.num_matches = WorkOf(lane).brute_force.Match(request);
-    return NextTicket();
+    work.kind = WorkKind::kMatching;
+    work.num_matches = request.num_matches;
+    work.brute_force.Begin(request);
+    return NextTicket(lane);
   }
 
   Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
     HAUSTRA_TRY(CheckLane(lane));
+    LaneWork& work = WorkOf(lane);
+    Settle(work);
     HAUSTRA_TRY(CheckGuidedMatchRequest(request, plan_, *this));
-    *request.num_matches = WorkOf(lane).guided.Match(request);
-    return NextTicket();
+    work.kind = WorkKind::kGuidedMatching;
+    work.num_matches = request.num_matches;
+    work.guided.Begin(request);
+    return NextTicket(lane);
   }
 
-  Status Wait(Ticket ticket, TimePoint) override {
-    if (ticket.value == 0 || ticket.value > last_ticket_.load(std::memory_order_relaxed)) {
+  Status Wait(Ticket ticket, TimePoint deadline) override {
+    const std::uint64_t number = ticket.value / kNumLanes;
+    LaneWork& work = *lanes_[ticket.value % kNumLanes];
+    if (number == 0 || number > work.last_number) {
       return InvalidArgument("ticket " + std::to_string(ticket.value) + " was never given out");
     }
-    return Status::Ok();
+    if (number == work.dropped_number) return Status(StatusCode::kFailedPrecondition);
+    if (number != work.last_number || work.kind == WorkKind::kNone) return Status::Ok();  // handed over before
+    work.is_left = !Finish(work, deadline);
+    return work.is_left ? Status(StatusCode::kDeadlineExceeded) : Status::Ok();
+  }
+
+  bool Abandon(Ticket ticket) override {
+    LaneWork& work = *lanes_[ticket.value % kNumLanes];
+    const bool is_under_way = ticket.value / kNumLanes == work.last_number && work.kind != WorkKind::kNone;
+    return !is_under_way || Drop(work, TimePoint{});
+  }
+
+  Status ServeThisThread(Lane lane) override {
+    HAUSTRA_TRY(CheckLane(lane));
+    if (WorkOf(lane).pool.FollowThisThread()) return Status::Ok();
+    return FailedPrecondition(
+        "helpers of the vision device: the system refuses the scheduling of the thread they help");
   }
 
   Status ReadDescriptors(FeatureSetHandle handle, std::span<std::uint8_t> out) override {
@@ -128,18 +155,78 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   }
 
  private:
-  // Everything that work on one lane writes to.
-  struct LaneWork {
-    LaneWork(const VisionPlan& plan, int max_list, const ExtractOptions& options, SimdLevel level, LanePool& pool,
-             Lane lane, const FeatureSetPool& sets)
-        : brute_force(max_list, sets, level, pool, lane), guided(plan, sets, level, pool, lane) {
-      if (Extracts(lane, plan)) extractor.emplace(plan, options, level, pool, lane);
-    }
+  enum class WorkKind { kNone, kExtraction, kMatching, kGuidedMatching };
 
+  // The newest request of a lane, and everything that work on the lane writes to.
+  struct LaneWork {
+    LaneWork(const VisionPlan& plan, int max_list, const ExtractOptions& options, SimdLevel level, int num_threads,
+             Lane lane, const FeatureSetPool& sets)
+        : pool(num_threads), brute_force(max_list, sets, level, pool), guided(plan, sets, level, pool) {
+      if (Extracts(lane, plan)) extractor.emplace(plan, options, level, pool);
+    }
+    ~LaneWork() { pool.Drop(kNoDeadline); }  // what helpers work on goes before they do
+
+    LanePool pool;
     std::optional<SiftExtractor> extractor;  // when the lane extracts
     BruteForceMatcher brute_force;
     GuidedMatcher guided;
+
+    WorkKind kind = WorkKind::kNone;
+    std::uint64_t last_number = 0;
+    std::uint64_t dropped_number = 0;  // of the last one that was
+    bool is_left = false;              // a wait gave up on it: the next request drops it
+    ExtractRequest extract;
+    FeatureSet* set = nullptr;            // that is extracted into
+    std::int32_t* num_matches = nullptr;  // where the caller wants it
   };
+
+  static bool Continue(LaneWork& work, TimePoint deadline) {
+    switch (work.kind) {
+      case WorkKind::kExtraction: return work.extractor->Continue(deadline);
+      case WorkKind::kMatching: return work.brute_force.Continue(deadline);
+      case WorkKind::kGuidedMatching: return work.guided.Continue(deadline);
+      case WorkKind::kNone: break;
+    }
+    return true;
+  }
+
+  // Does the work and hands its results over. False: the deadline is over before.
+  bool Finish(LaneWork& work, TimePoint deadline) {
+    if (!Continue(work, deadline)) return false;
+    if (work.kind == WorkKind::kExtraction) {
+      const int num_features = work.extractor->num_features();
+      std::copy_n(work.set->keypoints, num_features, work.extract.keypoints.data());
+      *work.extract.num_keypoints = num_features;
+      sets_.Publish(work.extract.set, num_features);
+      sets_.Release(work.extract.set);
+    } else if (work.kind != WorkKind::kNone) {
+      *work.num_matches = work.kind == WorkKind::kMatching ? work.brute_force.num_matches() : work.guided.num_matches();
+    }
+    work.kind = WorkKind::kNone;
+    return true;
+  }
+
+  // False: helpers are still at it when the deadline is over.
+  bool Drop(LaneWork& work, TimePoint deadline) {
+    if (!work.pool.Drop(deadline)) return false;
+    if (work.kind == WorkKind::kExtraction) {
+      sets_.AbandonWrite(work.extract.set);
+      sets_.Release(work.extract.set);
+    }
+    work.kind = WorkKind::kNone;
+    work.dropped_number = work.last_number;
+    return true;
+  }
+
+  // Makes the lane free for another request.
+  void Settle(LaneWork& work) {
+    if (work.is_left && work.kind != WorkKind::kNone) {
+      Drop(work, kNoDeadline);
+    } else {
+      Finish(work, kNoDeadline);
+    }
+    work.is_left = false;
+  }
 
   std::int32_t NumFeatures(FeatureSetHandle handle) const override {
     const FeatureSet* set = sets_.Get(handle);
@@ -152,17 +239,17 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   }
 
   LaneWork& WorkOf(Lane lane) { return *lanes_[static_cast<int>(lane)]; }
-  Ticket NextTicket() { return Ticket{last_ticket_.fetch_add(1, std::memory_order_relaxed) + 1}; }
+  Ticket NextTicket(Lane lane) {
+    return Ticket{++WorkOf(lane).last_number * kNumLanes + static_cast<std::uint64_t>(lane)};
+  }
 
   const VisionPlan plan_;
   const int max_list_;
   const std::string name_;
-  LanePool pool_;
   FeatureSetPool sets_;
   AlignedBuffer<std::uint8_t> static_mask_;
   ImageView static_mask_view_;
-  std::optional<LaneWork> lanes_[static_cast<int>(Lane::kNumLanes)];
-  std::atomic<std::uint64_t> last_ticket_{0};
+  std::optional<LaneWork> lanes_[kNumLanes];
 };
 
 }  // namespace

@@ -1,7 +1,8 @@
 // The vision device on the CPU: the reference for the accelerators, and what runs where there is none.
 //
-// Work is done inside Enqueue*, by the calling thread with the help of the device's own; Wait returns at once. Each
-// lane has its own workspace, so the lanes never wait for one another, and helpers serve the tracking lane first.
+// Work is done inside Wait, by the calling thread with the help of the device's own, and stops at the deadline; the
+// next Wait goes on from there. Enqueue* does only what the lane owes of the request before. Each lane has its own
+// workspace and its own helpers, so the lanes never wait for one another.
 #pragma once
 
 #include <memory>
@@ -13,9 +14,10 @@
 
 namespace haustra {
 
-// num_threads counts the calling thread, [1, 64]. Takes all memory: per lane about 110 bytes a pixel of the plan's
-// image (only the tracking lane's is touched before it is used), per feature set about 160 bytes a feature.
-// kInvalidArgument: plan or options out of range (the message names the field); kCapacityExceeded: not enough memory.
+// num_threads counts the calling thread, [1, 64]; each lane has so many less one of its own. Takes all memory: per lane
+// about 110 bytes a pixel of the plan's image (only the tracking lane's is touched before it is used), per feature set
+// about 160 bytes a feature. kInvalidArgument: plan or options out of range (the message names the field);
+// kCapacityExceeded: not enough memory.
 Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options,
                                                             int num_threads);
 

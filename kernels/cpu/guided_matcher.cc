@@ -12,12 +12,10 @@ constexpr int kQueriesPerTask = 128;
 
 }  // namespace
 
-GuidedMatcher::GuidedMatcher(const VisionPlan& plan, const FeatureSetPool& sets, SimdLevel level, LanePool& pool,
-                             Lane lane)
+GuidedMatcher::GuidedMatcher(const VisionPlan& plan, const FeatureSetPool& sets, SimdLevel level, LanePool& pool)
     : sets_(sets),
       kernels_(MatchKernelsFor(level)),
       pool_(pool),
-      lane_(lane),
       results_(plan.max_match_list),
       owners_(plan.max_features) {}
 
@@ -31,8 +29,8 @@ void GuidedMatcher::Prefault() {
   owners_.SetZero();
 }
 
-TwoNearest GuidedMatcher::MatchOne(const GuidedQuery& query, const FeatureSet& train,
-                                   const GuidedMatchRequest& request) const {
+TwoNearest GuidedMatcher::MatchOne(const GuidedQuery& query) const {
+  const FeatureSet& train = *train_;
   TwoNearest top;
   const FeatureSet* set = sets_.Get(query.descriptor.set);
   const int feature = query.descriptor.feature_idx;
@@ -60,7 +58,7 @@ TwoNearest GuidedMatcher::MatchOne(const GuidedQuery& query, const FeatureSet& t
       const float dy = keypoint.y_px - query.y_px;
       if (!(dx * dx + dy * dy <= squared_radius)) continue;
       if (!(keypoint.scale_px >= query.min_scale_px && keypoint.scale_px <= query.max_scale_px)) continue;
-      if (!request.train_allowed.empty() && request.train_allowed[candidate] == 0) continue;
+      if (!request_.train_allowed.empty() && request_.train_allowed[candidate] == 0) continue;
       const float similarity = static_cast<float>(kernels_.Dot(descriptor, train.descriptor(candidate))) *
                                (inverse_norm * train.inverse_norms[candidate]);
       if (similarity > top.best || (similarity == top.best && candidate < top.best_idx)) {
@@ -75,19 +73,32 @@ TwoNearest GuidedMatcher::MatchOne(const GuidedQuery& query, const FeatureSet& t
   return top;
 }
 
-int GuidedMatcher::Match(const GuidedMatchRequest& request) {
-  const FeatureSet& train = *sets_.Get(request.train);
+void GuidedMatcher::Begin(const GuidedMatchRequest& request) {
+  request_ = request;
+  train_ = sets_.Get(request.train);
+  num_matches_ = 0;
+  is_done_ = train_->num_features == 0;
+  if (is_done_) return;
   const int num_queries = static_cast<int>(request.queries.size());
-  if (train.num_features == 0) return 0;
-  pool_.ParallelFor(lane_, (num_queries + kQueriesPerTask - 1) / kQueriesPerTask, [&](int task, int) {
+  pool_.Begin((num_queries + kQueriesPerTask - 1) / kQueriesPerTask, [this, num_queries](int task, int) {
     const int last = std::min((task + 1) * kQueriesPerTask, num_queries);
-    for (int i = task * kQueriesPerTask; i < last; ++i) results_[i] = MatchOne(request.queries[i], train, request);
+    for (int i = task * kQueriesPerTask; i < last; ++i) results_[i] = MatchOne(request_.queries[i]);
   });
+}
 
-  std::fill_n(owners_.data(), train.num_features, -1);
+bool GuidedMatcher::Continue(TimePoint deadline) {
+  if (!pool_.Finish(deadline)) return false;
+  if (!is_done_) num_matches_ = Accept();
+  is_done_ = true;
+  return true;
+}
+
+int GuidedMatcher::Accept() {
+  const int num_queries = static_cast<int>(request_.queries.size());
+  std::fill_n(owners_.data(), train_->num_features, -1);
   for (int i = 0; i < num_queries; ++i) {
     TwoNearest& top = results_[i];
-    if (top.best_idx < 0 || !IsAccepted(top.best, top.second, request.options)) {
+    if (top.best_idx < 0 || !IsAccepted(top.best, top.second, request_.options)) {
       top.best_idx = -1;
       continue;
     }
@@ -98,7 +109,7 @@ int GuidedMatcher::Match(const GuidedMatchRequest& request) {
   for (int i = 0; i < num_queries; ++i) {
     const TwoNearest& top = results_[i];
     if (top.best_idx < 0 || owners_[top.best_idx] != i) continue;
-    request.matches[num_matches++] = {i, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};
+    request_.matches[num_matches++] = {i, top.best_idx, std::min(top.best, 1.0f), std::clamp(top.second, 0.0f, 1.0f)};
   }
   return num_matches;
 }

@@ -1,66 +1,114 @@
 #include "kernels/cpu/lane_pool.h"
 
+#include <pthread.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <ctime>
+
+#include "hal/core/check.h"
+
 namespace haustra::kernels {
+namespace {
+
+timespec ToTimespec(TimePoint time) {
+  const std::int64_t ns = std::max<std::int64_t>(time.time_since_epoch().count(), 0);
+  return {static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
+}
+
+}  // namespace
+
+bool IsOver(TimePoint deadline) {
+  if (deadline == kNoDeadline) return false;
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return TimePoint(std::chrono::seconds(now.tv_sec) + Duration(now.tv_nsec)) >= deadline;
+}
 
 LanePool::LanePool(int num_threads) {
-  threads_.reserve(num_threads > 1 ? num_threads - 1 : 0);
+  HAUSTRA_CHECK(sem_init(&helpers_done_, 0, 0) == 0);
+  threads_.reserve(static_cast<std::size_t>(std::max(num_threads - 1, 0)));
   for (int i = 1; i < num_threads; ++i) {
     threads_.emplace_back([this, i] { HelperLoop(i); });
   }
 }
 
 LanePool::~LanePool() {
-  {
-    const std::lock_guard lock(mutex_);
-    is_stopping_ = true;
-  }
-  work_available_.notify_all();
+  Close();
+  is_stopping_.store(true);
+  call_.fetch_add(1);
+  call_.notify_all();
   for (std::thread& thread : threads_) thread.join();
+  sem_destroy(&helpers_done_);
 }
 
-void LanePool::RunJob(Lane lane, int num_tasks, Trampoline run, const void* task) {
-  Job& job = jobs_[static_cast<int>(lane)];
-  std::unique_lock lock(mutex_);
-  job.run = run;
-  job.task = task;
-  job.next = 0;
-  job.num_tasks = num_tasks;
-  job.num_running = 0;
-  lock.unlock();
-  work_available_.notify_all();
-  lock.lock();
-  while (job.next < job.num_tasks) {
-    const int i = job.next++;
-    lock.unlock();
-    run(task, i, 0);
-    lock.lock();
-  }
-  job.helpers_done.wait(lock, [&job] { return job.num_running == 0; });
-  job.num_tasks = 0;
-  job.next = 0;
+bool LanePool::FollowThisThread() {
+  int policy = 0;
+  sched_param parameters{};
+  if (pthread_getschedparam(pthread_self(), &policy, &parameters) != 0) return false;
+  return std::all_of(threads_.begin(), threads_.end(), [&](std::thread& thread) {
+    return pthread_setschedparam(thread.native_handle(), policy, &parameters) == 0;
+  });
 }
 
-LanePool::Job* LanePool::FindJob() {
-  for (Job& job : jobs_) {  // in order of priority
-    if (job.next < job.num_tasks) return &job;
+bool LanePool::Finish(TimePoint deadline) {
+  const bool has_helpers = !threads_.empty() && rest_ > 1;
+  if (has_helpers && !IsOver(deadline)) {
+    Open();
+    for (;;) {
+      if (IsOver(deadline)) break;
+      const int task = Take();
+      if (task < 0) break;
+      Run(task, 0);
+    }
+    Close();
+  } else {
+    for (; rest_ > 0 && !IsOver(deadline); --rest_) Run(num_tasks_ - rest_, 0);
   }
-  return nullptr;
+  return WaitForHelpers(deadline) && rest_ == 0;
+}
+
+bool LanePool::Drop(TimePoint deadline) {
+  rest_ = 0;
+  return WaitForHelpers(deadline);
+}
+
+void LanePool::Open() {
+  left_.store(rest_, std::memory_order_release);
+  call_.fetch_add(1);
+  call_.notify_all();
+}
+
+void LanePool::Close() { rest_ = std::max(left_.exchange(0, std::memory_order_acq_rel), 0); }
+
+int LanePool::Take() {
+  const int left = left_.fetch_sub(1, std::memory_order_acq_rel);
+  return left > 0 ? num_tasks_ - left : -1;
+}
+
+bool LanePool::WaitForHelpers(TimePoint deadline) {
+  if (num_active_.load() == 0) return true;
+  is_waiting_.store(true);
+  const timespec until = ToTimespec(deadline);
+  bool is_done = num_active_.load() == 0;
+  for (bool is_over = false; !is_done && !is_over; is_done = num_active_.load() == 0) {
+    const int error =
+        deadline == kNoDeadline ? sem_wait(&helpers_done_) : sem_clockwait(&helpers_done_, CLOCK_MONOTONIC, &until);
+    is_over = error != 0 && errno == ETIMEDOUT;
+  }
+  is_waiting_.store(false);
+  return is_done;
 }
 
 void LanePool::HelperLoop(int worker_idx) {
-  std::unique_lock lock(mutex_);
-  for (;;) {
-    Job* job = nullptr;
-    work_available_.wait(lock, [&] { return is_stopping_ || (job = FindJob()) != nullptr; });
-    if (is_stopping_) return;
-    const int i = job->next++;
-    const Trampoline run = job->run;
-    const void* task = job->task;
-    ++job->num_running;
-    lock.unlock();
-    run(task, i, worker_idx);
-    lock.lock();
-    if (--job->num_running == 0 && job->next >= job->num_tasks) job->helpers_done.notify_one();
+  for (int seen = 0;;) {
+    call_.wait(seen);
+    seen = call_.load();
+    if (is_stopping_.load()) return;
+    // Counted before it takes a task: whoever closes the loop and then finds nobody active is alone.
+    num_active_.fetch_add(1);
+    for (int task = Take(); task >= 0; task = Take()) Run(task, worker_idx);
+    if (num_active_.fetch_sub(1) == 1 && is_waiting_.load()) sem_post(&helpers_done_);
   }
 }
 

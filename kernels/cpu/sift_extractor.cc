@@ -51,12 +51,10 @@ int MaxPoints(const VisionPlan& plan) {
 
 }  // namespace
 
-SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& options, SimdLevel level, LanePool& pool,
-                             Lane lane)
+SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& options, SimdLevel level, LanePool& pool)
     : options_(options),
       kernels_(SiftKernelsFor(level)),
       pool_(pool),
-      lane_(lane),
       scratch_(pool.num_threads()),
       mask_(plan.max_width_px, plan.max_height_px, MaskOptionsOf(options)),
       grey_(static_cast<std::size_t>(plan.max_width_px) * plan.max_height_px),
@@ -158,62 +156,100 @@ void SiftExtractor::SetSize(int width_px, int height_px) {
   }
 }
 
-int SiftExtractor::Extract(const ImageView& image, const ImageView& static_mask, int max_features, float min_scale_px,
-                           FeatureSet& set) {
-  const int limit = max_features > 0 ? std::min(max_features, options_.num_features) : options_.num_features;
+void SiftExtractor::Begin(const ImageView& image, const ImageView& static_mask, int max_features, float min_scale_px,
+                          FeatureSet& set) {
+  image_ = image;
+  static_mask_ = static_mask;
+  limit_ = max_features > 0 ? std::min(max_features, options_.num_features) : options_.num_features;
+  set_ = &set;
   SetSize(image.width, image.height);
   first_octave_ = min_scale_px >= kFinestOctaveMaxScalePx && num_octaves_ > 1 ? 1 : 0;
-  int pitch_bytes = 0;
-  const std::uint8_t* grey = ToGrey(image, &pitch_bytes);
-  mask_.Build(grey, image.width, image.height, pitch_bytes, static_mask);
-  FindPoints(grey, pitch_bytes);
-  const int num_points = CollectPoints();
-  const std::span<const std::int32_t> selected =
-      selection_.Select({points_.data(), static_cast<std::size_t>(num_points)}, image.width, image.height, limit);
-  const int num_features = OrientPoints(limit, selected);
-  DescribeFeatures(num_features, set);
-  return num_features;
+  step_ = Step::kGrey;
 }
 
-const std::uint8_t* SiftExtractor::ToGrey(const ImageView& image, int* pitch_bytes) {
-  if (image.format == PixelFormat::kGrey8 || image.format == PixelFormat::kNv12) {
-    *pitch_bytes = static_cast<int>(image.pitch_bytes);
-    return image.data;
+bool SiftExtractor::Continue(TimePoint deadline) {
+  while (pool_.Finish(deadline)) {
+    if (step_ == Step::kDone) return true;
+    if (IsOver(deadline)) return false;
+    Advance();
   }
-  for (int y = 0; y < image.height; ++y) {
-    std::uint8_t* grey = grey_.data() + static_cast<std::size_t>(y) * image.width;
-    if (image.format == PixelFormat::kBgr8) {
-      ConvertToGrey(image.row(y), image.width, grey);
+  return false;
+}
+
+void SiftExtractor::Advance() {
+  switch (step_) {
+    case Step::kGrey:
+      ToGrey();
+      step_ = Step::kMask;
+      break;
+    case Step::kMask:
+      mask_.Build(grey_rows_, width_px_, height_px_, grey_pitch_bytes_, static_mask_);
+      BeginOctave(first_octave_);
+      break;
+    case Step::kBuild:
+      if (pool_.num_threads() > 1 ? BuildNextLevel() : BuildNextRows()) step_ = Step::kRefine;
+      break;
+    case Step::kRefine:
+      pool_.Begin(NumTasks(octaves_[octave_idx_].height, kRowsPerTask),
+                  [this, octave = &octaves_[octave_idx_]](int chunk, int) { RefineChunk(*octave, chunk); });
+      if (octave_idx_ + 1 < num_octaves_) {
+        BeginOctave(octave_idx_ + 1);
+      } else {
+        step_ = Step::kSelect;
+      }
+      break;
+    case Step::kSelect: {
+      const auto num_points = static_cast<std::size_t>(CollectPoints());
+      selected_ = selection_.Select({points_.data(), num_points}, width_px_, height_px_, limit_);
+      BeginOrientations();
+      step_ = Step::kDescribe;
+      break;
+    }
+    case Step::kDescribe:
+      num_features_ = ChooseFeatures();
+      BeginDescriptors();
+      step_ = Step::kDone;
+      break;
+    case Step::kDone: break;
+  }
+}
+
+void SiftExtractor::ToGrey() {
+  if (image_.format == PixelFormat::kGrey8 || image_.format == PixelFormat::kNv12) {
+    grey_pitch_bytes_ = static_cast<int>(image_.pitch_bytes);
+    grey_rows_ = image_.data;
+    return;
+  }
+  for (int y = 0; y < image_.height; ++y) {
+    std::uint8_t* grey = grey_.data() + static_cast<std::size_t>(y) * image_.width;
+    if (image_.format == PixelFormat::kBgr8) {
+      ConvertToGrey(image_.row(y), image_.width, grey);
     } else {
-      ConvertYuvToGrey(image.row(y) + (image.format == PixelFormat::kUyvy ? 1 : 0), image.width, grey);
+      ConvertYuvToGrey(image_.row(y) + (image_.format == PixelFormat::kUyvy ? 1 : 0), image_.width, grey);
     }
   }
-  *pitch_bytes = image.width;
-  return grey_.data();
+  grey_pitch_bytes_ = image_.width;
+  grey_rows_ = grey_.data();
 }
 
-void SiftExtractor::FindPoints(const std::uint8_t* grey, int pitch_bytes) {
-  for (int i = first_octave_; i < num_octaves_; ++i) {
-    if (pool_.num_threads() > 1) {
-      BuildOctaveLevelByLevel(i, grey, pitch_bytes);
-    } else {
-      BuildOctaveInOneSweep(i, grey, pitch_bytes);
-    }
-    pool_.ParallelFor(lane_, NumTasks(octaves_[i].height, kRowsPerTask),
-                      [&](int chunk, int) { RefineChunk(octaves_[i], chunk); });
-  }
+void SiftExtractor::BeginOctave(int octave_idx) {
+  octave_idx_ = octave_idx;
+  level_ = octave_idx == first_octave_ ? kInput : 0;
+  chunk_ = 0;
+  std::fill(std::begin(rows_done_), std::end(rows_done_), 0);
+  step_ = Step::kBuild;
 }
 
-void SiftExtractor::ComputeRows(int octave_idx, int level, const std::uint8_t* grey, int pitch_bytes, int y_begin,
-                                int y_end, WorkerScratch& scratch) {
+void SiftExtractor::ComputeRows(int octave_idx, int level, int y_begin, int y_end, WorkerScratch& scratch) {
   Octave& octave = octaves_[octave_idx];
   // The last level is free until it is computed: it holds the input.
   const Plane& input = octave.levels[kNumLevels - 1];
   if (level == kInput) {
     if (octave.index < 0) {
-      kernels_.UpsampleRows(grey, width_px_, height_px_, pitch_bytes, input, y_begin, y_end, scratch.line.data());
+      kernels_.UpsampleRows(grey_rows_, width_px_, height_px_, grey_pitch_bytes_, input, y_begin, y_end,
+                            scratch.line.data());
     } else {
-      kernels_.ConvertRows(grey, width_px_, pitch_bytes, input, y_begin, y_end);
+      kernels_.ConvertRows(grey_rows_, width_px_, grey_pitch_bytes_, input, y_begin, y_end);
     }
   } else if (level == 0 && octave_idx > first_octave_) {
     kernels_.DecimateRows(octaves_[octave_idx - 1].levels[kScalesPerOctave], octave.levels[0], y_begin, y_end);
@@ -223,42 +259,44 @@ void SiftExtractor::ComputeRows(int octave_idx, int level, const std::uint8_t* g
   }
 }
 
-void SiftExtractor::BuildOctaveLevelByLevel(int octave_idx, const std::uint8_t* grey, int pitch_bytes) {
-  Octave& octave = octaves_[octave_idx];
-  const int num_tasks = NumTasks(octave.height, kRowsPerTask);
-  for (int level = octave_idx == first_octave_ ? kInput : 0; level < kNumLevels; ++level) {
-    pool_.ParallelFor(lane_, num_tasks, [&](int task, int worker) {
-      const int y_begin = task * kRowsPerTask;
-      const int y_end = std::min(y_begin + kRowsPerTask, octave.height);
-      ComputeRows(octave_idx, level, grey, pitch_bytes, y_begin, y_end, scratch_[worker]);
+bool SiftExtractor::BuildNextLevel() {
+  const int height = octaves_[octave_idx_].height;
+  const int num_tasks = NumTasks(height, kRowsPerTask);
+  if (level_ == kNumLevels) {
+    pool_.Begin(num_tasks, [this, octave = &octaves_[octave_idx_]](int chunk, int worker) {
+      FindChunk(*octave, chunk, scratch_[worker]);
     });
+    return true;
   }
-  pool_.ParallelFor(lane_, num_tasks, [&](int chunk, int worker) { FindChunk(octave, chunk, scratch_[worker]); });
+  pool_.Begin(num_tasks, [this, octave_idx = octave_idx_, level = level_, height](int task, int worker) {
+    const int y_begin = task * kRowsPerTask;
+    ComputeRows(octave_idx, level, y_begin, std::min(y_begin + kRowsPerTask, height), scratch_[worker]);
+  });
+  ++level_;
+  return false;
 }
 
-void SiftExtractor::BuildOctaveInOneSweep(int octave_idx, const std::uint8_t* grey, int pitch_bytes) {
-  Octave& octave = octaves_[octave_idx];
-  const int first_level = octave_idx == first_octave_ ? kInput : 0;
-  int rows_done[kNumLevels + 1] = {};  // of the input, then of each level
+bool SiftExtractor::BuildNextRows() {
+  Octave& octave = octaves_[octave_idx_];
+  const int first_level = octave_idx_ == first_octave_ ? kInput : 0;
   const int num_chunks = NumTasks(octave.height, kRowsPerTask);
-  for (int chunk = 0; chunk < num_chunks;) {
-    for (int level = first_level; level < kNumLevels; ++level) {
-      int& done = rows_done[level - kInput];
-      int possible = std::min(done + kRowsPerTask, octave.height);
-      if (level > first_level) {
-        const int before = rows_done[level - 1 - kInput];
-        possible = before == octave.height ? before : before - KernelOf(octave_idx, level).radius;
-      }
-      if (possible <= done) continue;
-      ComputeRows(octave_idx, level, grey, pitch_bytes, done, possible, scratch_[0]);
-      done = possible;
+  for (int level = first_level; level < kNumLevels; ++level) {
+    int& done = rows_done_[level - kInput];
+    int possible = std::min(done + kRowsPerTask, octave.height);
+    if (level > first_level) {
+      const int before = rows_done_[level - 1 - kInput];
+      possible = before == octave.height ? before : before - KernelOf(octave_idx_, level).radius;
     }
-    // Extrema look one row ahead.
-    const int rows_ready = rows_done[kNumLevels];
-    while (chunk < num_chunks && (rows_ready == octave.height || (chunk + 1) * kRowsPerTask < rows_ready)) {
-      FindChunk(octave, chunk++, scratch_[0]);
-    }
+    if (possible <= done) continue;
+    ComputeRows(octave_idx_, level, done, possible, scratch_[0]);
+    done = possible;
   }
+  // Extrema look one row ahead.
+  const int rows_ready = rows_done_[kNumLevels];
+  while (chunk_ < num_chunks && (rows_ready == octave.height || (chunk_ + 1) * kRowsPerTask < rows_ready)) {
+    FindChunk(octave, chunk_++, scratch_[0]);
+  }
+  return chunk_ == num_chunks;
 }
 
 void SiftExtractor::FindChunk(Octave& octave, int chunk, WorkerScratch& scratch) {
@@ -301,12 +339,12 @@ int SiftExtractor::CollectPoints() {
   return num_points;
 }
 
-int SiftExtractor::OrientPoints(int limit, std::span<const std::int32_t> selected) {
-  const int num_selected = static_cast<int>(selected.size());
-  pool_.ParallelFor(lane_, NumTasks(num_selected, kPointsPerTask), [&](int task, int) {
+void SiftExtractor::BeginOrientations() {
+  const int num_selected = static_cast<int>(selected_.size());
+  pool_.Begin(NumTasks(num_selected, kPointsPerTask), [this, num_selected](int task, int) {
     const int last = std::min((task + 1) * kPointsPerTask, num_selected);
     for (int i = task * kPointsPerTask; i < last; ++i) {
-      const ScaleSpacePoint& point = points_[selected[i]];
+      const ScaleSpacePoint& point = points_[selected_[i]];
       float* angles = angles_.data() + static_cast<std::size_t>(i) * kMaxOrientations;
       if (options_.upright_dark && point.is_dark) {
         angles[0] = 0.0f;
@@ -317,17 +355,20 @@ int SiftExtractor::OrientPoints(int limit, std::span<const std::int32_t> selecte
       num_angles_[i] = kernels_.FindOrientations(level, {point.x, point.y, point.scale, 0.0f}, angles);
     }
   });
-  // In order of priority until the limit, then in the order of the output.
+}
+
+int SiftExtractor::ChooseFeatures() {
+  const int num_selected = static_cast<int>(selected_.size());
   int num_features = 0;
-  for (int i = 0; i < num_selected && num_features < limit; ++i) {
-    const ScaleSpacePoint& point = points_[selected[i]];
-    for (int k = 0; k < num_angles_[i] && num_features < limit; ++k) {
+  for (int i = 0; i < num_selected && num_features < limit_; ++i) {
+    const ScaleSpacePoint& point = points_[selected_[i]];
+    for (int k = 0; k < num_angles_[i] && num_features < limit_; ++k) {
       const float to_input = std::ldexp(1.0f, point.octave);
       Feature& feature = features_[num_features++];
       feature.keypoint = {point.x * to_input,     point.y * to_input,
                           point.scale * to_input, angles_[static_cast<std::size_t>(i) * kMaxOrientations + k],
                           point.response,         point.octave};
-      feature.point_idx = selected[i];
+      feature.point_idx = selected_[i];
     }
   }
   const auto key = [](const Feature& f) {
@@ -345,16 +386,16 @@ int SiftExtractor::OrientPoints(int limit, std::span<const std::int32_t> selecte
   return static_cast<int>(end - features_.data());
 }
 
-void SiftExtractor::DescribeFeatures(int num_features, FeatureSet& set) {
-  pool_.ParallelFor(lane_, NumTasks(num_features, kPointsPerTask), [&](int task, int) {
-    const int last = std::min((task + 1) * kPointsPerTask, num_features);
+void SiftExtractor::BeginDescriptors() {
+  pool_.Begin(NumTasks(num_features_, kPointsPerTask), [this](int task, int) {
+    const int last = std::min((task + 1) * kPointsPerTask, num_features_);
     for (int i = task * kPointsPerTask; i < last; ++i) {
       const Feature& feature = features_[i];
       const ScaleSpacePoint& point = points_[feature.point_idx];
       const Plane& level = octaves_[point.octave - kFirstOctave].levels[point.level + kDescriptorLevelOffset];
-      set.keypoints[i] = feature.keypoint;
+      set_->keypoints[i] = feature.keypoint;
       kernels_.Describe(level, {point.x, point.y, point.scale, feature.keypoint.angle_rad}, options_.root_sift,
-                        set.descriptor(i));
+                        set_->descriptor(i));
     }
   });
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "hal/vision_device.h"
@@ -16,22 +17,28 @@
 
 namespace haustra::kernels {
 
-// thread-bound(one lane); Extract does not allocate.
+// thread-bound(one lane); nothing but construction allocates.
 class SiftExtractor {
  public:
-  // `pool` must outlive the extractor.
-  SiftExtractor(const VisionPlan& plan, const ExtractOptions& options, SimdLevel level, LanePool& pool, Lane lane);
+  // `pool` must outlive the extractor, which uses it alone while an extraction lasts.
+  SiftExtractor(const VisionPlan& plan, const ExtractOptions& options, SimdLevel level, LanePool& pool);
 
   static std::size_t BytesFor(const VisionPlan& plan, const ExtractOptions& options, int num_threads);
 
   // Touches all memory now, so that the first frame does not pay for its pages.
   void Prefault();
 
-  // The image must fit the plan; static_mask is empty or of the image's size. Writes keypoints and descriptors of `set`
-  // and returns their number: at most max_features, the strongest (0: as many as planned). min_scale_px: finer ones are
-  // not needed; the enlarged picture is left out when it has no others.
-  int Extract(const ImageView& image, const ImageView& static_mask, int max_features, float min_scale_px,
-              FeatureSet& set);
+  // The image must fit the plan; static_mask is empty or of the image's size. What will be written are keypoints and
+  // descriptors of `set`: at most max_features, the strongest (0: as many as planned). min_scale_px: finer ones are not
+  // needed; the enlarged picture is left out when it has no others. Forgets an extraction that was not continued to its
+  // end, whose loop was dropped.
+  void Begin(const ImageView& image, const ImageView& static_mask, int max_features, float min_scale_px,
+             FeatureSet& set);
+  // True when the extraction is done. False when the deadline is over before; then it can be continued. The deadline is
+  // looked at about once a millisecond.
+  bool Continue(TimePoint deadline);
+  // Of the extraction that is done.
+  int num_features() const { return num_features_; }
 
  private:
   struct Octave {
@@ -57,32 +64,52 @@ class SiftExtractor {
     std::int32_t point_idx = 0;
   };
 
+  // What comes next. Each step is a short piece of work, or begins a loop of the pool.
+  enum class Step { kGrey, kMask, kBuild, kRefine, kSelect, kDescribe, kDone };
+
+  void Advance();
   void SetSize(int width_px, int height_px);
-  const std::uint8_t* ToGrey(const ImageView& image, int* pitch_bytes);
-  void FindPoints(const std::uint8_t* grey, int pitch_bytes);
+  void ToGrey();
   // Rows of one level (or of the input that the first octave is made from); those of the level before must be there as
   // far as its kernel reaches.
-  void ComputeRows(int octave_idx, int level, const std::uint8_t* grey, int pitch_bytes, int y_begin, int y_end,
-                   WorkerScratch& scratch);
+  void ComputeRows(int octave_idx, int level, int y_begin, int y_end, WorkerScratch& scratch);
   const GaussianKernel& KernelOf(int octave_idx, int level) const {
     return level == 0 && octaves_[octave_idx].index == 0 ? kernel_from_input_ : kernels_of_levels_[level];
   }
+  void BeginOctave(int octave_idx);
   // The levels and the extrema of an octave, with the same result in two orders: one level after the other, its rows
   // shared out among threads; or, on one thread, all levels together from top to bottom, while the rows they need are
-  // still in the cache.
-  void BuildOctaveLevelByLevel(int octave_idx, const std::uint8_t* grey, int pitch_bytes);
-  void BuildOctaveInOneSweep(int octave_idx, const std::uint8_t* grey, int pitch_bytes);
+  // still in the cache. Each call does a part and returns whether it was the last one.
+  bool BuildNextLevel();
+  bool BuildNextRows();
   void FindChunk(Octave& octave, int chunk, WorkerScratch& scratch);
   void RefineChunk(Octave& octave, int chunk);
   int CollectPoints();
-  int OrientPoints(int limit, std::span<const std::int32_t> selected);
-  void DescribeFeatures(int num_features, FeatureSet& set);
+  void BeginOrientations();
+  // In order of priority until the limit, then in the order of the output.
+  int ChooseFeatures();
+  void BeginDescriptors();
 
   ExtractOptions options_;
   RefinementOptions refinement_;
   const SiftKernels& kernels_;
   LanePool& pool_;
-  Lane lane_;
+
+  // The extraction.
+  Step step_ = Step::kDone;
+  ImageView image_;
+  ImageView static_mask_;
+  const std::uint8_t* grey_rows_ = nullptr;
+  int grey_pitch_bytes_ = 0;
+  int limit_ = 0;
+  FeatureSet* set_ = nullptr;
+  int octave_idx_ = 0;                  // that is built
+  int level_ = 0;                       // of it, the next one (level by level)
+  int chunk_ = 0;                       // of it, the next one (row by row)
+  int rows_done_[kNumLevels + 1] = {};  // of the input, then of each level
+  std::span<const std::int32_t> selected_;
+  int num_features_ = 0;
+
   int num_octaves_ = 0;   // of the current image
   int first_octave_ = 0;  // index of the first that is searched
   int width_px_ = 0;

@@ -58,6 +58,7 @@ class RealTimeSession {
         heartbeat_(options.heartbeat),
         hooks_(options.hooks),
         device_(options.device),
+        requires_realtime_(options.rt.enabled && options.rt.require),
         frames_(EmptySlot(source.calibration())),
         outcomes_(options.max_unread),
         mapping_times_(options.max_unread),
@@ -67,7 +68,7 @@ class RealTimeSession {
   // `threads` is made when all the memory of session and engine has been taken.
   Result<SessionSummary> Run(RealTimeThreads& threads, SessionObserver& observer, const std::atomic<bool>& stop) {
     const TimePoint start = clock_.Now();
-    heap_watch_ = observer.heap_watch();
+    thread_watch_ = observer.thread_watch();
     // Each thread applies its settings; none begins before all were looked at.
     std::latch applied(4);
     std::latch decided(1);
@@ -75,6 +76,7 @@ class RealTimeSession {
     const auto launch = [&](SessionThread thread, auto loop) {
       return std::thread([&, thread, loop] {
         threads.Apply(thread);
+        if (thread == SessionThread::kTracking) served_ = engine_.ServeThisThread();
         applied.count_down();
         decided.wait();
         if (may_begin) loop();
@@ -85,7 +87,8 @@ class RealTimeSession {
     std::thread tracking = launch(SessionThread::kTracking, [this] { TrackLoop(); });
     std::thread capture = launch(SessionThread::kCapture, [this, &stop] { CaptureLoop(stop); });
     applied.wait();
-    const Status granted = threads.Check();
+    Status granted = threads.Check();
+    if (granted.ok() && requires_realtime_) granted = served_;
     may_begin = granted.ok();
     if (may_begin) observer.OnStart(threads.report());
     decided.count_down();
@@ -243,7 +246,7 @@ class RealTimeSession {
       outcome.capture_begin = slot.capture_begin;
       outcome.capture = slot.capture;
       outcome.begin = clock_.Now();
-      const ThreadUseMeter meter(heap_watch_);
+      const ThreadUseMeter meter(thread_watch_);
       outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.handed_over + period_);
       outcome.use = meter.Read();
       const TimePoint end = clock_.Now();
@@ -345,7 +348,9 @@ class RealTimeSession {
   Heartbeat* const heartbeat_;
   SessionHooks* const hooks_;
   const WatchedVisionDevice* const device_;
-  const HeapWatch* heap_watch_ = nullptr;
+  const bool requires_realtime_;
+  Status served_;  // tracking by the device's threads; written by tracking before all threads begin
+  const ThreadWatch* thread_watch_ = nullptr;
   LatestMailbox<FrameSlot> frames_;
   WakeSignal frame_ready_;
   WakeSignal map_work_;

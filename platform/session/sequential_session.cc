@@ -24,7 +24,7 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     if (!frame.ok()) return frame.status();
     numbering.Seen(*frame);
     const TimePoint begin = clock.Now();
-    const ThreadUseMeter meter(observer.heap_watch());
+    const ThreadUseMeter meter(observer.thread_watch());
     outcome.result = engine.Track(*frame, kNoDeadline);
     outcome.use = meter.Read();
     outcome.tracking = clock.Now() - begin;

@@ -62,8 +62,8 @@ class SessionObserver {
   virtual void OnLatePose(const LatePose& pose) = 0;
   // Only when the engine was given a clock.
   virtual void OnMapped(const MappingTimes&) {}
-  // Asked once, at the start: who counts the tracking thread's use of the heap; null: nobody does.
-  virtual const HeapWatch* heap_watch() const { return nullptr; }
+  // Asked once, at the start: who counts what the tracking thread must not call; null: nobody does.
+  virtual const ThreadWatch* thread_watch() const { return nullptr; }
   // A frame that could not be read; the session goes on. `message` names the file.
   virtual void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) = 0;
 };

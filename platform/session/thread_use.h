@@ -1,5 +1,6 @@
-// What the kernel and the heap did to a thread while it worked on one frame, from the kernel's own counters
-// (getrusage(2), RUSAGE_THREAD). Two system calls a frame, about a microsecond. thread-bound(the thread measured).
+// What the kernel did to a thread while it worked on one frame, from the kernel's own counters (getrusage(2),
+// RUSAGE_THREAD), and what the thread did that it must not. Two system calls a frame, about a microsecond.
+// thread-bound(the thread measured).
 #pragma once
 
 #include <sys/resource.h>
@@ -13,35 +14,36 @@ struct ThreadUse {
   std::uint32_t major_faults = 0;          // pages that had to be read from a disk
   std::uint32_t voluntary_switches = 0;    // the thread waited: for the vision device's helpers, for a lock, for I/O
   std::uint32_t involuntary_switches = 0;  // the processor was taken from it
-  std::uint32_t heap_calls = 0;            // malloc, free and the like; 0 when nobody counts them (HeapWatch)
+  std::uint32_t trapped_calls = 0;         // what a ThreadWatch counts; 0 without one
 
   ThreadUse& operator+=(const ThreadUse& other) {
     minor_faults += other.minor_faults;
     major_faults += other.major_faults;
     voluntary_switches += other.voluntary_switches;
     involuntary_switches += other.involuntary_switches;
-    heap_calls += other.heap_calls;
+    trapped_calls += other.trapped_calls;
     return *this;
   }
 };
 
-// Who counts heap calls of the calling thread, or stops the process at the first; made from an AllocationTrap
-// (platform/trap/allocation_trap.h) by the program that wants it.
-struct HeapWatch {
+// Who counts calls that the calling thread must not make, or stops the process at the first: of the heap
+// (platform/trap/allocation_trap.h), or such as may wait (platform/trap/wait_trap.h). Made by the program that wants
+// it.
+struct ThreadWatch {
   void (*begin)() = nullptr;
   std::uint32_t (*end)() = nullptr;  // calls since begin
 };
 
 class ThreadUseMeter {
  public:
-  // `heap` may be null.
-  explicit ThreadUseMeter(const HeapWatch* heap) : heap_(heap) {
+  // `watch` may be null.
+  explicit ThreadUseMeter(const ThreadWatch* watch) : watch_(watch) {
     getrusage(RUSAGE_THREAD, &before_);
-    if (heap_ != nullptr) heap_->begin();
+    if (watch_ != nullptr) watch_->begin();
   }
   ThreadUse Read() const {
     ThreadUse use;
-    if (heap_ != nullptr) use.heap_calls = heap_->end();
+    if (watch_ != nullptr) use.trapped_calls = watch_->end();
     rusage now{};
     getrusage(RUSAGE_THREAD, &now);
     use.minor_faults = static_cast<std::uint32_t>(now.ru_minflt - before_.ru_minflt);
@@ -52,7 +54,7 @@ class ThreadUseMeter {
   }
 
  private:
-  const HeapWatch* heap_;
+  const ThreadWatch* watch_;
   rusage before_{};
 };
 

@@ -1,6 +1,7 @@
 // A vision device that is noticed when it fails, around any other: an answer of kUnavailable means that it is lost, an
-// answer that does not come in time means that it hangs. From then on the other device is left alone and every request
-// is answered at once with kUnavailable, so that no thread waits for it and the session can end.
+// answer that does not come in time means that it hangs. (A device that is no accelerator works inside of the calls: it
+// cannot be silent, and only the deadlines of the callers end its waits.) From then on the other device is left alone
+// and every request is answered at once with kUnavailable, so that no thread waits for it and the session can end.
 //
 // A call that never returns (a driver that hangs) cannot be ended from outside: the heartbeat of its thread stops, and
 // whoever watches that has to give the process up.
@@ -41,6 +42,7 @@ class WatchedVisionDevice final : public ForwardingVisionDevice {
 
   Status Wait(Ticket ticket, TimePoint deadline) override {
     if (fault() != Fault::kNone) return Faulty();
+    if (!is_accelerator()) return Checked(ForwardingVisionDevice::Wait(ticket, deadline));
     const TimePoint end_of_patience = AskedAt(ticket) + patience_;
     const Status status = ForwardingVisionDevice::Wait(ticket, std::min(deadline, end_of_patience));
     if (status.code() != StatusCode::kDeadlineExceeded) return Checked(status);
@@ -85,7 +87,6 @@ class WatchedVisionDevice final : public ForwardingVisionDevice {
     Result<Ticket> ticket = enqueue();
     if (ticket.code() == StatusCode::kUnavailable) Note(Fault::kLost);
     if (!ticket.ok()) return ticket;
-    // What a device does inside of the call (the CPU's does everything) is no silence.
     Asked& asked = asked_[static_cast<std::size_t>(lane)];
     asked.at_ns.store(clock_.Now().time_since_epoch().count(), std::memory_order_relaxed);
     asked.ticket.store(ticket->value, std::memory_order_relaxed);

@@ -116,13 +116,13 @@ AllocationTrap::~AllocationTrap() {
 
 std::uint32_t AllocationTrap::count() const { return num_calls; }
 
-const HeapWatch& CountingHeapWatch() {
-  static constexpr HeapWatch kWatch{BeginCounting, End};
+const ThreadWatch& CountingHeapWatch() {
+  static constexpr ThreadWatch kWatch{BeginCounting, End};
   return kWatch;
 }
 
-const HeapWatch& AbortingHeapWatch() {
-  static constexpr HeapWatch kWatch{BeginAborting, End};
+const ThreadWatch& AbortingHeapWatch() {
+  static constexpr ThreadWatch kWatch{BeginAborting, End};
   return kWatch;
 }
 

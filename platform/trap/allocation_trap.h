@@ -33,8 +33,8 @@ class AllocationTrap {
   std::uint32_t former_count_;
 };
 
-// For a session (SessionObserver::heap_watch): each call to Engine::Track in a trap of its own.
-const HeapWatch& CountingHeapWatch();
-const HeapWatch& AbortingHeapWatch();
+// For a session (SessionObserver::thread_watch): each call to Engine::Track in a trap of its own.
+const ThreadWatch& CountingHeapWatch();
+const ThreadWatch& AbortingHeapWatch();
 
 }  // namespace haustra

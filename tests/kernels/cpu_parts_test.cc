@@ -1,5 +1,6 @@
 // The parts that the CPU device is made of.
 #include <gtest/gtest.h>
+#include <pthread.h>
 
 #include <atomic>
 #include <cmath>
@@ -12,19 +13,27 @@
 #include "kernels/cpu/lane_pool.h"
 #include "kernels/cpu/sift_kernels.h"
 #include "kernels/cpu/sift_refinement.h"
+#include "platform/clock/system_clock.h"
 
 namespace haustra::kernels {
 namespace {
 
 // ---- Thread pool ----------------------------------------------------------------------------------------------------
 
-TEST(LanePool, ParallelForRunsEveryTaskOnce) {
+// Nobody holds up a task: all of it is done.
+template <typename Task>
+void RunAll(LanePool& pool, int num_tasks, const Task& task) {
+  pool.Begin(num_tasks, task);
+  EXPECT_TRUE(pool.Finish(kNoDeadline));
+}
+
+TEST(LanePool, FinishRunsEveryTaskOnce) {
   for (const int num_threads : {1, 2, 5}) {
     LanePool pool(num_threads);
     for (const int num_tasks : {0, 1, 2, 100}) {
       std::vector<std::atomic<int>> runs(num_tasks);
       std::atomic<bool> is_worker_in_range{true};
-      pool.ParallelFor(Lane::kTracking, num_tasks, [&](int task, int worker) {
+      RunAll(pool, num_tasks, [&](int task, int worker) {
         ++runs[task];
         if (worker < 0 || worker >= num_threads) is_worker_in_range = false;
       });
@@ -34,12 +43,12 @@ TEST(LanePool, ParallelForRunsEveryTaskOnce) {
   }
 }
 
-TEST(LanePool, WorkerIndexIsNeverUsedTwiceAtOnceOnALane) {
+TEST(LanePool, WorkerIndexIsNeverUsedTwiceAtOnce) {
   LanePool pool(4);
   std::atomic<int> in_use[4] = {};
   std::atomic<bool> is_shared{false};
-  for (int round = 0; round < 20; ++round) {
-    pool.ParallelFor(Lane::kTracking, 50, [&](int, int worker) {
+  for (int round = 0; round < 200; ++round) {
+    RunAll(pool, 50, [&](int, int worker) {
       if (in_use[worker].fetch_add(1) != 0) is_shared = true;
       std::this_thread::yield();
       in_use[worker].fetch_sub(1);
@@ -48,19 +57,72 @@ TEST(LanePool, WorkerIndexIsNeverUsedTwiceAtOnceOnALane) {
   EXPECT_FALSE(is_shared);
 }
 
-TEST(LanePool, TwoLanesAtOnceBothFinish) {
-  LanePool pool(3);
-  std::atomic<int> sums[2] = {};
-  const auto run = [&](Lane lane, std::atomic<int>& sum) {
-    for (int round = 0; round < 200; ++round) {
-      pool.ParallelFor(lane, 20, [&](int task, int) { sum += task; });
+TEST(LanePool, WithoutTimeNothingIsBegun) {
+  for (const int num_threads : {1, 3}) {
+    LanePool pool(num_threads);
+    std::atomic<int> num_runs{0};
+    pool.Begin(10, [&](int, int) { ++num_runs; });
+    EXPECT_FALSE(pool.Finish(TimePoint{}));
+    EXPECT_EQ(num_runs.load(), 0);
+    EXPECT_TRUE(pool.Finish(kNoDeadline));
+    EXPECT_EQ(num_runs.load(), 10);
+    EXPECT_TRUE(pool.Finish(TimePoint{})) << "what is done is done";
+  }
+}
+
+// Not even once a task, so that each call finds the end of its time inside the loop.
+TEST(LanePool, LoopThatIsLeftAgainAndAgainRunsEveryTaskOnce) {
+  const SystemClock clock;
+  for (const int num_threads : {1, 3}) {
+    LanePool pool(num_threads);
+    std::vector<std::atomic<int>> runs(300);
+    pool.Begin(300, [&](int task, int) {
+      ++runs[task];
+      std::this_thread::sleep_for(std::chrono::microseconds(50));
+    });
+    while (!pool.Finish(clock.Now() + std::chrono::microseconds(200))) {
     }
-  };
-  std::thread background([&] { run(Lane::kBackground, sums[1]); });
-  run(Lane::kTracking, sums[0]);
-  background.join();
-  EXPECT_EQ(sums[0].load(), 200 * 190);
-  EXPECT_EQ(sums[1].load(), 200 * 190);
+    for (const auto& count : runs) EXPECT_EQ(count.load(), 1);
+  }
+}
+
+// A helper that does not come back: whoever waits for it has a deadline.
+TEST(LanePool, DeadlineEndsTheWaitForAHelper) {
+  const SystemClock clock;
+  LanePool pool(2);
+  std::atomic<bool> is_held{false};
+  std::atomic<bool> may_go{false};
+  std::atomic<int> num_done{0};
+  pool.Begin(2, [&](int, int worker) {
+    if (worker == 1) is_held = true;
+    while (!(worker == 1 ? may_go : is_held)) std::this_thread::yield();
+    ++num_done;
+  });
+  EXPECT_FALSE(pool.Finish(clock.Now() + std::chrono::milliseconds(1)));
+  while (!is_held) EXPECT_FALSE(pool.Finish(clock.Now() + std::chrono::milliseconds(1)));
+  EXPECT_FALSE(pool.Drop(TimePoint{})) << "the helper is still in its task";
+  may_go = true;
+  EXPECT_TRUE(pool.Drop(kNoDeadline));
+  const int num_then = num_done;
+  RunAll(pool, 4, [&](int, int) { ++num_done; });
+  EXPECT_EQ(num_done.load(), num_then + 4);
+}
+
+// SCHED_BATCH needs no right; for the pool it is a policy like any other.
+TEST(LanePool, HelpersFollowTheSchedulingOfTheThreadTheyHelp) {
+  LanePool pool(2);
+  std::thread caller([&] {
+    sched_param parameters{};
+    ASSERT_EQ(pthread_setschedparam(pthread_self(), SCHED_BATCH, &parameters), 0);
+    ASSERT_TRUE(pool.FollowThisThread());
+    std::atomic<int> policy{-1};
+    RunAll(pool, 2, [&](int, int worker) {
+      if (worker == 1) policy = sched_getscheduler(0);
+      while (policy < 0) std::this_thread::yield();
+    });
+    EXPECT_EQ(policy.load(), SCHED_BATCH);
+  });
+  caller.join();
 }
 
 // ---- Mask -----------------------------------------------------------------------------------------------------------

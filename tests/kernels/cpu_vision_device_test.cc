@@ -7,8 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <thread>
 #include <vector>
 
+#include "platform/clock/system_clock.h"
+#include "platform/trap/wait_trap.h"
 #include "tests/kernels/allocation_counter.h"
 #include "tests/kernels/blob_scene.h"
 #include "tests/kernels/naive_matcher.h"
@@ -178,6 +181,64 @@ TEST(CpuVisionDevice, MatchesAreTheSameToTheBitAtEverySimdLevelAndNumberOfThread
   }
 }
 
+// Each wait is over long before the work is, wherever in the work it is by then.
+TEST(CpuVisionDevice, WaitsThatEndInsideTheWorkChangeNoResult) {
+  const SystemClock clock;
+  const auto in_slices = [&](VisionDevice& device, const Result<Ticket>& ticket) {
+    EXPECT_TRUE(ticket.ok());
+    int num_left = 0;
+    for (;; ++num_left) {
+      const Status status = device.Wait(*ticket, clock.Now() + std::chrono::microseconds(100));
+      if (status.ok()) return num_left;
+      EXPECT_EQ(status.code(), StatusCode::kDeadlineExceeded);
+    }
+  };
+  const Picture picture = Texture(1);
+  FeatureSetHandle set;
+  const auto reference = Create(1);
+  const HostFeatures expected = Extract(*reference, picture, &set);
+  MatchRequest match;
+  match.query = match.train = DescriptorList::Whole(set);
+  match.options = {0.1f, 1.0f, true};
+  for (const int num_threads : {1, 3}) {
+    const auto device = Create(num_threads);
+    const FeatureSetHandle sliced = device->CreateFeatureSet().value();
+    HostFeatures features;
+    features.keypoints.resize(500);
+    std::int32_t count = -7;
+    EXPECT_GT(in_slices(*device,
+                        device->EnqueueExtract(Lane::kTracking, {picture.view(), sliced, features.keypoints, &count})),
+              2);
+    features.keypoints.resize(static_cast<std::size_t>(count));
+    features.descriptors.resize(features.keypoints.size() * kDescriptorBytes);
+    EXPECT_TRUE(device->ReadDescriptors(sliced, features.descriptors).ok());
+    ASSERT_EQ(features.size(), expected.size());
+    for (int i = 0; i < features.size(); ++i) ASSERT_TRUE(IsSame(features.keypoints[i], expected.keypoints[i])) << i;
+    EXPECT_EQ(features.descriptors, expected.descriptors);
+
+    std::vector<Match> matches(500), expected_matches(500);
+    std::int32_t expected_count = 0;
+    MatchRequest request = match;
+    request.matches = expected_matches;
+    request.num_matches = &expected_count;
+    ASSERT_TRUE(MatchAndWait(*reference, Lane::kTracking, request).ok());
+    request.query = request.train = DescriptorList::Whole(sliced);
+    request.matches = matches;
+    request.num_matches = &count;
+    in_slices(*device, device->EnqueueMatch(Lane::kTracking, request));
+    ASSERT_EQ(count, expected_count);
+    ASSERT_GT(count, 300);
+    for (int i = 0; i < count; ++i) EXPECT_EQ(matches[i].train, expected_matches[i].train);
+
+    std::vector<GuidedQuery> queries;
+    for (int i = 0; i < 600; ++i)
+      queries.push_back({{sliced, i % features.size()}, 160.0f, 120.0f, 400.0f, 0.0f, 99.0f});
+    std::vector<Match> guided(600);
+    in_slices(*device, device->EnqueueGuidedMatch(Lane::kTracking, {queries, sliced, {}, {}, guided, &count}));
+    EXPECT_EQ(count, features.size()) << "each query finds the keypoint that it is of";
+  }
+}
+
 TEST(CpuVisionDevice, WorkAfterConstructionDoesNotAllocate) {
   const auto device = Create(2);
   const Picture picture = Texture(5);
@@ -219,6 +280,40 @@ TEST(CpuVisionDevice, WorkAfterConstructionDoesNotAllocate) {
   EXPECT_TRUE(is_ok);
   EXPECT_GT(count, 300);
   EXPECT_EQ(after, before);
+}
+
+// What else may hold up tracking: neither mapping's requests nor its own helpers have a lock in common with it, and
+// without helpers it asks nothing of the kernel.
+TEST(CpuVisionDevice, WorkTakesNoLock) {
+  if (!WaitTrap::CatchesLocks()) GTEST_SKIP() << "locks cannot be watched in this build";
+  const Picture picture = Texture(5);
+  for (const int num_threads : {1, 3}) {
+    const auto device = Create(num_threads);
+    std::thread tracking([&] {
+      const bool is_told = WaitTrap::CatchSystemCalls();
+      std::vector<Keypoint> keypoints(500);
+      std::vector<Match> matches(500);
+      std::vector<GuidedQuery> queries(500);
+      std::int32_t count = 0;
+      const WaitTrap trap(WaitTrap::Mode::kCount);
+      const FeatureSetHandle set = device->CreateFeatureSet().value();
+      bool is_ok = ExtractAndWait(*device, Lane::kTracking, {picture.view(), set, keypoints, &count}).ok();
+      MatchRequest match;
+      match.query = match.train = DescriptorList::Whole(set);
+      match.options.mutual = true;
+      match.matches = matches;
+      match.num_matches = &count;
+      is_ok &= MatchAndWait(*device, Lane::kTracking, match).ok();
+      for (int i = 0; i < 500; ++i) queries[i] = {{set, i}, keypoints[i].x_px, keypoints[i].y_px, 20.0f, 0.0f, 99.0f};
+      is_ok &= GuidedMatchAndWait(*device, Lane::kTracking, {queries, set, {}, {}, matches, &count}).ok();
+      device->ReleaseFeatureSet(set);
+      EXPECT_TRUE(is_ok);
+      EXPECT_EQ(WaitTrap::num_locks(), 0u);
+      const bool may_ask_nothing = is_told && num_threads == 1;
+      EXPECT_EQ(may_ask_nothing ? WaitTrap::num_system_calls() : 0u, 0u) << WaitTrap::last_system_call();
+    });
+    tracking.join();
+  }
 }
 
 TEST(CpuVisionDevice, CreateRefusesWhatThisMachineCannotDo) {

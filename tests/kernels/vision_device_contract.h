@@ -1177,6 +1177,72 @@ TEST_P(VisionDeviceContract, WaitForATicketThatWasNeverGivenOutIsRefused) {
   EXPECT_EQ(device->Wait(Ticket{99}, kNoDeadline).code(), StatusCode::kInvalidArgument);
 }
 
+// A device that works by itself may be done before the first look.
+TEST_P(VisionDeviceContract, WaitWithoutTimeGivesNothingAndAnotherOneTheSameAsEver) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures expected = Extract(*device, picture.view());
+  const FeatureSetHandle set = NewSet(*device);
+  std::vector<Keypoint> keypoints(500);
+  std::int32_t count = -7;
+  const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), set, keypoints, &count});
+  ASSERT_TRUE(ticket.ok());
+  for (int i = 0; i < 3; ++i) {
+    const Status status = device->Wait(*ticket, TimePoint{});
+    if (status.ok()) break;
+    EXPECT_EQ(status.code(), StatusCode::kDeadlineExceeded);
+    EXPECT_EQ(count, -7);
+  }
+  EXPECT_TRUE(device->Wait(*ticket, kNoDeadline).ok());
+  EXPECT_TRUE(device->Wait(*ticket, kNoDeadline).ok()) << "handed over before";
+  ASSERT_EQ(count, expected.size());
+  HostFeatures features{keypoints, std::vector<std::uint8_t>(expected.descriptors.size())};
+  features.keypoints.resize(static_cast<std::size_t>(count));
+  EXPECT_TRUE(device->ReadDescriptors(set, features.descriptors).ok());
+  ExpectSameFeatures(features, expected);
+}
+
+TEST_P(VisionDeviceContract, RequestThatAWaitHasLeftIsDroppedByTheNext) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures expected = Extract(*device, picture.view());
+  const std::int32_t num_free = device->num_free_feature_sets();
+  const FeatureSetHandle left = NewSet(*device);
+  std::vector<Keypoint> keypoints(500);
+  std::int32_t count = -7;
+  const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), left, keypoints, &count});
+  ASSERT_TRUE(ticket.ok());
+  if (device->Wait(*ticket, TimePoint{}).ok()) GTEST_SKIP() << "the device was done before the wait looked";
+  device->ReleaseFeatureSet(left);
+  EXPECT_EQ(device->num_free_feature_sets(), num_free - 1) << "the device may still write to it";
+  ExpectSameFeatures(Extract(*device, picture.view()), expected);
+  EXPECT_EQ(count, -7);
+  EXPECT_EQ(keypoints[0].scale_px, 0.0f);
+  EXPECT_EQ(device->Wait(*ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(device->num_free_feature_sets(), num_free);
+}
+
+TEST_P(VisionDeviceContract, AbandonedRequestIsTouchedNoMore) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures expected = Extract(*device, picture.view());
+  const FeatureSetHandle left = NewSet(*device);
+  std::vector<Keypoint> keypoints(500);
+  std::int32_t count = -7;
+  const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), left, keypoints, &count});
+  ASSERT_TRUE(ticket.ok());
+  if (device->Wait(*ticket, TimePoint{}).ok()) {
+    EXPECT_TRUE(device->Abandon(*ticket) || count == expected.size());
+    return;
+  }
+  if (!device->Abandon(*ticket)) GTEST_SKIP() << "the device is still at it: it has to be waited for";
+  EXPECT_EQ(device->Wait(*ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(count, -7);
+  // Empty as it was: it can be written.
+  EXPECT_TRUE(device->WriteFeatures(left, expected.keypoints, expected.descriptors).ok());
+  ExpectSameFeatures(Extract(*device, picture.view()), expected);
+}
+
 TEST_P(VisionDeviceContract, CreateRefusesOptionsOutOfRange) {
   const auto code = [&](const VisionPlan& plan, const ExtractOptions& options) {
     return GetParam().create(plan, options).code();

@@ -193,14 +193,14 @@ int Run(const RunArguments& arguments) {
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
   if (!camera.ok()) return console::Fail(kRunCommand, camera.status());
-  const HeapWatch* heap_watch = nullptr;
+  const ThreadWatch* thread_watch = nullptr;
   if (arguments.trap_allocations != "off") {
     if (!AllocationTrap::IsAvailable()) {
       return console::Fail(
           kRunCommand,
           Unavailable("--trap-allocations: this build's malloc cannot be watched (sanitizer, or not glibc)"));
     }
-    heap_watch = arguments.trap_allocations == "abort" ? &AbortingHeapWatch() : &CountingHeapWatch();
+    thread_watch = arguments.trap_allocations == "abort" ? &AbortingHeapWatch() : &CountingHeapWatch();
   }
   const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
   if (!plan.ok()) return console::Fail(kRunCommand, plan.status());
@@ -246,7 +246,7 @@ int Run(const RunArguments& arguments) {
 
   const std::atomic<bool>& stop_requested = CatchStopSignals();
   Progress progress((*source)->num_frames());
-  RunRecord record([&progress](const RunRecord& r) { progress.Update(r); }, heap_watch);
+  RunRecord record([&progress](const RunRecord& r) { progress.Update(r); }, thread_watch);
   record.ExpectFrames((*source)->num_frames());
   RealTimeOptions options;
   options.rate = arguments.rate;

@@ -24,9 +24,9 @@ struct RunEvent {
 class RunRecord : public SessionObserver {
  public:
   // `on_progress` (may be empty) is called after every frame.
-  // `heap_watch`: see SessionObserver; null: the tracking thread's use of the heap is not counted.
-  explicit RunRecord(std::function<void(const RunRecord&)> on_progress, const HeapWatch* heap_watch = nullptr)
-      : on_progress_(std::move(on_progress)), heap_watch_(heap_watch) {}
+  // `thread_watch`: see SessionObserver; null: the tracking thread's use of the heap is not counted.
+  explicit RunRecord(std::function<void(const RunRecord&)> on_progress, const ThreadWatch* thread_watch = nullptr)
+      : on_progress_(std::move(on_progress)), thread_watch_(thread_watch) {}
 
   // Room for what so many frames and their keyframes leave, taken now and not in the middle of the run.
   void ExpectFrames(std::size_t num_frames) {
@@ -40,7 +40,7 @@ class RunRecord : public SessionObserver {
   void OnLatePose(const LatePose& pose) override;
   void OnMapped(const MappingTimes& times) override { mapping_times_.push_back(times); }
   void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override;
-  const HeapWatch* heap_watch() const override { return heap_watch_; }
+  const ThreadWatch* thread_watch() const override { return thread_watch_; }
 
   const std::vector<FrameOutcome>& frames() const { return frames_; }
   const std::vector<RunEvent>& events() const { return events_; }
@@ -58,7 +58,7 @@ class RunRecord : public SessionObserver {
 
  private:
   std::function<void(const RunRecord&)> on_progress_;
-  const HeapWatch* heap_watch_;
+  const ThreadWatch* thread_watch_;
   std::vector<FrameOutcome> frames_;
   std::vector<RunEvent> events_;
   std::vector<MappingTimes> mapping_times_;

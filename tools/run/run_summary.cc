@@ -84,7 +84,7 @@ nlohmann::ordered_json ToJson(const ThreadUse& use, bool is_heap_watched) {
                                  {"major_faults", use.major_faults},
                                  {"voluntary_switches", use.voluntary_switches},
                                  {"involuntary_switches", use.involuntary_switches}};
-  if (is_heap_watched) json["heap_calls"] = use.heap_calls;
+  if (is_heap_watched) json["heap_calls"] = use.trapped_calls;
   return json;
 }
 
@@ -189,7 +189,7 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
   summary.pools = PoolsOf(engine, session);
   summary.evictions = engine.evictions();
   summary.tracking_thread = ThreadFiguresOf(record);
-  summary.is_heap_watched = record.heap_watch() != nullptr;
+  summary.is_heap_watched = record.thread_watch() != nullptr;
   summary.video_s = ToSeconds(session.video_time);
   summary.wall_s = ToSeconds(session.wall_time);
   if (summary.video_s > 0) summary.realtime_ratio = summary.wall_s / summary.video_s;
@@ -343,8 +343,8 @@ std::string ToText(const RunSummary& s) {
   }
   if (s.is_heap_watched) {
     Append(&text, "  heap          %5u     calls of the tracking thread, %u of them in its first frame\n",
-           s.tracking_thread.first_frame.heap_calls + s.tracking_thread.later.heap_calls,
-           s.tracking_thread.first_frame.heap_calls);
+           s.tracking_thread.first_frame.trapped_calls + s.tracking_thread.later.trapped_calls,
+           s.tracking_thread.first_frame.trapped_calls);
   }
   if (s.heap_growth_mb > 0.0) {
     Append(&text, "  heap          %5.1f MB  more than was set aside at the start (rt.heap_prefault_mb)\n",

@@ -128,8 +128,8 @@ double ResidentMb() {
 }
 
 SoakMonitor::SoakMonitor(const SoakOptions& options, std::function<void(const SoakSample&)> on_sample,
-                         const HeapWatch* heap_watch)
-    : options_(options), on_sample_(std::move(on_sample)), heap_watch_(heap_watch) {
+                         const ThreadWatch* thread_watch)
+    : options_(options), on_sample_(std::move(on_sample)), thread_watch_(thread_watch) {
   // Written to, so that the monitor's own memory does not look like growth.
   samples_.resize(kReservedSamples);
   samples_.clear();
@@ -251,7 +251,7 @@ std::string SoakCsvLine(const SoakSample& s) {
                 s.video_s, s.procedure, s.procedure_s, s.rss_mb, s.pools.keyframes, s.pools.map_points, s.pools.maps,
                 s.pools.keyframe_ids, s.pools.free_feature_sets, s.loose_sets, s.frames, s.dropped, s.tracked, s.p50_ms,
                 s.p99_ms, s.max_ms, s.use.minor_faults, s.use.major_faults, s.use.voluntary_switches,
-                s.use.involuntary_switches, s.use.heap_calls);
+                s.use.involuntary_switches, s.use.trapped_calls);
   return line;
 }
 

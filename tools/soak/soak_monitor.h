@@ -58,9 +58,9 @@ struct SoakVerdict {
 
 class SoakMonitor final : public SessionObserver {
  public:
-  // `on_sample` is called for every sample, in order. `heap_watch` may be null.
+  // `on_sample` is called for every sample, in order. `thread_watch` may be null.
   SoakMonitor(const SoakOptions& options, std::function<void(const SoakSample&)> on_sample,
-              const HeapWatch* heap_watch);
+              const ThreadWatch* thread_watch);
 
   // Before the session of each procedure; its time begins anew. The engine is asked during that session only.
   void Begin(const Engine& engine);
@@ -69,7 +69,7 @@ class SoakMonitor final : public SessionObserver {
   void OnMapEvent(const MapEvent& event) override;
   void OnLatePose(const LatePose&) override {}
   void OnDamagedFrame(std::uint32_t, const std::string&) override { ++num_damaged_; }
-  const HeapWatch* heap_watch() const override { return heap_watch_; }
+  const ThreadWatch* thread_watch() const override { return thread_watch_; }
 
   int num_procedures() const { return num_procedures_; }
   std::uint64_t num_frames() const { return num_frames_; }
@@ -85,7 +85,7 @@ class SoakMonitor final : public SessionObserver {
 
   const SoakOptions options_;
   std::function<void(const SoakSample&)> on_sample_;
-  const HeapWatch* heap_watch_;
+  const ThreadWatch* thread_watch_;
   const Engine* engine_ = nullptr;
   int num_sets_ = 0;  // of the engine's device
   std::vector<SoakSample> samples_;

@@ -288,6 +288,24 @@ TEST(FrameBudget, LostFrameKeepsItsDeadlineWhereAllFeaturesAreQuickOrHopeless) {
   }
 }
 
+// What was given up at its deadline lasted no longer than that, and would seem to fit for ever.
+TEST(FrameBudget, StageThatWasGivenUpIsExpectedToTakeLonger) {
+  Driver driver;
+  FrameBudget& budget = driver.budget();
+  for (int i = 0; i < 3; ++i) {
+    budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, false, true);
+    const TimePoint until = budget.wait_deadline();
+    if (!budget.has_fewer_features()) {
+      const FrameBudget::Timer timer(budget, Stage::kExtract);
+      driver.clock().AdvanceTo(until);
+    }
+    budget.GaveUp();
+    budget.EndFrame();
+  }
+  budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, false, true);
+  EXPECT_TRUE(budget.has_fewer_features());
+}
+
 TEST(FrameBudget, WaitsEndBeforeTheDeadline) {
   Driver driver;
   const TimePoint now = driver.clock().Now();

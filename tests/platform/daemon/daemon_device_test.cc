@@ -49,6 +49,7 @@ class FaultyDevice final : public ForwardingVisionDevice {
     ++faults_.num_extractions;
     return ForwardingVisionDevice::EnqueueExtract(lane, request);
   }
+  bool is_accelerator() const override { return true; }
   Status Wait(Ticket ticket, TimePoint deadline) override {
     for (; faults_.is_stuck; std::this_thread::sleep_for(milliseconds(1))) faults_.num_stuck = 1;
     while (faults_.is_silent) {

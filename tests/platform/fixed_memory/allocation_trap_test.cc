@@ -95,11 +95,11 @@ void ManyLosses(test::ScriptedColon* colon) {
 
 class Watched final : public test::RecordingObserver {
  public:
-  explicit Watched(const HeapWatch& watch) : watch_(watch) {}
-  const HeapWatch* heap_watch() const override { return &watch_; }
+  explicit Watched(const ThreadWatch& watch) : watch_(watch) {}
+  const ThreadWatch* thread_watch() const override { return &watch_; }
 
  private:
-  const HeapWatch& watch_;
+  const ThreadWatch& watch_;
 };
 
 TEST(AllocationTrap, TrackingThroughLossesAndMergesLeavesTheHeapAlone) {
@@ -117,7 +117,7 @@ TEST(AllocationTrap, TrackingThroughLossesAndMergesLeavesTheHeapAlone) {
     ASSERT_TRUE(session.ok());
     int num_tracked = 0;
     for (const FrameOutcome& frame : observer.frames) {
-      EXPECT_EQ(frame.use.heap_calls, 0u)
+      EXPECT_EQ(frame.use.trapped_calls, 0u)
           << "frame " << frame.result.frame_index << ' ' << ToString(frame.result.reason);
       num_tracked += frame.result.state == TrackingState::kTracking;
     }

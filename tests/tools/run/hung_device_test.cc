@@ -6,6 +6,8 @@
 #include <memory>
 #include <thread>
 
+#include "hal/fakes/manual_clock.h"
+#include "hal/fakes/timed_vision_device.h"
 #include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
 #include "platform/session/session.h"
@@ -24,6 +26,7 @@ using test::ScriptedColon;
 class HungDevice final : public ForwardingVisionDevice {
  public:
   using ForwardingVisionDevice::ForwardingVisionDevice;
+  bool is_accelerator() const override { return true; }
 
   Status Wait(Ticket ticket, TimePoint deadline) override {
     while (is_hung_) {
@@ -102,6 +105,20 @@ TEST(WatchedVisionDevice, HangsWhenAnAnswerDoesNotComeInTimeAndIsLeftAloneFromTh
   EXPECT_EQ(small.Enqueue(device).code(), StatusCode::kUnavailable);
   EXPECT_EQ(device.ReadDescriptors(small.set, {}).code(), StatusCode::kUnavailable);
   EXPECT_EQ(hung.num_looks(), num_looks);
+}
+
+// No accelerator: it works on the thread that waits, however long that takes.
+TEST(WatchedVisionDevice, ThatWorksInsideOfTheWaitDoesNotHang) {
+  ScriptedColon colon;
+  ManualClock clock;
+  TimedVisionDevice slow(colon.device(), clock, [&](TimePoint time) { clock.AdvanceTo(time); });
+  slow.SetModel({.guided = 10 * kPatience});
+  WatchedVisionDevice device(slow, clock, kPatience);
+  const SmallRequest small(device);
+  const Result<Ticket> ticket = small.Enqueue(device);
+  ASSERT_TRUE(ticket.ok());
+  EXPECT_TRUE(device.Wait(*ticket, kNoDeadline).ok());
+  EXPECT_EQ(device.fault(), Fault::kNone);
 }
 
 TEST(WatchedVisionDevice, IsLostWithTheFirstAnswerThatSaysSo) {

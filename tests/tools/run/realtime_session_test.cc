@@ -37,6 +37,26 @@ class HookedDevice final : public ForwardingVisionDevice {
   std::function<void()> before_extract_;
 };
 
+// Notes which thread its helpers are to follow, and which one extracts.
+class FollowingDevice final : public ForwardingVisionDevice {
+ public:
+  using ForwardingVisionDevice::ForwardingVisionDevice;
+
+  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    if (served != std::this_thread::get_id()) ++num_not_served;
+    return ForwardingVisionDevice::EnqueueExtract(lane, request);
+  }
+  Status ServeThisThread(Lane lane) override {
+    EXPECT_EQ(lane, Lane::kTracking);
+    served = std::this_thread::get_id();
+    return answer;
+  }
+
+  Status answer;
+  std::thread::id served;
+  int num_not_served = 0;
+};
+
 // Calls `before_next` with the number of the call, from 0, on the capture thread.
 class HookedSource final : public FrameSource {
  public:
@@ -83,6 +103,17 @@ TEST(RealTimeSession, FramesThatTrackingKeepsUpWithAreAllAnswered) {
     EXPECT_FALSE(observer.frames[i].is_dropped || observer.frames[i].is_damaged) << i;
   }
   EXPECT_EQ(session->video_time, 20 * test::kFramePeriod);
+}
+
+TEST(RealTimeSession, HelpersOfTheDeviceFollowTheTrackingThread) {
+  ScriptedColon colon;
+  colon.Occlude(20);
+  FollowingDevice device(colon.device());
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, device);
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(colon.source(), *engine, SystemClock(), kFast, observer, test::kNeverStop).ok());
+  EXPECT_NE(device.served, std::thread::id());
+  EXPECT_EQ(device.num_not_served, 0);
 }
 
 TEST(RealTimeSession, SlowTrackingGetsTheNewestFrameAndTheOthersCountAsDropped) {

@@ -15,7 +15,12 @@ namespace haustra {
 
 // What the extractor is asked for; the device keeps these for its life (hal/vision_device.h).
 struct FeatureConfig {
-  int max = 2000;                   // features a frame [100, 8000]; the paper's operating point
+  // Features a frame [100, 8000]: 2000 that are found, the paper's operating point, and max_followed.
+  int max = 2400;
+  // Of them, features of the last frame that show map points and that the detector loses, followed by optical flow
+  // [0, 4000]; at most a quarter of max. On living tissue the detector finds a third of its features again in the next
+  // frame, optical flow most of them (tracking/decisions/2026-11-23-features-are-followed.md).
+  int max_followed = 400;
   double contrast_threshold = 0.0;  // |DoG| on intensities in [0, 1]; 0: the extractor's own floor [0, 0.2]
   double edge_threshold = 10.0;     // ratio of principal curvatures, Lowe 2004 section 4.1 [2, 50]
   int reflection_threshold = 245;   // grey value from which a pixel is a specular reflection [1, 256]; 256: off
@@ -27,6 +32,8 @@ struct FeatureConfig {
   // What stands still in the picture while the scene moves (text, dirt, the edge of the window) is found and left out
   // (tracking/static_overlay.h).
   bool finds_overlay = true;
+
+  int num_followed() const { return max_followed < max / 4 ? max_followed : max / 4; }
 };
 
 // Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint.

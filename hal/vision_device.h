@@ -108,12 +108,19 @@ struct Ticket {
 struct ExtractRequest {
   ImageView image;       // any PixelFormat; size at most the plan's
   FeatureSetHandle set;  // receives keypoints and descriptors
-  // Host copy of the keypoints, at least max_features long; sorted by (octave, y, x, angle).
+  // Host copy of the keypoints, at least max_features long; sorted by (octave, y, x, angle), followed ones behind all
+  // that were detected.
   std::span<Keypoint> keypoints;
   std::int32_t* num_keypoints = nullptr;
   // Hints of a caller that is short of time; a device may give more than is asked for.
   int max_features = 0;       // the strongest so many are enough; 0: as planned
   float min_scale_px = 0.0f;  // finer ones are not needed: the octaves that hold no others may be left out; 0: all are
+  // Features of the picture that was extracted before on this lane, to be followed into this one by optical flow
+  // (kernels/common/flow_parameters.h), where the set has room for more than ExtractOptions::num_features. Those that
+  // are found, and that detection has not found, become features like any other: scale, angle, octave and response as
+  // before, a descriptor of their own. None are followed after a picture of another size, a request that failed or
+  // was given up, or by a device that cannot.
+  std::span<const Keypoint> follow = {};
 };
 
 struct MatchRequest {

@@ -39,6 +39,7 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
                 search_),
       proposer_(config, device, link, noise_meter_.model(), current_, heard_) {
   ReserveTouched(&tracked_, static_cast<std::size_t>(config.features.max));
+  ReserveTouched(&follow_, static_cast<std::size_t>(config.features.num_followed()));
 }
 
 MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
@@ -50,7 +51,8 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   constexpr std::size_t kOfFeature = sizeof(last_.matches[0]) + sizeof(OverlayWatch::Tracked) +
                                      TwoViewRansac::kBytesPerMatch + sizeof(Match) + sizeof(Eigen::Vector2d) +
                                      2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double);
-  const std::size_t workspace = features * kOfFeature + OverlayWatch::BytesFor(max_features) +
+  const std::size_t workspace = features * kOfFeature +
+                                static_cast<std::size_t>(config.features.num_followed()) * sizeof(Keypoint) + OverlayWatch::BytesFor(max_features) +
                                 PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
                                 PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
   MemoryPlan plan;
@@ -161,7 +163,10 @@ bool Tracker::Extract(const Frame& frame) {
   if (has_fewer) {
     request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.max);
     request.min_scale_px = static_cast<float>(config_.scheduler.reduced_min_scale_px);
+  } else {
+    request.follow = FeaturesToFollow();
   }
+  is_last_extracted_ = false;
   if (!lane_.Extract(request, budget_.wait_deadline()).ok()) {
     if (!lane_.has_pending()) current_.features.num = 0;
     return false;
@@ -175,6 +180,22 @@ bool Tracker::Extract(const Frame& frame) {
   }
   overlay_.Blank(&current_.features);
   return true;
+}
+
+// Features of the last frame: those that show map points, or those that a founding may need; spread over the picture
+// when they are too many.
+std::span<const Keypoint> Tracker::FeaturesToFollow() {
+  follow_.clear();
+  if (!is_last_extracted_) return {};
+  const bool tracks = state() == TrackingState::kTracking;
+  const std::span<const Keypoint> founding = initialiser_.last_features();
+  const std::size_t num = tracks ? last_.matches.size() : founding.size();
+  const std::size_t num_followed = std::min(num, static_cast<std::size_t>(config_.features.num_followed()));
+  for (std::size_t i = 0; i < num_followed; ++i) {
+    const std::size_t k = i * num / num_followed;
+    follow_.push_back(tracks ? last_.features.keypoints[last_.matches[k].first] : founding[k]);
+  }
+  return follow_;
 }
 
 // Tracking: guided search, and brute force where it finds nothing or few points hold what it has found.
@@ -297,6 +318,7 @@ Tracker::Outcome Tracker::BeginMap(Lost* lost, FrameResult* result) {
   const bool is_compared = result->reason != TrackingReason::kNoReference && result->reason != TrackingReason::kNoTime;
   if (is_compared && initialiser_.is_worn_out()) initialiser_.RenewReference();
   initialiser_.Keep(current_);
+  is_last_extracted_ = true;
   is_set_given_ = true;
   return Outcome::kNoPose;
 }
@@ -402,6 +424,7 @@ void Tracker::KeepFrame(Tracking* tracking) {
   course.cam_from_map = estimate.cam_from_map;
   course.frame_index = current_.frame_index;
   std::swap(last_.features, current_.features);
+  is_last_extracted_ = true;
   owns_last_set_ = !is_set_given_;
   for (const PointMatch& match : estimate.matches) {
     last_.matches.emplace_back(match.feature_idx, local_map().points[match.point_idx].handle);

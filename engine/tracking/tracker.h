@@ -13,6 +13,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "engine/atlas/local_map.h"
@@ -70,6 +71,7 @@ class Tracker {
   bool NeedsAllFeatures() const;
   Outcome Measure(const Frame& frame, FrameResult* result);
   bool Extract(const Frame& frame);
+  std::span<const Keypoint> FeaturesToFollow();
 
   Outcome TrackMap(FrameResult* result);
   TrackingReason SearchGuided(const Tracking& tracking, FrameResult* result);
@@ -104,6 +106,8 @@ class Tracker {
   bool is_set_given_ = false;  // the current feature set has a new owner: mapper or initialiser
   LastFrame last_;
   bool owns_last_set_ = false;
+  bool is_last_extracted_ = false;  // the last frame, or the initialiser's last view, is what the device saw last
+  std::vector<Keypoint> follow_;    // workspace
 
   FrameBudget budget_;
   LaneWait lane_;

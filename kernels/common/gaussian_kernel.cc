@@ -34,6 +34,11 @@ GaussianKernel KernelFromInput() {
   return MakeGaussianKernel(std::sqrt(kBaseSigma * kBaseSigma - kInputSigma * kInputSigma + kVarianceOfEnlarging));
 }
 
+int LevelOfScale(float scale) {
+  const long level = std::lround(kScalesPerOctave * std::log2(scale / kBaseSigma));
+  return static_cast<int>(std::clamp(level, 1L, static_cast<long>(kScalesPerOctave)));
+}
+
 int CountOctaves(int width_px, int height_px) {
   int count = 0;
   while (count < kMaxOctaves - kFirstOctave &&

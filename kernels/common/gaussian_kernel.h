@@ -24,5 +24,7 @@ GaussianKernel KernelFromInput();
 // Size of an octave of an image of the given size.
 inline int OctaveSize(int size_px, int octave) { return octave < 0 ? size_px << -octave : size_px >> octave; }
 int CountOctaves(int width_px, int height_px);
+// Of an octave, the level nearest to a keypoint's scale; octave pixels.
+int LevelOfScale(float scale);
 
 }  // namespace haustra::kernels

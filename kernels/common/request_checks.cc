@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "kernels/common/gaussian_kernel.h"
 #include "kernels/common/sift_parameters.h"
 
 namespace haustra::kernels {
@@ -161,6 +162,18 @@ Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const Visio
   if (static_mask_width > 0 && (image.width != static_mask_width || image.height != static_mask_height)) {
     return InvalidArgument("image of " + SizeText(image.width, image.height) + " does not fit the static mask of " +
                            SizeText(static_mask_width, static_mask_height));
+  }
+  if (request.follow.size() > static_cast<std::size_t>(plan.max_features)) {
+    return InvalidArgument(std::to_string(request.follow.size()) + " features to follow, the plan has " +
+                           std::to_string(plan.max_features));
+  }
+  for (const Keypoint& keypoint : request.follow) {
+    // Negated to catch NaN.
+    if (keypoint.octave < kFirstOctave || keypoint.octave >= kFirstOctave + CountOctaves(image.width, image.height) ||
+        !(keypoint.x_px >= 0.0f && keypoint.x_px < static_cast<float>(image.width)) ||
+        !(keypoint.y_px >= 0.0f && keypoint.y_px < static_cast<float>(image.height)) || !(keypoint.scale_px > 0.0f)) {
+      return InvalidArgument("a feature to follow lies outside the picture or its octaves");
+    }
   }
   if (request.num_keypoints == nullptr || request.keypoints.size() < static_cast<std::size_t>(plan.max_features)) {
     return InvalidArgument("room for " + std::to_string(request.keypoints.size()) + " keypoints, " +

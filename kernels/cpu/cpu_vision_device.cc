@@ -79,7 +79,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
     work.kind = WorkKind::kExtraction;
     work.extract = request;
     work.set = set;
-    work.extractor->Begin(request.image, static_mask_view_, request.max_features, request.min_scale_px, *set);
+    work.extractor->Begin(request, static_mask_view_, *set);
     return NextTicket(lane);
   }
 

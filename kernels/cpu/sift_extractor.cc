@@ -10,6 +10,7 @@ namespace {
 constexpr int kInput = -1;  // stands for a level: the input, at twice its size or as it is
 constexpr int kRowsPerTask = 32;
 constexpr int kPointsPerTask = 32;
+constexpr int kFollowedPerTask = 8;
 // Room for extrema, in pixels for each; white noise has about one in 60.
 constexpr int kPixelsPerExtremum = 16;
 
@@ -58,11 +59,13 @@ SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& optio
       scratch_(pool.num_threads()),
       mask_(plan.max_width_px, plan.max_height_px, MaskOptionsOf(options)),
       grey_(static_cast<std::size_t>(plan.max_width_px) * plan.max_height_px),
-      points_(MaxPoints(plan)),
+      points_(MaxPoints(plan) + plan.max_features),
       selection_(plan.max_width_px, plan.max_height_px, MaxPoints(plan)),
       angles_(static_cast<std::size_t>(options.num_features) * kMaxOrientations),
       num_angles_(options.num_features),
-      features_(options.num_features) {
+      features_(plan.max_features),
+      follower_(plan, kernels_),
+      followed_(plan.max_features) {
   refinement_.contrast_threshold =
       options.contrast_threshold > 0.0f ? options.contrast_threshold : kDefaultContrastThreshold;
   refinement_.edge_threshold = options.edge_threshold;
@@ -109,11 +112,12 @@ std::size_t SiftExtractor::BytesFor(const VisionPlan& plan, const ExtractOptions
                           AlignedBuffer<float>::BytesFor(MaxStride(plan, kFirstOctave) + 4 * kPlanePadding));
   return bytes + ExclusionMask::BytesFor(plan.max_width_px, plan.max_height_px, MaskOptionsOf(options)) +
          AlignedBuffer<std::uint8_t>::BytesFor(static_cast<std::size_t>(plan.max_width_px) * plan.max_height_px) +
-         AlignedBuffer<ScaleSpacePoint>::BytesFor(max_points) +
+         AlignedBuffer<ScaleSpacePoint>::BytesFor(max_points + plan.max_features) +
          FeatureSelection::BytesFor(plan.max_width_px, plan.max_height_px, max_points) +
          AlignedBuffer<float>::BytesFor(static_cast<std::size_t>(options.num_features) * kMaxOrientations) +
          AlignedBuffer<std::int32_t>::BytesFor(options.num_features) +
-         AlignedBuffer<Feature>::BytesFor(options.num_features);
+         AlignedBuffer<Feature>::BytesFor(plan.max_features) + FeatureFollower::BytesFor(plan) +
+         AlignedBuffer<Followed>::BytesFor(plan.max_features);
 }
 
 void SiftExtractor::Prefault() {
@@ -133,6 +137,8 @@ void SiftExtractor::Prefault() {
   angles_.SetZero();
   num_angles_.SetZero();
   for (std::size_t i = 0; i < features_.size(); ++i) features_[i] = Feature{};
+  follower_.Prefault();
+  for (std::size_t i = 0; i < followed_.size(); ++i) followed_[i] = Followed{};
 }
 
 void SiftExtractor::SetSize(int width_px, int height_px) {
@@ -156,14 +162,18 @@ void SiftExtractor::SetSize(int width_px, int height_px) {
   }
 }
 
-void SiftExtractor::Begin(const ImageView& image, const ImageView& static_mask, int max_features, float min_scale_px,
-                          FeatureSet& set) {
-  image_ = image;
+void SiftExtractor::Begin(const ExtractRequest& request, const ImageView& static_mask, FeatureSet& set) {
+  image_ = request.image;
   static_mask_ = static_mask;
-  limit_ = max_features > 0 ? std::min(max_features, options_.num_features) : options_.num_features;
+  limit_ = request.max_features > 0 ? std::min(request.max_features, options_.num_features) : options_.num_features;
   set_ = &set;
-  SetSize(image.width, image.height);
-  first_octave_ = min_scale_px >= kFinestOctaveMaxScalePx && num_octaves_ > 1 ? 1 : 0;
+  // Before the levels of the last picture are overwritten.
+  const bool is_same_size = image_.width == width_px_ && image_.height == height_px_;
+  follow_ = has_levels_ && is_same_size ? request.follow : std::span<const Keypoint>{};
+  if (!follow_.empty()) follower_.Keep(Levels());
+  has_levels_ = false;
+  SetSize(image_.width, image_.height);
+  first_octave_ = request.min_scale_px >= kFinestOctaveMaxScalePx && num_octaves_ > 1 ? 1 : 0;
   step_ = Step::kGrey;
 }
 
@@ -198,15 +208,21 @@ void SiftExtractor::Advance() {
         step_ = Step::kSelect;
       }
       break;
-    case Step::kSelect: {
-      const auto num_points = static_cast<std::size_t>(CollectPoints());
-      selected_ = selection_.Select({points_.data(), num_points}, width_px_, height_px_, limit_);
+    case Step::kSelect:
+      num_points_ = CollectPoints();
+      has_levels_ = true;
+      selected_ = selection_.Select({points_.data(), static_cast<std::size_t>(num_points_)}, width_px_, height_px_,
+                                    limit_);
       BeginOrientations();
+      step_ = Step::kChoose;
+      break;
+    case Step::kChoose:
+      num_features_ = ChooseFeatures();
+      BeginToFollow();
       step_ = Step::kDescribe;
       break;
-    }
     case Step::kDescribe:
-      num_features_ = ChooseFeatures();
+      num_features_ = AddFollowed(num_features_);
       BeginDescriptors();
       step_ = Step::kDone;
       break;
@@ -384,6 +400,62 @@ int SiftExtractor::ChooseFeatures() {
            a.keypoint.scale_px == b.keypoint.scale_px;
   });
   return static_cast<int>(end - features_.data());
+}
+
+std::span<const Plane> SiftExtractor::Levels() {
+  int num = 0;
+  for (int i = 0; i < num_octaves_ && num < kFlowLevels; ++i) {
+    if (octaves_[i].index >= 0) levels_[num++] = octaves_[i].levels[0];
+  }
+  return std::span<const Plane>(levels_).first(num);
+}
+
+void SiftExtractor::BeginToFollow() {
+  const std::span<const Plane> levels = Levels();
+  pool_.Begin(NumTasks(static_cast<int>(follow_.size()), kFollowedPerTask), [this, levels](int task, int) {
+    const int last = std::min((task + 1) * kFollowedPerTask, static_cast<int>(follow_.size()));
+    for (int i = task * kFollowedPerTask; i < last; ++i) {
+      Followed& followed = followed_[i];
+      followed.is_found =
+          follower_.Follow(levels, follow_[i].x_px, follow_[i].y_px, &followed.x_px, &followed.y_px);
+    }
+  });
+}
+
+bool SiftExtractor::IsFound(const Keypoint& keypoint) const {
+  const float distance = std::max(kFlowSameMinPx, kFlowSameDistance * keypoint.scale_px);
+  for (int i = 0; i < num_features_; ++i) {
+    const Keypoint& found = features_[i].keypoint;
+    const float dx = found.x_px - keypoint.x_px, dy = found.y_px - keypoint.y_px;
+    if (dx * dx + dy * dy < distance * distance && found.scale_px < kFlowSameScaleFactor * keypoint.scale_px &&
+        keypoint.scale_px < kFlowSameScaleFactor * found.scale_px) {
+      return true;
+    }
+  }
+  return false;
+}
+
+int SiftExtractor::AddFollowed(int num_features) {
+  const int max_features = static_cast<int>(features_.size());
+  for (std::size_t i = 0; i < follow_.size() && num_features < max_features; ++i) {
+    if (!followed_[i].is_found || follow_[i].octave < first_octave_ + kFirstOctave) continue;
+    Keypoint keypoint = follow_[i];
+    keypoint.x_px = followed_[i].x_px;
+    keypoint.y_px = followed_[i].y_px;
+    const float to_octave = std::ldexp(1.0f, -keypoint.octave);
+    const Octave& octave = octaves_[keypoint.octave - kFirstOctave];
+    ScaleSpacePoint& point = points_[num_points_];
+    point = {keypoint.x_px * to_octave, keypoint.y_px * to_octave, keypoint.scale_px * to_octave, keypoint.response};
+    point.octave = static_cast<std::int16_t>(keypoint.octave);
+    point.level = static_cast<std::int16_t>(LevelOfScale(point.scale));
+    if (point.x < kEdgeMarginPx || point.y < kEdgeMarginPx || point.x >= octave.width - kEdgeMarginPx ||
+        point.y >= octave.height - kEdgeMarginPx || mask_.IsExcluded(octave.index, point.x, point.y) ||
+        IsFound(keypoint)) {
+      continue;
+    }
+    features_[num_features++] = {keypoint, num_points_++};
+  }
+  return num_features;
 }
 
 void SiftExtractor::BeginDescriptors() {

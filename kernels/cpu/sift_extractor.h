@@ -2,6 +2,7 @@
 // 2). The output does not depend on the number of threads.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "hal/vision_device.h"
 #include "kernels/cpu/aligned_buffer.h"
 #include "kernels/cpu/exclusion_mask.h"
+#include "kernels/cpu/feature_follower.h"
 #include "kernels/cpu/feature_selection.h"
 #include "kernels/cpu/feature_set_pool.h"
 #include "kernels/cpu/lane_pool.h"
@@ -28,12 +30,9 @@ class SiftExtractor {
   // Touches all memory now, so that the first frame does not pay for its pages.
   void Prefault();
 
-  // The image must fit the plan; static_mask is empty or of the image's size. What will be written are keypoints and
-  // descriptors of `set`: at most max_features, the strongest (0: as many as planned). min_scale_px: finer ones are not
-  // needed; the enlarged picture is left out when it has no others. Forgets an extraction that was not continued to its
-  // end, whose loop was dropped.
-  void Begin(const ImageView& image, const ImageView& static_mask, int max_features, float min_scale_px,
-             FeatureSet& set);
+  // The request was checked (request_checks.h); static_mask is empty or of the image's size. What will be written are
+  // keypoints and descriptors of `set`. Forgets an extraction that was not continued to its end, whose loop was dropped.
+  void Begin(const ExtractRequest& request, const ImageView& static_mask, FeatureSet& set);
   // True when the extraction is done. False when the deadline is over before; then it can be continued. The deadline is
   // looked at about once a millisecond.
   bool Continue(TimePoint deadline);
@@ -63,9 +62,14 @@ class SiftExtractor {
     Keypoint keypoint;
     std::int32_t point_idx = 0;
   };
+  struct Followed {
+    float x_px = 0.0f;
+    float y_px = 0.0f;
+    bool is_found = false;
+  };
 
   // What comes next. Each step is a short piece of work, or begins a loop of the pool.
-  enum class Step { kGrey, kMask, kBuild, kRefine, kSelect, kDescribe, kDone };
+  enum class Step { kGrey, kMask, kBuild, kRefine, kSelect, kChoose, kDescribe, kDone };
 
   void Advance();
   void SetSize(int width_px, int height_px);
@@ -88,6 +92,12 @@ class SiftExtractor {
   void BeginOrientations();
   // In order of priority until the limit, then in the order of the output.
   int ChooseFeatures();
+  // Levels of the picture for the follower.
+  std::span<const Plane> Levels();
+  void BeginToFollow();
+  bool IsFound(const Keypoint& keypoint) const;
+  // Adds those that were followed and that detection has not found. Returns how many features there are then.
+  int AddFollowed(int num_features);
   void BeginDescriptors();
 
   ExtractOptions options_;
@@ -98,6 +108,7 @@ class SiftExtractor {
   // The extraction.
   Step step_ = Step::kDone;
   ImageView image_;
+  std::span<const Keypoint> follow_;
   ImageView static_mask_;
   const std::uint8_t* grey_rows_ = nullptr;
   int grey_pitch_bytes_ = 0;
@@ -108,7 +119,9 @@ class SiftExtractor {
   int chunk_ = 0;                       // of it, the next one (row by row)
   int rows_done_[kNumLevels + 1] = {};  // of the input, then of each level
   std::span<const std::int32_t> selected_;
+  int num_points_ = 0;
   int num_features_ = 0;
+  bool has_levels_ = false;  // of the last picture, in octaves_
 
   int num_octaves_ = 0;   // of the current image
   int first_octave_ = 0;  // index of the first that is searched
@@ -125,6 +138,9 @@ class SiftExtractor {
   AlignedBuffer<float> angles_;             // kMaxOrientations for each selected point
   AlignedBuffer<std::int32_t> num_angles_;  // of each selected point
   AlignedBuffer<Feature> features_;
+  FeatureFollower follower_;
+  std::array<Plane, kFlowLevels> levels_;
+  AlignedBuffer<Followed> followed_;  // of each feature to follow
 };
 
 }  // namespace haustra::kernels

@@ -65,6 +65,10 @@ struct SiftKernels {
   // Dominant orientations of a point, strongest first, at most kMaxOrientations; returns their number. frame.angle
   // unused.
   int (*FindOrientations)(const Plane& level, const PatchFrame& frame, float* angles);
+  // One level of following a feature (kernels/common/flow_parameters.h): from a first guess in (x_now, y_now), which is
+  // moved to where the patch around (x, y) of `before` is in `now`. Returns how well the two correlate; negative: there
+  // is no answer, and x_now and y_now mean nothing.
+  float (*AlignPatch)(const Plane& before, const Plane& now, float x, float y, float* x_now, float* y_now);
   // The 128 bytes of a descriptor.
   void (*Describe)(const Plane& level, const PatchFrame& frame, bool root_sift, std::uint8_t* descriptor);
 };

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "kernels/common/sift_parameters.h"
+#include "kernels/cpu/patch_alignment_impl.h"
 #include "kernels/cpu/sift_kernels.h"
 #include "kernels/cpu/sift_tables.h"
 #include "kernels/cpu/simd_vector.h"
@@ -422,7 +423,7 @@ void Describe(const Plane& level, const PatchFrame& frame, bool root_sift, std::
 }
 
 constexpr SiftKernels kKernels = {UpsampleRows, ConvertRows,      BlurRows, DecimateRows,
-                                  FindExtrema,  FindOrientations, Describe};
+                                  FindExtrema,  FindOrientations, AlignPatch, Describe};
 
 }  // namespace
 }  // namespace haustra::kernels

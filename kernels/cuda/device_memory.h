@@ -42,6 +42,7 @@ struct ExtractMemory {
   Mapped<FrameParams> params;
   Mapped<std::uint8_t> picture;  // in colour
   Mapped<Keypoint> keypoints;
+  Mapped<Keypoint> follow;
   Mapped<std::int32_t> num_features;
   Mapped<DoneWord> done;
 };

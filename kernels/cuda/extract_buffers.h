@@ -87,7 +87,9 @@ struct FrameCounters {
   std::int32_t num_survivors;
   std::int32_t num_further;
   std::int32_t num_described;  // blocks
-  std::int32_t spare[3];
+  std::int32_t num_detected;   // features
+  std::int32_t num_followed;   // blocks
+  std::int32_t spare;
   std::int32_t bins[kPriorityBins];
   std::int32_t num_placed[kPriorityBins];  // survivors of each bin
   // Followed by the number of points of each cell.
@@ -132,6 +134,12 @@ inline constexpr std::uint8_t kTwinFlag = 0x80;
 static_assert(kMaxOrientations <= kCountMask);
 inline constexpr int kFurtherShift = 2;
 
+// A feature that was to be followed, input pixels.
+struct FollowedPoint {
+  float x_px, y_px;
+  std::int32_t is_new;  // found, and not by detection
+};
+
 struct ExtractBuffers {
   const FrameParams* host_params = nullptr;
   FrameParams* params = nullptr;
@@ -161,6 +169,8 @@ struct ExtractBuffers {
   SelectedPoint* selected = nullptr;
   std::uint8_t* angle_counts = nullptr;
   std::uint64_t* places = nullptr;  // octave, y, x (cut short): almost the order of the output
+  std::uint16_t* kept_levels = nullptr;  // of the last picture: level 0 of the octaves from 0 on, kFlowLevels at most
+  FollowedPoint* followed = nullptr;
   // Angles after the first of a point, in any order: rank << kFurtherShift | number of the angle.
   std::uint32_t* further = nullptr;
 };

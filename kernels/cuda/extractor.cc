@@ -91,7 +91,10 @@ Status Extractor::Prepare(int branch_priority) {
 Status Extractor::SetSource(int width_px, int height_px, PixelFormat format, std::int64_t pitch_bytes) {
   const bool is_same_size = graph_ != nullptr && width_px == layout_.width && height_px == layout_.height;
   if (is_same_size && format == layout_.format && pitch_bytes == layout_.pitch_bytes) return Status::Ok();
-  if (!is_same_size) layout_ = MakeLayout(width_px, height_px);
+  if (!is_same_size) {
+    layout_ = MakeLayout(width_px, height_px);
+    has_levels_ = false;
+  }
   layout_.format = format;
   layout_.pitch_bytes = pitch_bytes;
   return Capture();
@@ -239,7 +242,8 @@ const std::uint8_t* Extractor::Place(const ImageView& image, std::int64_t* pitch
   return memory_.picture.device;
 }
 
-Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int max_features) {
+Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int max_features,
+                          std::span<const Keypoint> follow) {
   std::int64_t pitch_bytes = 0;
   const std::uint8_t* frame = Place(image, &pitch_bytes);
   HAUSTRA_TRY(SetSource(image.width, image.height, image.format, pitch_bytes));
@@ -253,7 +257,17 @@ Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int m
     }
     frame_ = frame;
   }
-  return ToStatus(cudaGraphLaunch(graph_, stream_), "launch of the extraction");
+  const bool follows = has_levels_ && !follow.empty() && settings_.num_features < sets_.max_features;
+  if (follows) {
+    std::copy(follow.begin(), follow.end(), memory_.follow.host);
+    HAUSTRA_TRY(ToStatus(KeepLevels(layout_, buffers_, stream_), "levels of the last picture"));
+  }
+  HAUSTRA_TRY(ToStatus(cudaGraphLaunch(graph_, stream_), "launch of the extraction"));
+  has_levels_ = true;
+  if (!follows) return Status::Ok();
+  return ToStatus(LaunchFollow(layout_, settings_, buffers_, sets_, output_, memory_.follow.device,
+                               static_cast<int>(follow.size()), ++number_, stream_),
+                  "launch of the optical flow");
 }
 
 Status Extractor::MeasureSteps(int repeats, std::span<StepTime, kNumSteps> out) {

@@ -34,8 +34,8 @@ class Extractor {
 
   // Queues the extraction into the set; the last one must be done. A picture in pinned memory is read where it lies
   // (its address and pitch must be multiples of 16 bytes, its width of 16 pixels); any other is copied first.
-  // max_features: the strongest so many; 0: as planned.
-  Status Enqueue(const ImageView& image, std::uint32_t set_index, int max_features);
+  // max_features: the strongest so many; 0: as planned. follow: features of the last picture.
+  Status Enqueue(const ImageView& image, std::uint32_t set_index, int max_features, std::span<const Keypoint> follow);
 
   // What tells of the end of the last frame that was queued; the host's view of the word.
   const DoneWord* done_word() const { return memory_.done.host; }
@@ -93,6 +93,7 @@ class Extractor {
   cudaGraphNode_t ingest_nodes_[kNumBands] = {};
   const std::uint8_t* frame_ = nullptr;  // where the graph reads the picture, as the device sees it
   std::uint32_t number_ = 0;
+  bool has_levels_ = false;  // of a picture of the layout's size
   ScaleSpaceLayout layout_;
 };
 

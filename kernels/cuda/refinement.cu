@@ -1,6 +1,7 @@
 // Refinement of extrema (Lowe 2004, 4; kernels/cpu/sift_refinement.cc).
 #include <cstdint>
 
+#include "kernels/cuda/exclusion.cuh"
 #include "kernels/cuda/extract_kernels.h"
 #include "kernels/cuda/kernel_launch.cuh"
 #include "kernels/cuda/plane_value.cuh"
@@ -9,21 +10,6 @@ namespace haustra::kernels::cuda {
 namespace {
 
 constexpr int kLanesPerPoint = 4;  // a level each: refinement looks at four of them
-
-// Whether a pixel is within the dilated mask of its octave; x, y in octave pixels.
-__device__ bool IsExcluded(const ScaleSpaceLayout& layout, const std::uint32_t* dilated_bits, int slot, float x,
-                           float y) {
-  const MaskLayout& mask = layout.masks[max(slot - 1, 0)];
-  const std::uint32_t* words = dilated_bits;
-  if (slot == 0) {
-    x *= 0.5f;
-    y *= 0.5f;
-  } else {
-    words += layout.masks[0].num_words + mask.first_word;
-  }
-  const int column = static_cast<int>(x);
-  return (words[static_cast<int>(y) * mask.words + column / 32] >> column % 32 & 1) != 0;
-}
 
 // Value, gradient and Hessian of the difference of Gaussians at a grid point, by central differences.
 struct Quadratic {

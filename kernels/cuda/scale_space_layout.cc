@@ -1,5 +1,7 @@
 #include "kernels/cuda/scale_space_layout.h"
 
+#include "kernels/common/flow_parameters.h"
+
 namespace haustra::kernels::cuda {
 namespace {
 
@@ -60,6 +62,9 @@ LayoutSizes SizesOf(const ScaleSpaceLayout& layout) {
   sizes.plane_values = last.first_value + kNumLevels * last.plane_size;
   sizes.mask_words = static_cast<std::size_t>(coarsest.first_word) + coarsest.num_words;
   sizes.max_extrema = static_cast<std::size_t>(layout.num_tiles) * kMaxExtremaPerTile;
+  for (int slot = -kFirstOctave; slot < layout.num_octaves && slot < kFlowLevels - kFirstOctave; ++slot) {
+    sizes.kept_values += layout.octaves[slot].plane_size;
+  }
   return sizes;
 }
 

@@ -15,6 +15,7 @@ struct LayoutSizes {
   std::size_t plane_values = 0;
   std::size_t mask_words = 0;
   std::size_t max_extrema = 0;
+  std::size_t kept_values = 0;
 };
 LayoutSizes SizesOf(const ScaleSpaceLayout& layout);
 

@@ -6,28 +6,23 @@
 
 #include "kernels/cpu/cpu_vision_device.h"
 #ifdef HAUSTRA_HAVE_CUDA
-#include <cuda_runtime_api.h>
-
 #include "kernels/cuda/cuda_vision_device.h"
 #endif
 
 namespace haustra {
-namespace {
 
-bool HasCudaDevice() {
+void PrepareVisionDevices() {
 #ifdef HAUSTRA_HAVE_CUDA
-  int num_devices = 0;
-  return cudaGetDeviceCount(&num_devices) == cudaSuccess && num_devices > 0;
-#else
-  return false;
+  LoadCudaKernelsEagerly();
 #endif
 }
 
-}  // namespace
-
 std::string_view ResolveVisionDevice(std::string_view name) {
   if (name != "auto") return name;
-  return HasCudaDevice() ? "cuda" : "cpu";
+#ifdef HAUSTRA_HAVE_CUDA
+  if (HasCudaDevice()) return "cuda";
+#endif
+  return "cpu";
 }
 
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,

@@ -9,6 +9,10 @@
 
 namespace haustra {
 
+// First in main, while the process has one thread: what a device is to do from its start. (A CUDA device loads all its
+// kernels when it is made.)
+void PrepareVisionDevices();
+
 // "auto" as "cuda" where this build and this machine have it, else as "cpu"; other names as they are.
 std::string_view ResolveVisionDevice(std::string_view name);
 

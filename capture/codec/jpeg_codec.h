@@ -12,8 +12,10 @@
 namespace haustra::capture::internal {
 
 bool IsJpeg(std::span<const std::uint8_t> bytes);
-// Decodes one picture after the other. It keeps what TurboJPEG sets up once; for a picture the library takes and gives
-// back some memory of its own. thread-bound(its owner).
+// Decodes one picture after the other. It keeps what TurboJPEG sets up once. For a picture the library takes 7 to 9
+// blocks of up to 30 KB from the heap, 94 KB together at 1440x1080 (libjpeg-turbo 2.1), and gives them back; it has no
+// way to be given memory. So a decoding thread may wait, as often, for a thread that is at the heap. thread-bound(its
+// owner).
 class JpegDecoder {
  public:
   JpegDecoder();

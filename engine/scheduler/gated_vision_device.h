@@ -1,5 +1,6 @@
 // The vision device as mapping and merging see it in real-time mode, below the lock of shared_lane_device.h: each
-// request on the background lane passes the gate first. Everything else is the device's. thread-safe as the device is;
+// request on the background lane passes the gate first, and each copy of a set's descriptors: a checkpoint reads set by
+// set, and lets tracking through between two of them. Everything else is the device's. thread-safe as the device is;
 // the background lane has one thread at a time.
 #pragma once
 
@@ -25,6 +26,12 @@ class GatedVisionDevice final : public ForwardingVisionDevice {
   Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
     Enter(lane);
     return ForwardingVisionDevice::EnqueueGuidedMatch(lane, request);
+  }
+  Status ReadDescriptors(FeatureSetHandle set, std::span<std::uint8_t> out) override {
+    Enter(Lane::kBackground);
+    const Status status = ForwardingVisionDevice::ReadDescriptors(set, out);
+    gate_.Leave(clock_.Now() - entered_);
+    return status;
   }
   // Only mapping and merging wait here, one request at a time: the tracker has the device itself.
   Status Wait(Ticket ticket, TimePoint deadline) override {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <mutex>
 #include <optional>
@@ -126,6 +127,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
       : plan_(plan), max_list_(MaxList(plan)), device_options_(device_options), slots_(plan.max_feature_sets) {}
 
   ~Device() override {
+    (void)cudaSetDevice(device_options_.device);  // for what goes after this, too
     if (utility_stream_ != nullptr) (void)cudaStreamDestroy(utility_stream_);
   }
 
@@ -154,6 +156,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     DeviceMemory memory;
     HAUSTRA_TRY(TakeMemory(options, &memory));
     sets_ = memory.sets;
+    transfer_ = memory.transfer;
 
     int lowest_priority = 0;
     int highest_priority = 0;
@@ -304,9 +307,12 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     const std::lock_guard lock(utility_mutex_);
     const std::uint8_t* from =
         sets_.descriptors + static_cast<std::size_t>(handle.index) * plan_.max_features * kDescriptorBytes;
-    HAUSTRA_TRY(RecordLoss(ToStatus(
-        cudaMemcpyAsync(out.data(), from, num_bytes, cudaMemcpyDeviceToHost, utility_stream_), "reading descriptors")));
-    return RecordLoss(ToStatus(cudaStreamSynchronize(utility_stream_), "reading descriptors"));
+    HAUSTRA_TRY(RecordLoss(
+        ToStatus(cudaMemcpyAsync(transfer_.descriptors, from, num_bytes, cudaMemcpyDeviceToHost, utility_stream_),
+                 "reading descriptors")));
+    HAUSTRA_TRY(RecordLoss(ToStatus(cudaStreamSynchronize(utility_stream_), "reading descriptors")));
+    std::memcpy(out.data(), transfer_.descriptors, num_bytes);
+    return Status::Ok();
   }
 
   Status WriteFeatures(FeatureSetHandle handle, std::span<const Keypoint> keypoints,
@@ -709,10 +715,12 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (keypoints.empty()) return Status::Ok();
     const std::lock_guard lock(utility_mutex_);
     const std::size_t first_row = static_cast<std::size_t>(set_index) * plan_.max_features;
-    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(sets_.keypoints + first_row, keypoints.data(), keypoints.size_bytes(),
+    std::memcpy(transfer_.keypoints, keypoints.data(), keypoints.size_bytes());
+    std::memcpy(transfer_.descriptors, descriptors.data(), descriptors.size_bytes());
+    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(sets_.keypoints + first_row, transfer_.keypoints, keypoints.size_bytes(),
                                          cudaMemcpyHostToDevice, utility_stream_),
                          "writing keypoints"));
-    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(sets_.descriptors + first_row * kDescriptorBytes, descriptors.data(),
+    HAUSTRA_TRY(ToStatus(cudaMemcpyAsync(sets_.descriptors + first_row * kDescriptorBytes, transfer_.descriptors,
                                          descriptors.size_bytes(), cudaMemcpyHostToDevice, utility_stream_),
                          "writing descriptors"));
     HAUSTRA_TRY(ToStatus(LaunchInverseNorms(sets_, static_cast<std::int32_t>(first_row),
@@ -734,12 +742,20 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   PinnedBlock pinned_block_;
   SetBuffers sets_;
   LaneState lanes_[kNumLanes];
-  std::mutex utility_mutex_;  // guards utility_stream_
+  std::mutex utility_mutex_;  // guards utility_stream_ and what transfer_ points to
+  TransferMemory transfer_;
   cudaStream_t utility_stream_ = nullptr;
 };
 
 }  // namespace
 }  // namespace kernels::cuda
+
+void LoadCudaKernelsEagerly() { (void)::setenv("CUDA_MODULE_LOADING", "EAGER", 0); }
+
+bool HasCudaDevice() {
+  int num_devices = 0;
+  return cudaGetDeviceCount(&num_devices) == cudaSuccess && num_devices > 0;
+}
 
 Result<std::unique_ptr<CudaVisionDevice>> CreateCudaVisionDevice(const VisionPlan& plan, const ExtractOptions& options,
                                                                  const CudaDeviceOptions& device_options) {

@@ -48,6 +48,14 @@ class CudaVisionDevice : public VisionDevice {
 // or options out of range.
 Result<MemoryPlan> PlanCudaVisionDevice(const VisionPlan& plan, const ExtractOptions& options);
 
+// All kernels are loaded when the first device is made, not each when it is first asked for, which takes milliseconds
+// in the middle of a procedure. By an environment variable of the driver, which is not touched where it is set. Before
+// anything else of CUDA, and while the process has one thread.
+void LoadCudaKernelsEagerly();
+
+// Of this build and this machine.
+bool HasCudaDevice();
+
 // kUnavailable: no CUDA device, or no driver. kInvalidArgument: plan or options out of range. kCapacityExceeded: not
 // enough memory.
 Result<std::unique_ptr<CudaVisionDevice>> CreateCudaVisionDevice(const VisionPlan& plan, const ExtractOptions& options,

@@ -108,9 +108,16 @@ MatchMemory DealMatchMemory(const VisionPlan& plan, MemoryDealers* dealers) {
   return memory;
 }
 
+TransferMemory DealTransferMemory(const VisionPlan& plan, MemoryDealers* dealers) {
+  const auto num_features = static_cast<std::size_t>(plan.max_features);
+  return {dealers->DealMapped<std::uint8_t>(num_features * kDescriptorBytes).host,
+          dealers->DealMapped<Keypoint>(num_features).host};
+}
+
 DeviceMemory DealDeviceMemory(const VisionPlan& plan, const ExtractOptions& options, MemoryDealers* dealers) {
   DeviceMemory memory;
   memory.sets = DealSets(plan, dealers);
+  memory.transfer = DealTransferMemory(plan, dealers);
   for (int lane = 0; lane < static_cast<int>(kNumLanes); ++lane) {
     if (!kernels::Extracts(static_cast<Lane>(lane), plan)) continue;
     memory.extraction[lane] = DealExtractMemory(plan, options, dealers);
@@ -125,8 +132,9 @@ Result<MemoryPlan> PlanCudaVisionDevice(const VisionPlan& plan, const ExtractOpt
   using namespace kernels::cuda;
   HAUSTRA_TRY(kernels::CheckPlan(plan));
   HAUSTRA_TRY(kernels::CheckExtractOptions(options, plan));
-  MemoryDealers sets, extraction, matching;
+  MemoryDealers sets, transfer, extraction, matching;
   (void)DealSets(plan, &sets);
+  (void)DealTransferMemory(plan, &transfer);
   (void)DealExtractMemory(plan, options, &extraction);
   (void)DealMatchMemory(plan, &matching);
   const auto num_sets = static_cast<std::uint64_t>(plan.max_feature_sets);
@@ -139,6 +147,7 @@ Result<MemoryPlan> PlanCudaVisionDevice(const VisionPlan& plan, const ExtractOpt
   memory.Add(MemoryPlace::kDevice, "extraction (cuda)", num_extracting, num_extracting * extraction.device.used_bytes(),
              by_image);
   memory.Add(MemoryPlace::kDevice, "matching (cuda)", kNumLanes, kNumLanes * matching.device.used_bytes(), by_lists);
+  memory.Add(MemoryPlace::kHostPinned, "feature sets (cuda)", 1, transfer.pinned.used_bytes(), "features.max");
   memory.Add(MemoryPlace::kHostPinned, "extraction (cuda)", num_extracting,
              num_extracting * extraction.pinned.used_bytes(), by_image);
   memory.Add(MemoryPlace::kHostPinned, "matching (cuda)", kNumLanes, kNumLanes * matching.pinned.used_bytes(),

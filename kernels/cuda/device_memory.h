@@ -57,15 +57,24 @@ struct MatchMemory {
   Mapped<DoneWord> words;       // one of each request
 };
 
+// One set on its way from or to the host's memory, pinned: otherwise the driver makes a copy of its own, which nobody
+// can clear.
+struct TransferMemory {
+  std::uint8_t* descriptors = nullptr;
+  Keypoint* keypoints = nullptr;
+};
+
 // Entries of the longest list that is matched.
 int MaxList(const VisionPlan& plan);
 
 SetBuffers DealSets(const VisionPlan& plan, MemoryDealers* dealers);
 ExtractMemory DealExtractMemory(const VisionPlan& plan, const ExtractOptions& options, MemoryDealers* dealers);
 MatchMemory DealMatchMemory(const VisionPlan& plan, MemoryDealers* dealers);
+TransferMemory DealTransferMemory(const VisionPlan& plan, MemoryDealers* dealers);
 
 struct DeviceMemory {
   SetBuffers sets;
+  TransferMemory transfer;
   ExtractMemory extraction[static_cast<int>(Lane::kNumLanes)];
   MatchMemory matching[static_cast<int>(Lane::kNumLanes)];
 };

@@ -265,8 +265,8 @@ void Daemon::Reload() {
 
 std::optional<Result<std::string>> Daemon::Handle(ControlServer::ClientId client, const ControlPeer& peer,
                                                   const ControlRequest& request) {
-  if (request.command == ControlCommand::kStatus) return StatusText(clock_.Now());
-  if (request.command == ControlCommand::kMetrics) return MetricsText(clock_.Now());
+  if (request.command == ControlCommand::kStatus) return frozen_ ? frozen_->status : StatusText(clock_.Now());
+  if (request.command == ControlCommand::kMetrics) return frozen_ ? frozen_->metrics : MetricsText(clock_.Now());
   Log(LogLevel::kInfo, "request",
       {{"what", ToText(request)}, {"uid", std::to_string(peer.uid)}, {"pid", std::to_string(peer.pid)}});
   switch (request.command) {

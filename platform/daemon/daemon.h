@@ -82,7 +82,8 @@ class Daemon {
   void Reload();
   void Stop();
   // Does it on a thread of its own, and shows meanwhile that the service lives, up to watchdog.work_limit_ms: what
-  // waits for a disk or takes memory must not starve the watchdog. Nothing else is served meanwhile.
+  // waits for a disk or takes memory must not starve the watchdog. Meanwhile the socket that only looks is served, with
+  // what held when the work began; nothing else is.
   void Aside(const std::function<void()>& job);
   void ShowLife();
   // False: a thread did not end in time, and the process is given up.
@@ -127,6 +128,11 @@ class Daemon {
   std::unique_ptr<ControlServer> control_;
   FileWorker files_;
   FileWorker aside_;
+  struct Answers {
+    std::string status;
+    std::string metrics;
+  };
+  std::optional<Answers> frozen_;  // while the job of Aside has hold of everything else
   std::unique_ptr<Procedure> procedure_;
 
   State state_ = State::kWaitingForSource;

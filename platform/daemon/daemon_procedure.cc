@@ -208,11 +208,13 @@ void Daemon::ShowLife() {
   [[maybe_unused]] const ssize_t read = ::read(wake_, &count, sizeof count);
   ring_->Beat();
   notifier_.FeedWatchdog();
+  if (lookout_ != nullptr) lookout_->Serve(clock_.Now());
 }
 
 void Daemon::Aside(const std::function<void()>& job) {
   std::atomic<bool> is_done{false};
   std::exception_ptr thrown;
+  if (lookout_ != nullptr) frozen_ = {StatusText(clock_.Now()) + "busy yes\n", MetricsText(clock_.Now())};
   aside_.Do([&] {
     try {
       job();
@@ -224,6 +226,7 @@ void Daemon::Aside(const std::function<void()>& job) {
   const TimePoint limit = clock_.Now() + milliseconds(config_.watchdog.work_limit_ms);
   while (!is_done.load(std::memory_order_acquire) && clock_.Now() < limit) ShowLife();
   aside_.Finish();
+  frozen_.reset();
   if (thrown) std::rethrow_exception(thrown);
 }
 

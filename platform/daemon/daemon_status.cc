@@ -13,6 +13,7 @@ ProcedureCounts Daemon::counts() const {
 
 haustra_service Daemon::Service() const {
   if (state_ != State::kRunning) return HAUSTRA_SERVICE_IDLE;
+  if (procedure_ == nullptr) return HAUSTRA_SERVICE_NO_SIGNAL;  // while its device is made anew
   switch (procedure_->signal()) {
     case SignalState::kFrames: return HAUSTRA_SERVICE_RUNNING;
     case SignalState::kOver: return HAUSTRA_SERVICE_SOURCE_OVER;

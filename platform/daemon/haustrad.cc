@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "platform/assemble.h"
 #include "platform/clock/system_clock.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/daemon_options.h"
@@ -58,6 +59,7 @@ int Run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   try {
+    haustra::PrepareVisionDevices();
     return Run(argc, argv);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "haustrad: %s\n", error.what());

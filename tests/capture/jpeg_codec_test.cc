@@ -5,7 +5,10 @@
 #include <stdlib.h>
 
 #include <algorithm>
+#include <utility>
 #include <vector>
+
+#include "platform/trap/allocation_trap.h"
 
 namespace haustra::capture::internal {
 namespace {
@@ -51,6 +54,28 @@ TEST(JpegCodec, PictureWithBytesAfterItsLastBlockIsWhole) {
   std::vector<std::uint8_t> followed = Encoded();
   followed.resize(followed.size() + 100);
   EXPECT_EQ(CodeOf(followed), StatusCode::kOk);
+}
+
+// What a camera's thread asks of the heap, which mapping uses, too. The library takes its memory anew for each picture;
+// a picture of twice the size takes no more blocks. The handle and the picture are ours and stay.
+TEST(JpegCodec, DecoderAsksTheHeapForAFewBlocksAPicture) {
+  if (!AllocationTrap::IsAvailable()) GTEST_SKIP() << "malloc cannot be watched in this build";
+  constexpr std::uint32_t kMostCalls = 32;  // each block is taken and given back
+  for (const auto& [width, height] : {std::pair{720, 540}, {1440, 1080}}) {
+    std::vector<std::uint8_t> jpeg;
+    ASSERT_TRUE(EncodeJpeg(Image(width, height, PixelFormat::kBgr8).view(), 80, &jpeg).ok());
+    JpegDecoder decoder;
+    Image image(width, height, PixelFormat::kBgr8);
+    const std::uint8_t* const pixels = image.row(0);
+    for (int i = 0; i < 5; ++i) {
+      const AllocationTrap trap(AllocationTrap::Mode::kCount);
+      const bool is_whole = decoder.Decode(jpeg, ChannelChoice::kAsStored, &image).ok();
+      const std::uint32_t num_calls = trap.count();
+      EXPECT_TRUE(is_whole);
+      EXPECT_LE(num_calls, kMostCalls);
+    }
+    EXPECT_EQ(image.row(0), pixels);
+  }
 }
 
 TEST(JpegCodec, PictureCutAnywhereIsDamagedWhateverFollowsTheCut) {

@@ -34,6 +34,22 @@ TEST(Latency, MeasuresJudgesAndWritesItsFiles) {
   EXPECT_NE(ReadBytes(out + "/latency.html").find("Requirement met"), std::string::npos);
 }
 
+// On any device: that it works beside the measurement, says so, and has gone afterwards.
+TEST(Latency, SecondProcessOnTheDeviceWorksBesideTheMeasurement) {
+  const std::string out = ScratchFolder() + "/out";
+  const CommandResult run =
+      HaustraOnCpu({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE, "--seconds", "3",
+                    "--warm-up", "0", "--loop", "1", "--out", out, "--stress-gpu-process"});
+  ASSERT_EQ(run.exit_code, 0) << run.ToString();
+  EXPECT_NE(ReadBytes(out + "/latency.json").find("a second process on the vision device"), std::string::npos);
+}
+
+TEST(Latency, SecondProcessWithoutADeviceIsToldBeforeAnythingIsMeasured) {
+  const CommandResult run = Haustra({"latency", "--occupy", "720x540", "--device", "none"});
+  EXPECT_NE(run.exit_code, 0);
+  EXPECT_NE(run.err.find("none"), std::string::npos) << run.ToString();
+}
+
 TEST(Latency, RequirementThatIsNotMetFailsTheCommand) {
   const std::string requirement = WriteRequirement("p50_ms: 0\n");
   const CommandResult run = HaustraOnCpu({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE,

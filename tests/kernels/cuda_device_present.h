@@ -9,6 +9,7 @@ namespace haustra::testing {
 
 inline const Status& SmallestCudaDeviceStatus() {
   static const Status status = [] {
+    LoadCudaKernelsEagerly();
     VisionPlan plan;
     plan.max_width_px = 64;
     plan.max_height_px = 64;

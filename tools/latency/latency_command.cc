@@ -33,6 +33,7 @@
 #include "tools/latency/looped_source.h"
 #include "tools/latency/requirement.h"
 #include "tools/latency/stress.h"
+#include "tools/latency/stress_process.h"
 #include "tools/latency/trace_json.h"
 #include "tools/render/render_sequence.h"
 
@@ -56,6 +57,8 @@ struct LatencyArguments : ConfigurationOptions {
   int stress_cpu = 0;
   int stress_memory = 0;
   bool stress_gpu = false;
+  bool stress_process = false;
+  std::string occupy;  // WIDTHxHEIGHT, in the second process
   bool halve = false;
   bool overwrite = false;
 };
@@ -107,10 +110,32 @@ Result<std::unique_ptr<VisionDevice>> MakeStressDevice(const LatencyArguments& a
 std::string LoadText(const LatencyArguments& arguments, const StressOptions& stress) {
   std::string text = std::to_string(stress.cpu_threads) + " threads of arithmetic, " +
                      std::to_string(stress.memory_threads) + " of copying";
-  return arguments.stress_gpu ? text + ", one on the vision device" : text;
+  if (arguments.stress_gpu) text += ", one on the vision device";
+  if (arguments.stress_process) text += ", a second process on the vision device";
+  return text;
+}
+
+Result<std::unique_ptr<StressProcess>> StartStressProcess(const LatencyArguments& arguments,
+                                                          const CameraCalibration& calibration) {
+  return StressProcess::Start({"latency", "--occupy",
+                               std::to_string(calibration.width_px) + "x" + std::to_string(calibration.height_px),
+                               "--device", arguments.device});
+}
+
+// The second process.
+int Occupy(const LatencyArguments& arguments) {
+  CameraCalibration calibration;
+  if (std::sscanf(arguments.occupy.c_str(), "%dx%d", &calibration.width_px, &calibration.height_px) != 2) {
+    return console::Fail(kLatencyCommand, InvalidArgument("--occupy: WIDTHxHEIGHT"), kExitUsage);
+  }
+  Result<std::unique_ptr<VisionDevice>> device = MakeStressDevice(arguments, calibration);
+  if (!device.ok()) return console::Fail(kLatencyCommand, device.status());
+  OccupyUntilInputEnds(std::move(device).value());
+  return kExitOk;
 }
 
 int Measure(LatencyArguments arguments) {
+  if (!arguments.occupy.empty()) return Occupy(arguments);
   if (arguments.rendered == !arguments.sequence.empty()) {
     return console::Fail(kLatencyCommand, InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
   }
@@ -162,6 +187,12 @@ int Measure(LatencyArguments arguments) {
     Result<std::unique_ptr<VisionDevice>> made = MakeStressDevice(arguments, calibration);
     if (!made.ok()) return console::Fail(kLatencyCommand, made.status());
     stress_device = std::move(made).value();
+  }
+  std::unique_ptr<StressProcess> stress_process;
+  if (arguments.stress_process) {
+    Result<std::unique_ptr<StressProcess>> started = StartStressProcess(arguments, calibration);
+    if (!started.ok()) return console::Fail(kLatencyCommand, started.status());
+    stress_process = std::move(started).value();
   }
 
   const double rate_hz = (calibration.rate_hz > 0 ? calibration.rate_hz : 25.0) * arguments.rate;
@@ -273,6 +304,9 @@ void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--stress-memory", arguments->stress_memory, "Threads that copy memory")
       ->check(CLI::Range(0, 256));
   command->add_flag("--stress-gpu", arguments->stress_gpu, "A second user of the vision device, of low priority");
+  command->add_flag("--stress-gpu-process", arguments->stress_process,
+                    "The same in a process of its own, as a compositor or an encoder has");
+  command->add_option("--occupy", arguments->occupy)->group("");  // that process
   AddConfigurationOptions(*command, *arguments);
   command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Measure(*arguments); }; });

@@ -113,6 +113,7 @@ std::string NameOf(const CLI::App& command, char joint) {
 std::vector<OptionText> OptionsOf(const CLI::App& command) {
   std::vector<OptionText> texts;
   for (const CLI::Option* option : command.get_options()) {
+    if (option->get_group().empty()) continue;  // not for users
     OptionText text;
     text.is_positional = option->get_positional();
     if (text.is_positional) {

@@ -7,7 +7,9 @@
 #include <iterator>
 #include <map>
 
+#include "engine/scheduler/gated_vision_device.h"
 #include "hal/fakes/manual_clock.h"
+#include "hal/fakes/scripted_vision_device.h"
 
 namespace haustra {
 namespace {
@@ -44,6 +46,7 @@ class TrackingThread {
   }
 
   BackgroundGate& gate() { return gate_; }
+  const ManualClock& clock() const { return clock_; }
 
  private:
   static void Sleep(void* self, Duration duration) {
@@ -101,6 +104,21 @@ TEST(BackgroundGate, FrameThatNeverComesIsNotWaitedForForEver) {
   EXPECT_GE(entered, 140);
   EXPECT_LT(entered, 141);
   EXPECT_EQ(tracking.EnterAt(500), 500);
+}
+
+// A checkpoint reads set by set: between two of them a frame is let through.
+TEST(GatedVisionDevice, CopiesOfDescriptorsKeepOutOfTheFrame) {
+  TrackingThread tracking(milliseconds(10));
+  VisionPlan plan;
+  plan.max_feature_sets = 1;
+  ScriptedVisionDevice inner(plan, {});
+  GatedVisionDevice device(inner, tracking.gate(), tracking.clock());
+  const FeatureSetHandle set = device.CreateFeatureSet().value();
+  for (const int ms : {42, 83}) {  // in the middle of the second frame and of the third
+    tracking.AdvanceTo(TimePoint(milliseconds(ms)));
+    EXPECT_TRUE(device.ReadDescriptors(set, {}).ok());
+  }
+  EXPECT_EQ(tracking.gate().num_waits(), 2u);
 }
 
 TEST(BackgroundGate, BeforeTheFirstFrameIsOpen) {

@@ -310,6 +310,30 @@ TEST_F(DaemonDevice, WorkThatTakesLongDoesNotStopItsHeart) {
   EXPECT_TRUE(beats);
 }
 
+// Who only looks is answered while a procedure ends, with what held before.
+TEST_F(DaemonDevice, StatusIsAnsweredWhileAProcedureEnds) {
+  RecordProperty("req", "CTL-003");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  const auto look = [this](const std::string& what) {
+    Result<ControlClient> client = ControlClient::Connect(folder_ + "/status");
+    if (!client.ok()) return "error: " + client.status().message();
+    const Result<std::string> reply = client->Ask(what, seconds(5));
+    return reply.ok() ? *reply : "error: " + reply.status().message();
+  };
+  EXPECT_EQ(look("status").find("busy yes"), std::string::npos);
+  is_making_held_ = true;
+  std::thread client([&] { EXPECT_EQ(Ask("end wipe"), "wiped\n"); });
+  const bool is_held = Until([&] { return num_devices_ == 2; });
+  const std::string status = look("status");
+  const std::string metrics = look("metrics");
+  is_making_held_ = false;
+  client.join();
+  EXPECT_TRUE(is_held);
+  EXPECT_NE(status.find("busy yes"), std::string::npos) << status;
+  EXPECT_NE(metrics.find("haustra_"), std::string::npos) << metrics;
+  EXPECT_EQ(look("status").find("busy yes"), std::string::npos);
+}
+
 TEST_F(DaemonDevice, IsWarmBeforeTheFirstProcedureBegins) {
   RecordProperty("req", "DMN-004");
   ASSERT_NO_FATAL_FAILURE(Start());

@@ -32,7 +32,7 @@ class SyntheticColon {
       : rng_(seed), camera_(CameraModel::Create(ColonCalibration()).value()), device_(Plan(max_keyframes + 20), {}) {
     config_.features.max = kMaxFeatures;
     config_.memory.max_keyframes = max_keyframes;
-    config_.memory.max_map_points = std::max(40000, 60 * max_keyframes);
+    config_.memory.max_map_points = std::max(40000, 80 * max_keyframes);
     config_.memory.max_maps = 8;
     config_.memory.max_keyframe_ids = std::max(1000, max_keyframes);
     config_.memory.max_local_points = 8000;

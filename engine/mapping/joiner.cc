@@ -52,7 +52,7 @@ bool Joiner::AskForSkipped() {
 }
 
 bool Joiner::TakeAnswer() {
-  PlaceTask* task = places_.Answered();
+  PlaceTask* task = is_joining_ ? nullptr : places_.Answered();
   if (task == nullptr) return false;
   if (task->stage == PlaceTask::Stage::kRetrieve) {
     const Keyframe* keyframe = state_.atlas.GetKeyframe(task->keyframe);
@@ -71,7 +71,12 @@ bool Joiner::TakeAnswer() {
     }
   }
   EndQuestion(*task);
-  places_.Take();
+  if (task->is_known) BeginJoin(*task);
+  if (is_joining_) {
+    GoOn();
+  } else {
+    places_.Take();
+  }
   return true;
 }
 
@@ -81,53 +86,88 @@ void Joiner::EndQuestion(const PlaceTask& task) {
   for (const CommonAreaCounts& counts : task.report.tried) {
     if (counts.verdict != CommonAreaVerdict::kAccepted) ReportRejection(task, counts);
   }
-  if (task.is_known) JoinMaps(task);
 }
 
 // Local bundle adjustment, settling and changes of unit since the question was put are made up for by the plan itself
 // (merge_plan.h). Maps are joined here alone and one question is out at a time, so what else may have happened is that
 // keyframes have gone, or that tracking has found itself in another map or begun a new one. Then the answer is dropped:
 // where tracking is now, the next keyframe asks again.
-void Joiner::JoinMaps(const PlaceTask& task) {
-  const TimePoint start = state_.Now();
-  const TimePoint deadline =
-      state_.is_time_boxed ? start + std::chrono::milliseconds(state_.config.merging.max_milliseconds) : kNoDeadline;
-  MergePlan plan = MakeMergePlan(task.area);
-  plan.tracked = state_.newest;
-  MergeOutcome outcome;
+void Joiner::BeginJoin(const PlaceTask& task) {
+  const MergePlan plan = MakeMergePlan(task.area);
   const Keyframe* a = state_.atlas.GetKeyframe(plan.keyframe_a);
-  const Status status =
-      a == nullptr || a->map != state_.active
-          ? FailedPrecondition("join: tracking has left the map of the plan")
-          : merger_.Apply(plan, &state_.atlas, state_.is_time_boxed ? state_.clock : nullptr, deadline, &outcome);
+  const Status status = a == nullptr || a->map != state_.active
+                            ? FailedPrecondition("join: tracking has left the map of the plan")
+                            : merger_.Begin(plan, state_.atlas);
   if (!status.ok()) {
-    const bool is_outdated =
-        status.code() == StatusCode::kFailedPrecondition || status.code() == StatusCode::kInvalidArgument;
-    ++(is_outdated ? state_.counters.num_merges_outdated : state_.counters.num_loops_left_open);
-    CommonAreaCounts counts = task.area.counts;
-    counts.verdict = is_outdated ? CommonAreaVerdict::kOutdated : CommonAreaVerdict::kNotJoined;
-    ReportRejection(task, counts);
-    state_.counters.merge_time += state_.Now() - start;
+    RefuseJoin(task, status);
     return;
   }
-  if (!outcome.is_loop) trial_.Join(outcome.map, outcome.absorbed);
-  state_.active = outcome.map;
-  settling_rounds_ = state_.config.merging.settling_rounds;
-  publisher_.Reframe(outcome.reframing);
-  const TimePoint joined = state_.Now();
-  state_.counters.merge_time += joined - start;
-  MapEvent event;
-  event.kind = outcome.is_loop ? MapEventKind::kLoopClosed : MapEventKind::kMerged;
-  event.frame_index = task.frame_index;
-  event.timestamp = task.timestamp;
-  event.map_id = outcome.map_id;
-  event.other_map_id = outcome.is_loop ? kNoId : outcome.absorbed_map_id;
-  event.num_keyframes = static_cast<int>(state_.atlas.map(state_.active).keyframes.size());
-  event.num_points = state_.atlas.map(state_.active).num_points;
-  event.place = task.area.counts;
-  event.duration = joined - start;
-  events_.TryPush(event);
-  publisher_.Publish();
+  is_joining_ = true;
+  join_map_ = state_.active;
+  joining_time_ = Duration{0};
+}
+
+JoinLimits Joiner::Limits(TimePoint start) const {
+  if (!state_.is_time_boxed) return {};
+  const MergingConfig& options = state_.config.merging;
+  return {state_.clock, start + std::chrono::milliseconds(options.slice_milliseconds),
+          start + std::chrono::milliseconds(options.max_milliseconds) - joining_time_};
+}
+
+void Joiner::GoOn() {
+  const PlaceTask& task = *places_.Answered();
+  if (state_.active != join_map_) {
+    EndJoin(task);
+    return;
+  }
+  const TimePoint start = state_.Now();
+  const bool was_one = merger_.outcome().has_moved;
+  const Result<Merger::Progress> progress = merger_.Step(Limits(start), state_.newest, &state_.atlas);
+  const MergeOutcome& outcome = merger_.outcome();
+  if (outcome.has_moved && !was_one) {
+    if (!outcome.is_loop) trial_.Join(outcome.map, outcome.absorbed);
+    state_.active = join_map_ = outcome.map;
+  }
+  state_.is_seam_open = outcome.has_moved;
+  const bool is_done = !progress.ok() || *progress == Merger::Progress::kDone;
+  if (outcome.is_reframed) publisher_.Reframe(outcome.reframing);
+  const Duration duration = state_.Now() - start;
+  joining_time_ += duration;
+  state_.counters.merge_time += duration;
+  if (!progress.ok()) RefuseJoin(task, progress.status());
+  if (is_done) EndJoin(task);
+  if (outcome.is_reframed || (is_done && outcome.has_moved)) publisher_.Publish();
+}
+
+void Joiner::RefuseJoin(const PlaceTask& task, const Status& status) {
+  const bool is_outdated =
+      status.code() == StatusCode::kFailedPrecondition || status.code() == StatusCode::kInvalidArgument;
+  ++(is_outdated ? state_.counters.num_merges_outdated : state_.counters.num_loops_left_open);
+  CommonAreaCounts counts = task.area.counts;
+  counts.verdict = is_outdated ? CommonAreaVerdict::kOutdated : CommonAreaVerdict::kNotJoined;
+  ReportRejection(task, counts);
+}
+
+void Joiner::EndJoin(const PlaceTask& task) {
+  const MergeOutcome& outcome = merger_.outcome();
+  if (outcome.has_moved) {
+    if (state_.active == join_map_) settling_rounds_ = state_.config.merging.settling_rounds;
+    MapEvent event;
+    event.kind = outcome.is_loop ? MapEventKind::kLoopClosed : MapEventKind::kMerged;
+    event.frame_index = task.frame_index;
+    event.timestamp = task.timestamp;
+    event.map_id = outcome.map_id;
+    event.other_map_id = outcome.is_loop ? kNoId : outcome.absorbed_map_id;
+    if (state_.active == join_map_) {
+      event.num_keyframes = static_cast<int>(state_.atlas.map(state_.active).keyframes.size());
+      event.num_points = state_.atlas.map(state_.active).num_points;
+    }
+    event.place = task.area.counts;
+    event.duration = joining_time_;
+    events_.TryPush(event);
+  }
+  is_joining_ = state_.is_seam_open = false;
+  places_.Take();
 }
 
 void Joiner::ReportRejection(const PlaceTask& task, const CommonAreaCounts& counts) {

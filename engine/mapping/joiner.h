@@ -1,7 +1,9 @@
 // Asks the recogniser (engine/place) whether keyframes show a known place, and joins maps or closes loops when it says
-// so (engine/merging). One question is out at a time; of the keyframes that come meanwhile the newest is asked about
-// next. After a join the map around the seam settles by bundle adjustment in slices, when there is nothing else to do.
-// Never waits for the recogniser. thread-bound(mapping); uses the heap (solvers).
+// so (engine/merging). One question is out at a time, and it is out until the join that it leads to is done; of the
+// keyframes that come meanwhile the newest is asked about next. A join is made in slices, in sequential mode in one.
+// When tracking leaves the map it ends where it is (merger.h says why it may). After a join the map around the seam
+// settles by bundle adjustment in slices, when there is nothing else to do. Never waits for the recogniser.
+// thread-bound(mapping); uses the heap (solvers).
 #pragma once
 
 #include "engine/mapping/local_bundle.h"
@@ -34,8 +36,13 @@ class Joiner {
   // Does the keyframe show what another map, or another part of this one, already holds? When a question is out the
   // keyframe is kept for later.
   void Ask(KeyframeHandle keyframe);
-  // Takes the recogniser's answer and does what it says; publishes when maps were joined. False: there is none.
+  // Takes the recogniser's answer, and begins the join when it says so. False: there is none.
   bool TakeAnswer();
+
+  // A join has begun that is not done.
+  bool is_joining() const { return is_joining_; }
+  // Its next slice; publishes when the map was moved, and when it is done.
+  void GoOn();
 
   // For when there is nothing else to do. False: nothing was done.
   bool AskForSkipped();
@@ -45,7 +52,10 @@ class Joiner {
 
  private:
   void EndQuestion(const PlaceTask& task);
-  void JoinMaps(const PlaceTask& task);
+  void BeginJoin(const PlaceTask& task);
+  void RefuseJoin(const PlaceTask& task, const Status& status);
+  void EndJoin(const PlaceTask& task);
+  JoinLimits Limits(TimePoint start) const;
   void ReportRejection(const PlaceTask& task, const CommonAreaCounts& counts);
 
   MappingState& state_;
@@ -56,8 +66,11 @@ class Joiner {
   SpscRing<MapEvent>& events_;
   PlaceScout scout_;
   Merger merger_;
-  int settling_rounds_ = 0;  // left after the last join
-  KeyframeHandle skipped_;   // the newest one that the recogniser was too busy for
+  bool is_joining_ = false;
+  MapHandle join_map_;        // where tracking is as long as the join goes on
+  Duration joining_time_{0};  // of all slices so far
+  int settling_rounds_ = 0;   // left after the last join
+  KeyframeHandle skipped_;    // the newest one that the recogniser was too busy for
 };
 
 }  // namespace haustra

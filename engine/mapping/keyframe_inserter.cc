@@ -98,6 +98,7 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
 // A failed adjustment leaves the map as it was, one that was stopped keeps what it gained; the next keyframe tries
 // again.
 void KeyframeInserter::AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent, bool may_be_interrupted) {
+  if (state_.is_seam_open) return;
   const int min_iterations = may_be_interrupted ? kMinBundleIterations : extent.max_iterations;
   const Result<BundleSummary> bundle = bundle_.Adjust(
       handle, extent, state_.BundleLimits(state_.config.mapping.max_bundle_ms, 1, min_iterations), &state_.atlas);

@@ -1,6 +1,7 @@
 // Takes a proposed keyframe into the active map (system.md 7): links it by appearance, searches its neighbours' points
 // in it and back, judges points on trial, makes new points, adjusts the window, culls keyframes that add nothing. In
-// real-time mode the new points are published before the window is adjusted. thread-bound(mapping).
+// real-time mode the new points are published before the window is adjusted. While a seam is open (mapping_state.h)
+// nothing is adjusted. thread-bound(mapping).
 #pragma once
 
 #include <cstdint>

@@ -61,8 +61,18 @@ bool Mapper::Step() {
   if (!publisher_.has_room()) return false;
   const bool has_answer = joiner_.TakeAnswer();
   publisher_.ReleaseRetired();
-  if (has_answer) return true;
+  if (has_answer) {
+    is_joins_turn_ = false;
+    return true;
+  }
   const KeyframeProposal* proposal = state_.link.proposals.Front();
+  // A join and the proposals take turns: neither keeps the other from ever being done.
+  if (joiner_.is_joining() && (proposal == nullptr || is_joins_turn_)) {
+    is_joins_turn_ = false;
+    joiner_.GoOn();
+    return true;
+  }
+  is_joins_turn_ = true;
   if (proposal == nullptr) return joiner_.AskForSkipped() || joiner_.Settle();
   current_view_ = &proposal->view;
   state_.noise = proposal->noise;

@@ -1,13 +1,14 @@
 // The one writer of the atlas (system.md 7): takes proposals from the tracker, founds maps, inserts keyframes, makes,
 // joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal
 // that changed something. Looks for lost frames in all maps and makes the map that shows one the active one. Asks the
-// recogniser (engine/place) whether a new keyframe shows a known place, and joins maps when the answer comes, between
-// two keyframes: it never waits for it. In real-time mode the tracker proposes nothing but what it needs while the
-// mapper is busy: new points are published before they are adjusted, and a waiting proposal ends the bundle after a few
-// steps. One question is out at a time; of the keyframes that come meanwhile the newest is asked about next. Feature
-// sets that a question names are kept until its answer was taken. Full pools: evictor.h; full rings: the newest event,
-// late pose or proposal is lost and counted by its ring. thread-bound(mapping). Uses the heap (solvers), inside bounds
-// set by the windows.
+// recogniser (engine/place) whether a new keyframe shows a known place, and joins maps when the answer comes: it never
+// waits for it. In real-time mode the tracker proposes nothing but what it needs while the mapper is busy: a join is
+// made in slices that take turns with the proposals (joiner.h, merger.h), so one that comes waits for a slice at most;
+// new points are published before they are adjusted, and a waiting proposal ends the bundle after a few steps. One
+// question is out at a time; of the keyframes that come meanwhile the newest is asked about next. Feature sets that a
+// question names are kept until its answer was taken. Full pools: evictor.h; full rings: the newest event, late pose or
+// proposal is lost and counted by its ring. thread-bound(mapping). Uses the heap (solvers), inside bounds set by the
+// windows.
 #pragma once
 
 #include <memory>
@@ -92,6 +93,7 @@ class Mapper {
   KeyframeInserter inserter_;
   Joiner joiner_;
   Relocaliser relocaliser_;
+  bool is_joins_turn_ = false;                  // the last step was a proposal's
   const ProposedView* current_view_ = nullptr;  // of the proposal being worked on
   std::vector<RelocalisationCounts> relocalisations_tried_;
 };

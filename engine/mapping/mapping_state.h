@@ -81,6 +81,8 @@ struct MappingState {
   Atlas atlas;
   MapHandle active;       // invalid: none
   KeyframeHandle newest;  // of the active map: where tracking is
+  // A join works on copies of the seam (merger.h): no bundle may move what is there. The map settles when it is done.
+  bool is_seam_open = false;
   MapperCounters counters;
 };
 

@@ -98,16 +98,20 @@ void BundleWindow::Fill(const Atlas& atlas) {
 }
 
 Result<BundleSummary> BundleWindow::Adjust(const BundleOptions& options, Atlas* atlas) {
-  Result<BundleSummary> summary = adjuster_.Adjust(camera_, options, &problem_);
+  Result<BundleSummary> summary = Solve(options);
   if (summary.ok() && summary->state != SolveState::kNone) WriteBack(atlas);
   return summary;
 }
 
 void BundleWindow::WriteBack(Atlas* atlas) {
   for (std::size_t i = 0; i < num_moving_; ++i) {
-    atlas->keyframe(poses_[i]).cam_from_map = problem_.poses[i].cam_from_world;
+    Keyframe* keyframe = atlas->GetKeyframe(poses_[i]);
+    if (keyframe != nullptr) keyframe->cam_from_map = problem_.poses[i].cam_from_world;
   }
-  for (std::size_t i = 0; i < points_.size(); ++i) atlas->point(points_[i]).position = problem_.points[i].position;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    MapPoint* point = atlas->GetPoint(points_[i]);
+    if (point != nullptr) point->position = problem_.points[i].position;
+  }
   for (const BundleObservation& observation : problem_.observations) {
     if (!observation.is_outlier) continue;
     const MapPointHandle point = points_[observation.point_idx];

@@ -1,6 +1,7 @@
 // A window of the atlas as a bundle adjustment: keyframes that move, all points that they see, and a ring of keyframes
 // around them that holds the gauge. Filled from the atlas once, solved, and written back once. Local bundle, settling
-// and weld differ in which keyframes they choose, and in what holds the gauge where there is no ring.
+// and weld differ in which keyframes they choose, and in what holds the gauge where there is no ring. Solve
+// works on copies: the weld lets keyframes and points come and go meanwhile.
 // thread-bound(mapping); allocates, bounded by the size of the window.
 #pragma once
 
@@ -36,8 +37,22 @@ class BundleWindow {
   // a bundle that was stopped none goes. kNone, or an error of the adjuster: the atlas is as it was.
   Result<BundleSummary> Adjust(const BundleOptions& options, Atlas* atlas);
 
+  // The two halves of Adjust. Solve may be called again, and goes on with poses and points where they are.
+  Result<BundleSummary> Solve(const BundleOptions& options) { return adjuster_.Adjust(camera_, options, &problem_); }
+  // Passes over what has gone since the window was closed.
+  void WriteBack(Atlas* atlas);
+
   // Those that were added, in their order.
   std::span<const KeyframeHandle> moving() const { return {poses_.data(), num_moving_}; }
+  // It is one of the keyframes that were added, or one of the points.
+  bool Has(KeyframeHandle keyframe) const {
+    const std::int32_t i = pose_slots_[keyframe.index];
+    return i >= 0 && static_cast<std::size_t>(i) < num_moving_ && poses_[static_cast<std::size_t>(i)] == keyframe;
+  }
+  bool Has(MapPointHandle point) const {
+    const std::int32_t i = point_slots_[point.index];
+    return i >= 0 && points_[static_cast<std::size_t>(i)] == point;
+  }
   std::size_t num_fixed() const { return poses_.size() - num_moving_; }
   int num_points() const { return static_cast<int>(points_.size()); }
   // As it was filled, or after Adjust as it was solved. Its first poses are those of moving().
@@ -47,7 +62,6 @@ class BundleWindow {
   std::vector<KeyframeHandle> ListRing(const Atlas& atlas);
   void ReserveObservations(const Atlas& atlas);
   void Fill(const Atlas& atlas);
-  void WriteBack(Atlas* atlas);
 
   const NoiseModel& noise_;
   const CameraModel& camera_;

@@ -21,21 +21,21 @@ struct MergePlan {
   // Where the two keyframes stood when the similarity was found.
   KeyframeAnchor anchor_a;
   KeyframeAnchor anchor_b;
-  // Of the map of a: where the tracker is; what moves it is told for this place.
-  KeyframeHandle tracked;
 };
 
 inline MergePlan MakeMergePlan(const CommonArea& area) {
-  return {area.keyframe_a, area.keyframe_b, area.b_from_a, area.points, area.anchor_a, area.anchor_b, area.keyframe_a};
+  return {area.keyframe_a, area.keyframe_b, area.b_from_a, area.points, area.anchor_a, area.anchor_b};
 }
 
 struct MergeOutcome {
   bool is_loop = false;
-  MapHandle map;  // holds everything now; its id is that of the larger one of the two
+  bool has_moved = false;    // the maps are one, or the drift is out
+  bool is_reframed = false;  // the last slice has moved the map
+  MapHandle map;             // from then on holds everything; its id is that of the larger one of the two
   MapId map_id = kNoId;
   MapHandle absorbed;  // the other one, empty now; invalid for a loop
   MapId absorbed_map_id = kNoId;
-  // Where things at the plan's `tracked` went, for the tracker.
+  // Where things at the tracked keyframe went in the last slice, for the tracker.
   Reframing reframing;
   int num_fused = 0;  // points that were one and are one now
   int num_weld_keyframes = 0;

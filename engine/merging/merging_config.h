@@ -19,7 +19,11 @@ struct MergingConfig {
   int settling_iterations = 6;      // of each [1, 100]
   int settling_keyframes = 200;     // nearest ones by covisibility; their cube bounds an iteration [2, 1000]
   int settling_milliseconds = 150;  // of each, real-time mode only [1, 10000]
-  int max_milliseconds = 400;  // real-time mode only: weld and graph together stop there, best state kept [1, 10000]
+  // Real-time mode only: of a slice of a join. Then keyframes have their turn; a join takes some ten slices [1, 1000].
+  int slice_milliseconds = 20;
+  // Real-time mode only: all slices of a join together. Keyframes do not wait for it; a tracker that goes on for longer
+  // has left the place [1, 10000].
+  int max_milliseconds = 1500;
 };
 
 }  // namespace haustra

@@ -14,35 +14,56 @@ Weld::Weld(const EngineConfig& config, const MergingConfig& options, const Noise
            SchurBundleAdjuster& adjuster)
     : options_(options), window_(config.memory, noise, camera, adjuster) {}
 
-Result<BundleSummary> Weld::Adjust(const Sides& sides, Atlas* atlas, const Clock* clock, TimePoint deadline) {
+void Weld::Begin(const Sides& sides, const Atlas& atlas) {
   window_.Clear();
   for (const std::span<const KeyframeHandle> side : {sides.moving, sides.reference}) {
     for (const KeyframeHandle handle : side) window_.Add(handle);
   }
-  window_.Close(*atlas, options_.fixed_keyframes, sides.may_hold);
+  window_.Close(atlas, options_.fixed_keyframes, sides.may_hold);
+  num_moving_ = sides.moving.size();
   if (window_.num_fixed() < kMinRing) {
-    for (std::size_t i = sides.moving.size(); i < window_.moving().size(); ++i) window_.Fix(i);
+    for (std::size_t i = num_moving_; i < window_.moving().size(); ++i) window_.Fix(i);
   }
-  BundleOptions options;
-  options.max_iterations = options_.weld_iterations;
-  options.clock = clock;
-  options.deadline = deadline;
-  const double before = MedianDistance(sides.moving.size());
-  Result<BundleSummary> summary = window_.Adjust(options, atlas);
+  poses_before_.clear();
+  for (std::size_t i = 0; i < keyframes().size(); ++i)
+    poses_before_.push_back(window_.problem().poses[i].cam_from_world);
+  summary_ = BundleSummary{};
+  distance_before_ = MedianDistance();
   moving_scale_ = 1.0;
-  if (summary.ok() && summary->state != SolveState::kNone) {
-    const double after = MedianDistance(sides.moving.size());
-    if (before > 0.0 && after > 0.0) moving_scale_ = after / before;
-  }
-  return summary;
+}
+
+void Weld::Solve(const std::function<bool()>& should_stop) {
+  BundleOptions options;
+  options.max_iterations = std::max(1, options_.weld_iterations - summary_.iterations);
+  options.should_stop = should_stop;
+  const Result<BundleSummary> summary = window_.Solve(options);
+  if (!summary.ok()) return;
+  const bool is_first = summary_.iterations == 0;
+  if (is_first) summary_.initial_cost = summary->initial_cost;
+  summary_.iterations += summary->iterations;
+  summary_.final_cost = summary->final_cost;
+  summary_.num_outliers = summary->num_outliers;
+  if (summary->state == SolveState::kNone) return;
+  summary_.state = summary->state;
+  const double distance = MedianDistance();
+  if (distance_before_ > 0.0 && distance > 0.0) moving_scale_ = distance / distance_before_;
+}
+
+void Weld::WriteBack(Atlas* atlas) {
+  if (summary_.state != SolveState::kNone) window_.WriteBack(atlas);
+}
+
+Sim3 Weld::Correction(std::size_t i, double growth) const {
+  const Sim3 unit(1.0 / growth, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
+  return (unit * Sim3(window_.problem().poses[i].cam_from_world)).Inverse() * Sim3(poses_before_[i]);
 }
 
 // Between the cameras of the moving side and what they see, in the problem as it stands.
-double Weld::MedianDistance(std::size_t num_moving) const {
+double Weld::MedianDistance() const {
   const BundleProblem& problem = window_.problem();
   std::vector<double> distances;
   for (const BundleObservation& observation : problem.observations) {
-    if (observation.pose_idx >= static_cast<std::int32_t>(num_moving)) continue;
+    if (observation.pose_idx >= static_cast<std::int32_t>(num_moving_)) continue;
     const Eigen::Vector3d centre = problem.poses[observation.pose_idx].cam_from_world.InverseTranslation();
     distances.push_back((problem.points[observation.point_idx].position - centre).norm());
   }

@@ -38,6 +38,11 @@ Status Validate(const PoseGraphOptions& options, std::span<const PoseGraphEdge> 
   if (options.deadline != kNoDeadline && options.clock == nullptr) {
     return InvalidArgument("PoseGraphOptions.deadline is set without a clock");
   }
+  if (options.progress != nullptr && !options.progress->nodes.empty() &&
+      options.progress->nodes.size() != nodes.size()) {
+    return InvalidArgument("PoseGraphOptions.progress is that of " + std::to_string(options.progress->nodes.size()) +
+                           " nodes, there are " + std::to_string(nodes.size()));
+  }
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (!IsValid(nodes[i].node_from_world)) {
       return InvalidArgument("nodes[" + std::to_string(i) + "] is not finite, or its scale is not positive");
@@ -79,12 +84,24 @@ ceres::Problem::Options ProblemOptions() {
   return options;
 }
 
+using NodeParameters = std::vector<std::array<double, LeftSim3Manifold::kAmbientSize>>;
+
+void KeepProgress(const NodeParameters& parameters, const ceres::Solver::Summary& solved, PoseGraphProgress* progress) {
+  if (progress->nodes.empty()) progress->initial_cost = solved.initial_cost;
+  progress->nodes.clear();
+  for (const auto& node : parameters) progress->nodes.push_back(LeftSim3Manifold::Load(node.data()));
+  if (solved.iterations.empty()) return;
+  progress->trust_region_radius = solved.iterations.back().trust_region_radius;
+  progress->iterations += static_cast<int>(solved.iterations.size()) - 1;
+}
+
 PoseGraphSummary Solve(const PoseGraphOptions& options, std::span<const PoseGraphEdge> edges,
                        std::vector<PoseGraphNode>* nodes) {
   // One array in the order of the indices: Ceres orders parameters by address.
-  std::vector<std::array<double, LeftSim3Manifold::kAmbientSize>> parameters(nodes->size());
+  NodeParameters parameters(nodes->size());
   for (std::size_t i = 0; i < nodes->size(); ++i) {
-    LeftSim3Manifold::Store((*nodes)[i].node_from_world, parameters[i].data());
+    const bool goes_on = options.progress != nullptr && !options.progress->nodes.empty();
+    LeftSim3Manifold::Store(goes_on ? options.progress->nodes[i] : (*nodes)[i].node_from_world, parameters[i].data());
   }
   LeftSim3Manifold manifold;
   std::deque<Sim3EdgeCost> costs;
@@ -119,6 +136,10 @@ PoseGraphSummary Solve(const PoseGraphOptions& options, std::span<const PoseGrap
   // Not SuiteSparse: its sums depend on the BLAS of the machine and on that one's threads.
   solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   solver.max_num_iterations = options.max_iterations;
+  if (PoseGraphProgress* progress = options.progress; progress != nullptr && !progress->nodes.empty()) {
+    solver.max_num_iterations = std::max(1, options.max_iterations - progress->iterations);
+    solver.initial_trust_region_radius = progress->trust_region_radius;
+  }
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   solver.callbacks.push_back(&callback);
@@ -130,6 +151,11 @@ PoseGraphSummary Solve(const PoseGraphOptions& options, std::span<const PoseGrap
   summary.final_cost = solved.final_cost;
   if (!solved.IsSolutionUsable() || !std::isfinite(solved.final_cost)) return summary;
   const bool has_converged = solved.termination_type == ceres::CONVERGENCE && !callback.has_stopped();
+  if (options.progress != nullptr) {
+    KeepProgress(parameters, solved, options.progress);
+    summary.iterations = options.progress->iterations;
+    summary.initial_cost = options.progress->initial_cost;
+  }
   summary.state = has_converged ? SolveState::kConverged : SolveState::kPartial;
   if (!has_converged) return summary;
   for (std::size_t i = 0; i < nodes->size(); ++i) {

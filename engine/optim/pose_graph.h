@@ -27,6 +27,14 @@ struct PoseGraphEdge {
   double weight = 1.0;  // > 0, of the squared error; e.g. by the number of shared points
 };
 
+// Where a solve that was stopped goes on. Default: from the start.
+struct PoseGraphProgress {
+  std::vector<Sim3> nodes;  // as far as they have come; empty: at the start
+  double trust_region_radius = 0.0;
+  double initial_cost = 0.0;
+  int iterations = 0;
+};
+
 struct PoseGraphOptions {
   int max_iterations = 30;  // >= 1
   // The translation error that counts as much as a rotation error of one radian, or a factor e in scale. 0: the mean
@@ -35,6 +43,9 @@ struct PoseGraphOptions {
   std::function<bool()> should_stop;  // as in BundleOptions
   TimePoint deadline = kNoDeadline;
   const Clock* clock = nullptr;
+  // For a solve in slices, in and out: begins where the last call with it was stopped, for the same edges and nodes,
+  // and counts the iterations of all calls. Null: in one piece.
+  PoseGraphProgress* progress = nullptr;
 };
 
 struct PoseGraphSummary {
@@ -46,9 +57,9 @@ struct PoseGraphSummary {
 };
 
 // Moves the nodes that are not fixed, when it has converged: half a correction would tear a map, so otherwise all nodes
-// are as they were. When none is fixed, the first node with an edge is held for the call. Parts of
-// the graph that no fixed node is connected to keep their place as well as the damping of the solver holds it; nodes
-// without edges are left alone. Fixed and held nodes are unchanged to the bit.
+// are as they were; with `progress` the next call goes on. When none is fixed, the first node with an edge is held for
+// the call. Parts of the graph that no fixed node is connected to keep their place as well as the damping of the solver
+// holds it; nodes without edges are left alone. Fixed and held nodes are unchanged to the bit.
 //
 // Deterministic to the bit for the same input when nothing stops it: one thread, Eigen's own factorisation, nodes in
 // the order of their indices. Allocates (Ceres): never on the tracking thread. reentrant. Cost: see

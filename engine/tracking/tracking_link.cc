@@ -19,11 +19,13 @@ std::size_t TrackingLink::MaxReplies(const EngineConfig& config) {
   const std::size_t num_proposals = static_cast<std::size_t>(config.memory.max_proposals) + kProposalsPerFrame;
   // Every keyframe may show a known place, and so may the one that is asked about and the one that waits for that.
   const std::size_t num_joins = num_proposals + 2;
+  // The map is moved, and the seam is placed.
+  constexpr std::size_t kMovesPerJoin = 2;
   // After every join the map settles; an earlier one may still be at it.
   const std::size_t num_slices = (num_joins + 1) * static_cast<std::size_t>(config.merging.settling_rounds);
   // What was told already, but whose snapshot was not yet published at the last look.
   constexpr std::size_t kUnread = 1;
-  return num_proposals + num_joins + num_slices + kUnread;
+  return num_proposals + kMovesPerJoin * num_joins + num_slices + kUnread;
 }
 
 MemoryPlan TrackingLink::PlanMemory(const EngineConfig& config) {

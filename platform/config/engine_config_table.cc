@@ -334,9 +334,10 @@ void AddMerging(Fields* out) {
                                                "nearest ones by covisibility that settle together"));
   out->push_back(Merge<&C::settling_milliseconds>("settling_milliseconds", {1, 10000}, "ms",
                                                   "real-time mode only: end of each round, best state kept"));
-  out->push_back(
-      Merge<&C::max_milliseconds>("max_milliseconds", {1, 10000}, "ms",
-                                  "real-time mode only: weld and graph together stop there, best state kept"));
+  out->push_back(Merge<&C::slice_milliseconds>("slice_milliseconds", {1, 1000}, "ms",
+                                               "real-time mode only: of a join between two keyframes that wait"));
+  out->push_back(Merge<&C::max_milliseconds>("max_milliseconds", {1, 10000}, "ms",
+                                             "real-time mode only: of all slices of a join, best state kept"));
 }
 
 template <auto kMember>

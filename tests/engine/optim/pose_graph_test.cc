@@ -191,6 +191,33 @@ TEST(PoseGraph, StoppedByADeadlineItMovesNothing) {
   EXPECT_TRUE(IsSame(nodes, loop.nodes));
 }
 
+// Stopped after every iteration and gone on with, it comes to where it comes in one piece.
+TEST(PoseGraph, GoesOnWhereItWasStopped) {
+  const SyntheticLoop loop = MakeSyntheticLoop({.num_nodes = 90});
+  std::vector<PoseGraphNode> whole = loop.nodes, sliced = loop.nodes;
+  const Result<PoseGraphSummary> in_one = OptimizePoseGraphSim3(PoseGraphOptions(), loop.edges, &whole);
+  ASSERT_TRUE(in_one.ok());
+  PoseGraphProgress progress;
+  PoseGraphOptions options;
+  options.progress = &progress;
+  PoseGraphSummary summary;
+  int num_slices = 0;
+  while (summary.state != SolveState::kConverged && num_slices < 30) {
+    ASSERT_TRUE(IsSame(sliced, loop.nodes)) << "moved before it was done";
+    options.should_stop = [num_asked = 0]() mutable { return num_asked++ > 0; };
+    const Result<PoseGraphSummary> slice = OptimizePoseGraphSim3(options, loop.edges, &sliced);
+    ASSERT_TRUE(slice.ok());
+    summary = *slice;
+    ++num_slices;
+    EXPECT_EQ(summary.iterations, progress.iterations);
+  }
+  EXPECT_GE(num_slices, 3);
+  EXPECT_EQ(summary.state, SolveState::kConverged);
+  EXPECT_EQ(summary.initial_cost, in_one->initial_cost);
+  EXPECT_NEAR(summary.final_cost, in_one->final_cost, 0.01 * in_one->final_cost);
+  EXPECT_LT(MaxCentreError(sliced, loop.truth), 1.05 * MaxCentreError(whole, loop.truth));
+}
+
 TEST(PoseGraph, OutOfIterationsItMovesNothing) {
   const SyntheticLoop loop = MakeSyntheticLoop({});
   std::vector<PoseGraphNode> nodes = loop.nodes;

@@ -32,7 +32,7 @@ class SyntheticColon {
       : rng_(seed), camera_(CameraModel::Create(ColonCalibration()).value()), device_(Plan(max_keyframes + 20), {}) {
     config_.features.max = kMaxFeatures;
     config_.memory.max_keyframes = max_keyframes;
-    config_.memory.max_map_points = std::max(40000, 60 * max_keyframes);
+    config_.memory.max_map_points = std::max(40000, 80 * max_keyframes);
     config_.memory.max_maps = 8;
     config_.memory.max_keyframe_ids = std::max(1000, max_keyframes);
     config_.memory.max_local_points = 8000;
@@ -141,6 +141,31 @@ class SyntheticColon {
       EXPECT_TRUE(point.is_valid());
       landmark_of_point_[atlas->point(point).id] = std::get<0>(key);
       for (const Observation& view : views) atlas->AddObservation(point, view.keyframe, view.feature_idx);
+      atlas->UpdatePoint(point);
+    }
+  }
+
+  // What mapping does for a new keyframe: it sees the points of the neighbour, and what no point shows yet becomes one,
+  // where `map_from_world` puts it. Indices of frames().
+  void Link(Atlas* atlas, int frame, int neighbour, const Sim3& map_from_world) {
+    const KeyframeHandle keyframe = frames_[frame].keyframe, other = frames_[neighbour].keyframe;
+    std::map<int, std::int32_t> features;  // of the neighbour, by landmark
+    for (std::size_t i = 0; i < frames_[neighbour].landmarks.size(); ++i) {
+      features[frames_[neighbour].landmarks[i]] = static_cast<std::int32_t>(i);
+    }
+    for (std::size_t i = 0; i < frames_[frame].landmarks.size(); ++i) {
+      const int landmark = frames_[frame].landmarks[i];
+      const auto seen = features.find(landmark);
+      if (seen == features.end()) continue;
+      MapPointHandle point = atlas->keyframe(other).points[seen->second];
+      if (!point) {
+        point = atlas->AddPoint(atlas->keyframe(keyframe).map, map_from_world * landmarks_[landmark].position,
+                                atlas->keyframe(keyframe).id);
+        EXPECT_TRUE(point.is_valid());
+        landmark_of_point_[atlas->point(point).id] = landmark;
+        atlas->AddObservation(point, other, seen->second);
+      }
+      atlas->AddObservation(point, keyframe, static_cast<std::int32_t>(i));
       atlas->UpdatePoint(point);
     }
   }

@@ -12,6 +12,7 @@
 #include "engine/place/place_recogniser.h"
 #include "engine/tracking/tracker.h"
 #include "hal/forwarding_vision_device.h"
+#include "tests/hal/ticking_clock.h"
 #include "tests/tools/run/scripted_colon.h"
 
 namespace haustra::test {
@@ -55,13 +56,14 @@ class GuardedDevice final : public ForwardingVisionDevice {
 // The parts of an engine, each worked by hand.
 class Parts {
  public:
-  explicit Parts(ScriptedColon& colon)
+  // With a clock: in real-time mode.
+  explicit Parts(ScriptedColon& colon, const Clock* clock = nullptr)
       : colon_(colon),
         config_(colon.config()),
         device(colon.device()),
         link_(config_),
         places(config_, std::pmr::get_default_resource()),
-        mapper(config_, colon.camera(), device, link_, places, nullptr, false, nullptr),
+        mapper(config_, colon.camera(), device, link_, places, clock, clock != nullptr, nullptr),
         recogniser_(config_, colon.camera(), colon.device()),
         tracker_(config_, colon.camera(), device, link_, nullptr, 1.0) {}
 
@@ -78,6 +80,9 @@ class Parts {
   void Map() {
     while (mapper.Step()) {
     }
+    Look();
+  }
+  void Look() {
     if (const PlaceTask* task = places.Asked()) device.Guard(*task);
     for (MapEvent event; mapper.events().TryPop(&event);) events.push_back(event);
     for (LatePose pose; mapper.late_poses().TryPop(&pose);) {
@@ -110,6 +115,7 @@ class Parts {
     return found;
   }
   std::uint64_t num_keyframes() const { return mapper.counters().num_keyframes; }
+  bool has_proposal() { return link_.proposals.Front() != nullptr; }
 
  private:
   ScriptedColon& colon_;
@@ -193,6 +199,46 @@ TEST(MergingThread, MappingGoesOnAndJoinsTheMapsAsTheyAreWhenTheAnswerComes) {
     EXPECT_EQ(parts.results.back().map_id, merged.map_id);
     parts.Map();
     parts.Recognise();
+  }
+}
+
+// A slice of a join is over at every look at the clock; between two of them the tracker's keyframes are taken in.
+TEST(MergingThread, KeyframesAreServedBetweenTheSlicesOfAJoin) {
+  ScriptedColon colon;
+  AddWayBack(colon);
+  colon.config().merging.slice_milliseconds = 1;
+  colon.config().merging.max_milliseconds = 10000;
+  const TickingClock clock;
+  Parts parts(colon, &clock);
+  bool is_recognised = false;
+  while (!is_recognised) {
+    ASSERT_TRUE(parts.TrackNext());
+    parts.Map();
+    is_recognised = parts.Recognise();
+    if (!is_recognised) parts.Map();
+  }
+  const std::uint64_t before = parts.num_keyframes();
+  int num_waiting = 0, longest = 0;  // steps of the mapper while a keyframe waits
+  for (int step = 0; parts.EventsOf(MapEventKind::kMerged).empty(); ++step) {
+    if (step % 6 == 0) {
+      ASSERT_TRUE(parts.TrackNext());
+      ASSERT_EQ(parts.results.back().state, TrackingState::kTracking);
+    }
+    const std::uint64_t num_taken = parts.num_keyframes();
+    const bool is_waiting = parts.has_proposal();
+    ASSERT_TRUE(parts.mapper.Step());
+    parts.Look();
+    num_waiting = is_waiting && parts.num_keyframes() == num_taken ? num_waiting + 1 : 0;
+    longest = std::max(longest, num_waiting);
+    ASSERT_EQ(CheckInvariants(parts.mapper.atlas()).ToString(), "ok");
+  }
+  EXPECT_GE(parts.num_keyframes(), before + 2);
+  EXPECT_LE(longest, 1);
+  const MapId joined = parts.EventsOf(MapEventKind::kMerged)[0].map_id;
+  while (parts.TrackNext()) {
+    EXPECT_EQ(parts.results.back().state, TrackingState::kTracking);
+    EXPECT_EQ(parts.results.back().map_id, joined);
+    parts.Map();
   }
 }
 

@@ -1,0 +1,174 @@
+// Joins in slices of one piece of work each, while mapping goes on between them: keyframes come and go, and bundles
+// move them until the first move. The truth is that of geometry.
+#include <gtest/gtest.h>
+
+#include "engine/atlas/invariants.h"
+#include "engine/mapping/local_bundle.h"
+#include "engine/merging/merger.h"
+#include "tests/engine/merging/known_join.h"
+#include "tests/hal/ticking_clock.h"
+
+namespace haustra::test {
+namespace {
+
+const Sim3 kFirstFromWorld(1.7, ExpSO3({0.1, 0.4, -0.9}), {2.0, 0.5, -3.0});
+const Sim3 kSecondFromWorld(0.6, ExpSO3({-0.2, 0.7, 1.1}), {1.0, 3.0, -2.0});
+
+// A join worked slice by slice.
+class SlicedJoin : public KnownJoin {
+ public:
+  SlicedJoin() : KnownJoin(5, 300) {}
+
+  void Begin() {
+    merger_.emplace(colon.config(), options, noise_, colon.camera(), colon.device(), adjuster_);
+    ASSERT_TRUE(merger_->Begin(plan, atlas).ok());
+  }
+  // False: that was the last one.
+  bool Step() {
+    // Every slice is over as soon as it looks at the clock.
+    const JoinLimits limits{&clock_, TimePoint{}, kNoDeadline};
+    const Result<Merger::Progress> progress = merger_->Step(limits, plan.keyframe_a, &atlas);
+    ++num_slices;
+    EXPECT_TRUE(progress.ok());
+    EXPECT_EQ(CheckInvariants(atlas).ToString(), "ok");
+    return progress.ok() && *progress == Merger::Progress::kMore && !testing::Test::HasFailure();
+  }
+  const MergeOutcome& outcome() const { return merger_->outcome(); }
+  // As the mapper does after a keyframe.
+  void AdjustAround(int i) {
+    LocalBundle bundle(colon.config(), noise_, colon.camera(), adjuster_);
+    ASSERT_TRUE(bundle.Adjust(frame(i).keyframe, {6, true, 4}, {}, &atlas).ok());
+  }
+  void Cull(int i, int stand_in) {
+    colon.device().ReleaseFeatureSet(atlas.RemoveKeyframe(frame(i).keyframe, frame(stand_in).keyframe));
+  }
+
+  // Of the keyframe's points: the median distance from where they are seen.
+  double MedianReprojectionPx(int i) const {
+    const Keyframe& keyframe = atlas.keyframe(frame(i).keyframe);
+    std::vector<double> errors;
+    for (int f = 0; f < keyframe.features.num; ++f) {
+      if (!keyframe.points[f]) continue;
+      Eigen::Vector2d pixel;
+      const bool is_seen =
+          colon.camera().Project(keyframe.cam_from_map * atlas.point(keyframe.points[f]).position, &pixel);
+      errors.push_back(is_seen ? (pixel - keyframe.features.pixel(f)).norm() : 1000.0);
+    }
+    if (errors.size() < 20) return 1000.0;
+    std::nth_element(errors.begin(), errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2), errors.end());
+    return errors[errors.size() / 2];
+  }
+
+  MergingConfig options;
+  int num_slices = 0;
+
+ private:
+  NoiseModel noise_{colon.config().noise};
+  SchurBundleAdjuster adjuster_;
+  TickingClock clock_;
+  std::optional<Merger> merger_;
+};
+
+struct Case {
+  const char* name;
+  int num_older;  // 0: a loop
+  int max_nodes;
+};
+std::ostream& operator<<(std::ostream& out, const Case& c) { return out << c.name; }
+
+class JoinSlices : public testing::TestWithParam<Case> {
+ protected:
+  void Make(SlicedJoin* join) {
+    join->options.graph_max_nodes = GetParam().max_nodes;
+    if (GetParam().num_older == 0) {
+      MakeLoop(LoopShape{}, join);
+    } else {
+      MakeTwoMaps(GetParam().num_older, 24, 0.2, kFirstFromWorld, kSecondFromWorld, join);
+    }
+    // Off by so much that the weld and what follows it have something to move.
+    join->plan.b_from_a.translation +=
+        join->frame(join->frame_b).map_from_world.scale * Eigen::Vector3d(0.06, -0.04, 0.05);
+    ASSERT_GE(join->plan.points.size(), 50u);
+  }
+  // Where a map of known frame stays; a loop has none.
+  void ExpectTruth(const SlicedJoin& join) {
+    const bool is_loop = GetParam().num_older == 0;
+    const Sim3& map_from_world = GetParam().num_older >= 24 ? kFirstFromWorld : kSecondFromWorld;
+    for (int i = 0; i < static_cast<int>(join.colon.frames().size()); ++i) {
+      const Keyframe* keyframe = join.atlas.GetKeyframe(join.frame(i).keyframe);
+      if (keyframe == nullptr) continue;
+      EXPECT_LT(join.MedianReprojectionPx(i), is_loop ? 12.0 : 3.0) << "keyframe " << keyframe->id;
+      if (is_loop) continue;
+      const Eigen::Vector3d truth = map_from_world * join.frame(i).cam_from_world.InverseTranslation();
+      EXPECT_LT((keyframe->cam_from_map.InverseTranslation() - truth).norm() / map_from_world.scale, 0.05)
+          << "keyframe " << keyframe->id;
+    }
+    EXPECT_LT(join.RelativeError(join.frame_a, join.frame_b), 0.03);
+  }
+  int CountSlices() {
+    SlicedJoin join;
+    Make(&join);
+    join.Begin();
+    while (join.Step()) continue;
+    ExpectTruth(join);
+    return join.num_slices;
+  }
+};
+
+TEST_P(JoinSlices, KeyframeThatComesBetweenAnyTwoIsCorrectedAsWell) {
+  const int num_slices = CountSlices();
+  ASSERT_GT(num_slices, 20);
+  // Slices of the preparation are all alike.
+  for (int gap = 1; gap < num_slices; gap += gap + 60 < num_slices ? 9 : 3) {
+    SCOPED_TRACE("after slice " + std::to_string(gap));
+    SlicedJoin join;
+    Make(&join);
+    join.Begin();
+    // At the seam, where the tracker is, or at the other end of what moves.
+    const int beside = gap % 2 == 0 ? join.frame_a : static_cast<int>(join.colon.frames().size()) - 1;
+    int added = -1;
+    while (join.Step()) {
+      if (join.num_slices != gap) continue;
+      added = join.InsertBeside(beside, 0.1);
+      ASSERT_EQ(CheckInvariants(join.atlas).ToString(), "ok");
+    }
+    ASSERT_GE(added, 0);
+    ExpectTruth(join);
+    EXPECT_LT(join.RelativeError(added, beside), 0.03);
+    if (HasFailure()) break;
+  }
+}
+
+TEST_P(JoinSlices, MappingGoesOnBetweenAllOfThem) {
+  SlicedJoin join;
+  Make(&join);
+  join.Begin();
+  // Every few slices a keyframe comes, the bundle moves what is around it, and one far from it is culled.
+  int newest = join.frame_a;
+  int num_added = 0, num_culled = 0;
+  const int num_frames = static_cast<int>(join.colon.frames().size());
+  while (join.Step()) {
+    if (join.num_slices % 7 == 0) {
+      newest = join.InsertBeside(newest, num_added % 2 == 0 ? 0.06 : -0.05);
+      if (!join.outcome().has_moved) join.AdjustAround(newest);
+      ++num_added;
+    }
+    if (join.num_slices % 11 == 0 && num_culled < 5) {
+      const int culled = num_frames - 6 - 3 * num_culled++;
+      if (culled != join.frame_a && culled != join.frame_b) join.Cull(culled, culled + 1);
+    }
+    ASSERT_EQ(CheckInvariants(join.atlas).ToString(), "ok");
+  }
+  EXPECT_GE(num_added, 4);
+  EXPECT_GE(num_culled, 2);
+  ExpectTruth(join);
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, JoinSlices,
+                         testing::Values(Case{"Loop", 0, 256}, Case{"LoopInGroups", 0, 12},
+                                         Case{"YoungerMapMoves", 26, 256}, Case{"OlderMapMoves", 14, 256},
+                                         Case{"MapMovesInGroups", 26, 10}),
+                         [](const auto& tested) { return tested.param.name; });
+
+}  // namespace
+}  // namespace haustra::test

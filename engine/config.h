@@ -19,7 +19,7 @@ struct FeatureConfig {
   int max = 2400;
   // Of them, features of the last frame that show map points and that the detector loses, followed by optical flow
   // [0, 4000]; at most a quarter of max. On living tissue the detector finds a third of its features again in the next
-  // frame, optical flow most of them (tracking/decisions/2026-11-23-features-are-followed.md).
+  // frame, optical flow most of them (kernels/decisions/2026-11-23-features-are-followed.md).
   int max_followed = 400;
   double contrast_threshold = 0.0;  // |DoG| on intensities in [0, 1]; 0: the extractor's own floor [0, 0.2]
   double edge_threshold = 10.0;     // ratio of principal curvatures, Lowe 2004 section 4.1 [2, 50]
@@ -34,6 +34,7 @@ struct FeatureConfig {
   bool finds_overlay = true;
 
   int num_followed() const { return max_followed < max / 4 ? max_followed : max / 4; }
+  int num_detected() const { return max - num_followed(); }
 };
 
 // Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint.

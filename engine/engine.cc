@@ -24,7 +24,7 @@ VisionPlan Engine::PlanFor(const EngineConfig& config, const CameraCalibration& 
 
 ExtractOptions Engine::ExtractOptionsFor(const EngineConfig& config) {
   ExtractOptions options;
-  options.num_features = config.features.max - config.features.num_followed();
+  options.num_features = config.features.num_detected();
   options.contrast_threshold = static_cast<float>(config.features.contrast_threshold);
   options.edge_threshold = static_cast<float>(config.features.edge_threshold);
   options.reflection_threshold = config.features.reflection_threshold;

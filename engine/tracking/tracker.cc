@@ -47,14 +47,14 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto features = static_cast<std::size_t>(max_features);
   const std::size_t views =
       2 * FrameFeatures::BytesFor(max_features) + Initialiser::BytesFor(max_features, config.initialisation.kept_views);
-  // Matches of the last frame, tracked_; the robust estimator and what is compared in the initialiser.
+  // Matches of the last frame, tracked_; the robust estimator, what is compared and last_features_ in the initialiser.
   constexpr std::size_t kOfFeature = sizeof(last_.matches[0]) + sizeof(OverlayWatch::Tracked) +
                                      TwoViewRansac::kBytesPerMatch + sizeof(Match) + sizeof(Eigen::Vector2d) +
-                                     2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double);
-  const std::size_t workspace = features * kOfFeature +
-                                static_cast<std::size_t>(config.features.num_followed()) * sizeof(Keypoint) + OverlayWatch::BytesFor(max_features) +
-                                PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
-                                PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
+                                     2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(Keypoint);
+  const std::size_t workspace =
+      features * kOfFeature + static_cast<std::size_t>(config.features.num_followed()) * sizeof(Keypoint) +
+      OverlayWatch::BytesFor(max_features) + PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
+      PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
   MemoryPlan plan;
   plan.Add(MemoryPlace::kHostArena, "frames of tracking",
            static_cast<std::uint64_t>(3 + config.initialisation.kept_views), views,
@@ -161,7 +161,7 @@ bool Tracker::Extract(const Frame& frame) {
   request.keypoints = current_.features.keypoints;
   request.num_keypoints = &current_.features.num;
   if (has_fewer) {
-    request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.max);
+    request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.num_detected());
     request.min_scale_px = static_cast<float>(config_.scheduler.reduced_min_scale_px);
   } else {
     request.follow = FeaturesToFollow();

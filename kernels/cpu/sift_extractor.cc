@@ -211,8 +211,8 @@ void SiftExtractor::Advance() {
     case Step::kSelect:
       num_points_ = CollectPoints();
       has_levels_ = true;
-      selected_ = selection_.Select({points_.data(), static_cast<std::size_t>(num_points_)}, width_px_, height_px_,
-                                    limit_);
+      selected_ =
+          selection_.Select({points_.data(), static_cast<std::size_t>(num_points_)}, width_px_, height_px_, limit_);
       BeginOrientations();
       step_ = Step::kChoose;
       break;
@@ -416,8 +416,7 @@ void SiftExtractor::BeginToFollow() {
     const int last = std::min((task + 1) * kFollowedPerTask, static_cast<int>(follow_.size()));
     for (int i = task * kFollowedPerTask; i < last; ++i) {
       Followed& followed = followed_[i];
-      followed.is_found =
-          follower_.Follow(levels, follow_[i].x_px, follow_[i].y_px, &followed.x_px, &followed.y_px);
+      followed.is_found = follower_.Follow(levels, follow_[i].x_px, follow_[i].y_px, &followed.x_px, &followed.y_px);
     }
   });
 }

@@ -31,7 +31,8 @@ class SiftExtractor {
   void Prefault();
 
   // The request was checked (request_checks.h); static_mask is empty or of the image's size. What will be written are
-  // keypoints and descriptors of `set`. Forgets an extraction that was not continued to its end, whose loop was dropped.
+  // keypoints and descriptors of `set`. Forgets an extraction that was not continued to its end, whose loop was
+  // dropped.
   void Begin(const ExtractRequest& request, const ImageView& static_mask, FeatureSet& set);
   // True when the extraction is done. False when the deadline is over before; then it can be continued. The deadline is
   // looked at about once a millisecond.

@@ -422,7 +422,7 @@ void Describe(const Plane& level, const PatchFrame& frame, bool root_sift, std::
   Quantise(reinterpret_cast<const float*>(cells[1]), root_sift, descriptor);
 }
 
-constexpr SiftKernels kKernels = {UpsampleRows, ConvertRows,      BlurRows, DecimateRows,
+constexpr SiftKernels kKernels = {UpsampleRows, ConvertRows,      BlurRows,   DecimateRows,
                                   FindExtrema,  FindOrientations, AlignPatch, Describe};
 
 }  // namespace

@@ -210,8 +210,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
       case FeatureSetSlots::WriteClaim::kWrittenBefore:
         return FailedPrecondition("feature set to write was written before; a set is written once");
     }
-    Status status = 
-        state.extractor->Enqueue(request.image, request.set.index, request.max_features, request.follow);
+    Status status = state.extractor->Enqueue(request.image, request.set.index, request.max_features, request.follow);
     if (status.ok()) status = ToStatus(cudaEventRecord(state.extraction.done, state.stream), "event");
     if (!status.ok()) {
       slots_.AbandonWrite(request.set);

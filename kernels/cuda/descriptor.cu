@@ -17,9 +17,8 @@ constexpr int kRanksPerThread = kRanksPerChunk / kThreads;
 static_assert(kRanksPerThread == 16);
 
 struct Scratch {
-  alignas(16) std::int32_t
-      histograms[kWarps][kDescriptorBytes];  // descriptor.cuh
-  int sums[kWarps];                          // of the warps
+  alignas(16) std::int32_t histograms[kWarps][kDescriptorBytes];  // descriptor.cuh
+  int sums[kWarps];                                               // of the warps
   int num_kept[kWarps];
   int num_before[kWarps][kWarps];                      // of each feature, by warp
   alignas(16) std::uint32_t kept[kRanksPerChunk / 4];  // angles within the limit, a byte a rank
@@ -190,9 +189,10 @@ __device__ void WriteFeature(const ScaleSpaceLayout& layout, const ExtractBuffer
     sets.keypoints[row] = keypoint;
     output.keypoints[place] = keypoint;
   }
-  WriteDescriptor(sets, row,
-                  Describe(buffers.planes + octave.first_value + (key.level + kDescriptorLevelOffset) * octave.plane_size,
-                           octave, point, angle, root_sift, histogram));
+  WriteDescriptor(
+      sets, row,
+      Describe(buffers.planes + octave.first_value + (key.level + kDescriptorLevelOffset) * octave.plane_size, octave,
+               point, angle, root_sift, histogram));
 }
 
 __global__ void __launch_bounds__(kThreads, 5)

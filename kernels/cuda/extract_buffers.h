@@ -168,7 +168,7 @@ struct ExtractBuffers {
   // By rank, num_features rounded up to kRanksPerChunk; counts beyond the selected points are 0.
   SelectedPoint* selected = nullptr;
   std::uint8_t* angle_counts = nullptr;
-  std::uint64_t* places = nullptr;  // octave, y, x (cut short): almost the order of the output
+  std::uint64_t* places = nullptr;       // octave, y, x (cut short): almost the order of the output
   std::uint16_t* kept_levels = nullptr;  // of the last picture: level 0 of the octaves from 0 on, kFlowLevels at most
   FollowedPoint* followed = nullptr;
   // Angles after the first of a point, in any order: rank << kFurtherShift | number of the angle.

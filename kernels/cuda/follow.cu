@@ -32,13 +32,13 @@ __device__ __forceinline__ LanePatch SamplePatch(const Level& level, float x, fl
   const float u = left - static_cast<float>(first_x), v = top - static_cast<float>(first_y);
   const float a = (1.0f - u) * (1.0f - v), b = u * (1.0f - v), c = (1.0f - u) * v, d = u * v;
   const int lane = threadIdx.x % 32;
-  const PlaneValue* at = level.values + static_cast<std::ptrdiff_t>(first_y + lane / 16) * level.stride + first_x +
-                         lane % 16;
+  const PlaneValue* at =
+      level.values + static_cast<std::ptrdiff_t>(first_y + lane / 16) * level.stride + first_x + lane % 16;
   LanePatch patch;
 #pragma unroll
   for (int k = 0; k < kPixelsPerLane; ++k, at += 2 * level.stride) {
-    patch.values[k] = a * ToCounts(at[0]) + b * ToCounts(at[1]) + c * ToCounts(at[level.stride]) +
-                      d * ToCounts(at[level.stride + 1]);
+    patch.values[k] =
+        a * ToCounts(at[0]) + b * ToCounts(at[1]) + c * ToCounts(at[level.stride]) + d * ToCounts(at[level.stride + 1]);
   }
   return patch;
 }
@@ -171,11 +171,11 @@ __global__ void __launch_bounds__(kThreads)
   Keypoint keypoint = features[i];
   const float x = keypoint.x_px, y = keypoint.y_px;
   float back_x = 0.0f, back_y = 0.0f;
-  bool is_new = FollowThrough(levels.kept, levels.now, levels.num, x, y, &keypoint.x_px, &keypoint.y_px) >=
-                    kFlowMinCorrelation &&
-                FollowThrough(levels.now, levels.kept, levels.num, keypoint.x_px, keypoint.y_px, &back_x, &back_y) >=
-                    kFlowMinCorrelation &&
-                hypotf(back_x - x, back_y - y) <= kFlowMaxReturnPx;
+  bool is_new =
+      FollowThrough(levels.kept, levels.now, levels.num, x, y, &keypoint.x_px, &keypoint.y_px) >= kFlowMinCorrelation &&
+      FollowThrough(levels.now, levels.kept, levels.num, keypoint.x_px, keypoint.y_px, &back_x, &back_y) >=
+          kFlowMinCorrelation &&
+      hypotf(back_x - x, back_y - y) <= kFlowMaxReturnPx;
   if (is_new) {
     const int slot = keypoint.octave - kFirstOctave;
     const OctaveLayout& octave = layout.octaves[slot];

@@ -17,6 +17,7 @@
 #include <numeric>
 #include <ostream>
 #include <random>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -73,13 +74,14 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
 
   // Extracts into a set of its own, which stays.
   static HostFeatures Extract(VisionDevice& device, const ImageView& image, FeatureSetHandle* handle = nullptr,
-                              Lane lane = Lane::kTracking, int max_features = 0, float min_scale_px = 0.0f) {
+                              Lane lane = Lane::kTracking, int max_features = 0, float min_scale_px = 0.0f,
+                              std::span<const Keypoint> follow = {}) {
     const FeatureSetHandle set = NewSet(device);
     HostFeatures features;
     features.keypoints.resize(device.plan().max_features);
     std::int32_t count = -1;
     const Status status =
-        ExtractAndWait(device, lane, {image, set, features.keypoints, &count, max_features, min_scale_px});
+        ExtractAndWait(device, lane, {image, set, features.keypoints, &count, max_features, min_scale_px, follow});
     EXPECT_TRUE(status.ok()) << status.ToString();
     features.keypoints.resize(std::max(count, 0));
     features.descriptors.resize(features.keypoints.size() * kDescriptorBytes);
@@ -90,6 +92,12 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
       device.ReleaseFeatureSet(set);
     }
     return features;
+  }
+
+  // `last`: of the picture that was extracted before.
+  static HostFeatures Follow(VisionDevice& device, const Picture& picture, std::span<const Keypoint> last,
+                             int max_detected) {
+    return Extract(device, picture.view(), nullptr, Lane::kTracking, max_detected, 0.0f, last);
   }
 
   static FeatureSetHandle Write(VisionDevice& device, const HostFeatures& features) {
@@ -694,6 +702,111 @@ TEST_P(VisionDeviceContract, ExtractWithoutFineScalesFindsTheOthersAsBefore) {
     EXPECT_GE(num_found, 0.95 * num_wanted) << min_scale_px;
   }
   EXPECT_EQ(Extract(*device, picture.view()).descriptors, all.descriptors) << "not for the next request";
+}
+
+TEST_P(VisionDeviceContract, FollowFindsFeaturesWhereTheSceneHasMovedThem) {
+  VisionPlan plan = SmallPlan();
+  ExtractOptions options = SmallOptions();
+  options.num_features = 200;
+  const auto device = Create(plan, options);
+  const std::vector<Blob> blobs = RandomBlobs(900, kWidth, kHeight, 40.0, 45.0, 7);
+  // Moved, turned a little, and in a dimmer light.
+  ViewOfScene moved;
+  moved.angle_rad = 0.02;
+  moved.picture_x = 6.3;
+  moved.picture_y = -4.6;
+  Picture now = Render(blobs, kWidth, kHeight, 120.0, moved);
+  for (std::uint8_t& pixel : now.pixels) pixel = static_cast<std::uint8_t>(10 + pixel * 7 / 10);
+
+  const HostFeatures last = Extract(*device, Render(blobs, kWidth, kHeight, 120.0).view());
+  const std::vector<Keypoint>& before = last.keypoints;
+  ASSERT_GT(before.size(), 150u);
+  // Detection is to find one.
+  const HostFeatures current = Follow(*device, now, before, 1);
+  const std::vector<Keypoint>& found = current.keypoints;
+  int num_inside = 0, num_followed = 0;
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    double x = 0.0, y = 0.0;
+    moved.Map(before[i].x_px, before[i].y_px, &x, &y);
+    if (x < 30.0 || y < 30.0 || x > kWidth - 30.0 || y > kHeight - 30.0) continue;
+    ++num_inside;
+    for (std::size_t k = 1; k < found.size(); ++k) {
+      if (found[k].scale_px != before[i].scale_px || found[k].angle_rad != before[i].angle_rad ||
+          found[k].octave != before[i].octave || found[k].response != before[i].response) {
+        continue;
+      }
+      ++num_followed;
+      errors.push_back(std::hypot(found[k].x_px - x, found[k].y_px - y));
+      EXPECT_GT(Similarity(last.descriptor(static_cast<int>(i)), current.descriptor(static_cast<int>(k))), 0.9);
+      break;
+    }
+  }
+  ASSERT_GT(num_inside, 80);
+  EXPECT_GT(num_followed, 0.8 * num_inside);
+  ASSERT_FALSE(errors.empty());
+  std::sort(errors.begin(), errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.1);
+  EXPECT_LT(errors[errors.size() * 95 / 100], 0.6);
+}
+
+TEST_P(VisionDeviceContract, FollowLeavesOutWhatDetectionHasFoundAndWhatIsGone) {
+  VisionPlan plan = SmallPlan();
+  ExtractOptions options = SmallOptions();
+  options.num_features = 250;
+  const auto device = Create(plan, options);
+  const Picture picture = Render(RandomBlobs(250, kWidth, kHeight, 20.0, 45.0, 7), kWidth, kHeight, 120.0);
+  const Picture other = Render(RandomBlobs(900, kWidth, kHeight, 20.0, 45.0, 8), kWidth, kHeight, 120.0);
+  const std::vector<Keypoint> before = Extract(*device, picture.view()).keypoints;
+  ASSERT_GT(before.size(), 100u);
+  // The same picture again: all are detected.
+  EXPECT_EQ(Follow(*device, picture, before, 0).keypoints.size(), before.size());
+  // Another scene: a feature may look like what happens to be in its place, few do.
+  EXPECT_LT(Follow(*device, other, before, 1).keypoints.size(), 1 + before.size() / 20);
+  // After a picture of another size nothing is known.
+  const Picture small = Render({{60.0, 60.0, 3.0, 60.0}}, kWidth / 2, kHeight / 2, 120.0);
+  (void)Extract(*device, small.view());
+  EXPECT_EQ(Follow(*device, picture, before, 1).keypoints.size(), 1u);
+}
+
+TEST_P(VisionDeviceContract, FollowStopsWhereTheSetIsFullAndRepeatsToTheBit) {
+  VisionPlan plan = SmallPlan();
+  plan.max_features = 120;
+  ExtractOptions options = SmallOptions();
+  options.num_features = 100;
+  const auto device = Create(plan, options);
+  const Picture picture = Texture(3);
+  const std::vector<Keypoint> before = Extract(*device, picture.view()).keypoints;
+  ASSERT_EQ(before.size(), 100u);
+  const HostFeatures once = Follow(*device, picture, before, 10);
+  EXPECT_GT(once.keypoints.size(), 60u);
+  std::vector<Keypoint> many = before;
+  many.insert(many.end(), before.begin(), before.begin() + 20);
+  EXPECT_LE(Follow(*device, picture, many, 50).keypoints.size(), 120u);
+  EXPECT_EQ(Follow(*device, picture, before, 10).descriptors, once.descriptors);
+}
+
+TEST_P(VisionDeviceContract, FollowRefusesFeaturesOutsideThePicture) {
+  const auto device = Create();
+  std::vector<Keypoint> keypoints(device->plan().max_features);
+  std::int32_t count = 0;
+  const Picture picture = Texture(3);
+  const Keypoint good{100.0f, 80.0f, 2.0f, 0.0f, 0.1f, 0};
+  Keypoint left = good, nan = good, coarse = good, flat = good;
+  left.x_px = -1.0f;
+  nan.y_px = std::numeric_limits<float>::quiet_NaN();
+  coarse.octave = 9;
+  flat.scale_px = 0.0f;
+  const FeatureSetHandle set = NewSet(*device);
+  for (const Keypoint& bad : {left, nan, coarse, flat}) {
+    ExtractRequest request{picture.view(), set, keypoints, &count};
+    request.follow = {&bad, 1};
+    EXPECT_EQ(device->EnqueueExtract(Lane::kTracking, request).status().code(), StatusCode::kInvalidArgument);
+  }
+  const std::vector<Keypoint> too_many(static_cast<std::size_t>(device->plan().max_features) + 1, good);
+  ExtractRequest request{picture.view(), set, keypoints, &count};
+  request.follow = too_many;
+  EXPECT_EQ(device->EnqueueExtract(Lane::kTracking, request).status().code(), StatusCode::kInvalidArgument);
 }
 
 TEST_P(VisionDeviceContract, ExtractOverTheLimitSpreadsOverTheImage) {

@@ -6,13 +6,15 @@
 // Read:
 //   settings   `Camera.type: KannalaBrandt8` or `PinHole`, Camera.fx fy cx cy, Camera.k1 k2 k3 k4 (PinHole: k1 k2 p1 p2
 //   [k3],
-//              or none of them), Camera.width, Camera.height, [Camera.fps], [Camera.RGB]
+//              or none of them), Camera.width, Camera.height, [Camera.fps], [Camera.RGB],
+//              [Camera.focal_guess_sigma]
 //   haustra    our own, the only one that holds all three models:
 //                  model: pinhole | kannala_brandt | ocamcalib
 //                  width_px: 1350
 //                  height_px: 1080
 //                  rate_hz: 29.97            # optional
 //                  max_half_angle_deg: 85    # optional: do not use the model beyond
+//                  focal_guess_sigma: 0.15   # optional: fx is a guess, with this relative standard deviation
 //                  intrinsics: {fx: , fy: , cx: , cy: }        # ocamcalib: {cx: , cy: }
 //                  coefficients: {k1: , k2: , k3: , k4: }      # pinhole: k1 k2 p1 p2 [k3]; ocamcalib: a0 a2 a3 a4 c d
 //                  e

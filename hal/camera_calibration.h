@@ -22,6 +22,7 @@ struct CameraCalibration {
   std::array<double, 8> coefficients{};
   double rate_hz = 0.0;           // 0: unknown
   double max_half_angle_deg = 0;  // 0: as far as the model is monotonic
+  double focal_guess_sigma = 0;   // the focal length is a guess, with this relative standard deviation; 0: it is not
 };
 
 // The calibration of the image halved by averaging 2x2 pixels: x' = (x + 0.5) / 2 - 0.5; focal lengths and, for

@@ -37,6 +37,7 @@ std::string SettingsText(const CameraCalibration& calibration) {
   line("height", std::to_string(calibration.height_px));
   if (calibration.rate_hz > 0.0) line("fps", FormatDouble(calibration.rate_hz));
   line("RGB", "1");
+  if (calibration.focal_guess_sigma > 0.0) line("focal_guess_sigma", FormatDouble(calibration.focal_guess_sigma));
   return text;
 }
 
@@ -57,6 +58,9 @@ std::string HaustraText(const CameraCalibration& calibration) {
   if (calibration.rate_hz > 0.0) text += "rate_hz: " + FormatDouble(calibration.rate_hz) + "\n";
   if (calibration.max_half_angle_deg > 0.0) {
     text += "max_half_angle_deg: " + FormatDouble(calibration.max_half_angle_deg) + "\n";
+  }
+  if (calibration.focal_guess_sigma > 0.0) {
+    text += "focal_guess_sigma: " + FormatDouble(calibration.focal_guess_sigma) + "\n";
   }
   text += "intrinsics:\n";
   if (calibration.kind != CameraModelKind::kOcamCalib) {

@@ -26,6 +26,7 @@ Result<std::array<double, 16>> ReadEurocBodyFromCam(const YamlMap& file);
 inline constexpr int kMinImageSidePx = 16;
 inline constexpr int kMaxImageSidePx = 16384;
 inline constexpr double kMaxRateHz = 10000.0;
+inline constexpr double kMaxFocalGuessSigma = 1.0;  // farther off is no guess
 
 // What holds for every calibration: sizes, focal lengths, principal point inside the image, finite coefficients.
 // `where` turns a field name (width_px, fx, cx, ...) into the place that the message begins with.

@@ -44,8 +44,8 @@ double* Intrinsic(std::string_view name, CameraCalibration* calibration) {
 }  // namespace
 
 Result<CameraCalibration> ReadHaustraFormat(const YamlMap& file) {
-  HAUSTRA_TRY(file.RequireKnown(
-      {"model", "width_px", "height_px", "rate_hz", "max_half_angle_deg", "intrinsics", "coefficients"}));
+  HAUSTRA_TRY(file.RequireKnown({"model", "width_px", "height_px", "rate_hz", "max_half_angle_deg", "focal_guess_sigma",
+                                 "intrinsics", "coefficients"}));
   HAUSTRA_ASSIGN(const ModelKeys* model, FindModel(file));
 
   CameraCalibration calibration;
@@ -59,6 +59,9 @@ Result<CameraCalibration> ReadHaustraFormat(const YamlMap& file) {
   }
   if (file.Has("max_half_angle_deg")) {
     HAUSTRA_ASSIGN(calibration.max_half_angle_deg, file.Number("max_half_angle_deg"));
+  }
+  if (file.Has("focal_guess_sigma")) {
+    HAUSTRA_ASSIGN(calibration.focal_guess_sigma, file.Number("focal_guess_sigma"));
   }
 
   HAUSTRA_ASSIGN(const YamlMap intrinsics, file.Map("intrinsics"));

@@ -26,9 +26,10 @@ Status ReadCoefficients(const YamlMap& file, const std::vector<std::string_view>
 }  // namespace
 
 Result<CameraCalibration> ReadSettingsFormat(const YamlMap& file) {
-  std::vector<std::string_view> known = {"Camera.type", "Camera.fx",    "Camera.fy",     "Camera.cx",  "Camera.cy",
-                                         "Camera.k1",   "Camera.k2",    "Camera.k3",     "Camera.k4",  "Camera.p1",
-                                         "Camera.p2",   "Camera.width", "Camera.height", "Camera.fps", "Camera.RGB"};
+  std::vector<std::string_view> known = {"Camera.type",   "Camera.fx",  "Camera.fy",  "Camera.cx",
+                                         "Camera.cy",     "Camera.k1",  "Camera.k2",  "Camera.k3",
+                                         "Camera.k4",     "Camera.p1",  "Camera.p2",  "Camera.width",
+                                         "Camera.height", "Camera.fps", "Camera.RGB", "Camera.focal_guess_sigma"};
   HAUSTRA_TRY(file.RequireKnown(known));
   HAUSTRA_ASSIGN(const std::string type, file.Text("Camera.type"));
 
@@ -63,6 +64,9 @@ Result<CameraCalibration> ReadSettingsFormat(const YamlMap& file) {
   HAUSTRA_ASSIGN(calibration.cy, file.Number("Camera.cy"));
   if (file.Has("Camera.fps")) {
     HAUSTRA_ASSIGN(calibration.rate_hz, file.Number("Camera.fps"));
+  }
+  if (file.Has("Camera.focal_guess_sigma")) {
+    HAUSTRA_ASSIGN(calibration.focal_guess_sigma, file.Number("Camera.focal_guess_sigma"));
   }
   if (file.Has("Camera.RGB")) {
     // The order of the channels in the maker's memory; image files say theirs themselves.

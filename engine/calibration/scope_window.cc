@@ -8,6 +8,8 @@ namespace {
 constexpr int kStep = 2;
 constexpr int kBright = 40;         // grey value that the surround, compressed or not, does not reach
 constexpr double kMinShare = 0.15;  // of a row or column that must have been bright: letters beside the window are less
+constexpr double kCornerShare = 0.06;  // side of the square that is looked at, share of the shorter side
+constexpr int kMinDarkCorners = 3;     // text may stand in the fourth
 
 int GreyAt(const ImageView& image, int x, int y) {
   const std::uint8_t* row = image.row(y);
@@ -21,8 +23,31 @@ int GreyAt(const ImageView& image, int x, int y) {
   return row[x];
 }
 
-ScopeWindow WindowOf(int left, int right, int top, int bottom) {
-  return {0.5 * (left + right), 0.5 * (top + bottom), right - left + 1.0, bottom - top + 1.0};
+// Inclusive bounds.
+struct Bounds {
+  int left = 0, right = 0, top = 0, bottom = 0;
+};
+
+ScopeWindow WindowOf(const Bounds& b) {
+  return {0.5 * (b.left + b.right), 0.5 * (b.top + b.bottom), b.right - b.left + 1.0, b.bottom - b.top + 1.0, false};
+}
+
+// `is_bright(x, y)` within the bounds.
+template <typename IsBright>
+bool IsCut(const Bounds& b, const IsBright& is_bright) {
+  const int side = static_cast<int>(kCornerShare * (1 + std::min(b.right - b.left, b.bottom - b.top)));
+  if (side < 1) return false;
+  int num_dark = 0;
+  for (const int left : {b.left, b.right - side + 1}) {
+    for (const int top : {b.top, b.bottom - side + 1}) {
+      int num_bright = 0;
+      for (int y = top; y < top + side; ++y) {
+        for (int x = left; x < left + side; ++x) num_bright += is_bright(x, y);
+      }
+      num_dark += 2 * num_bright < side * side;
+    }
+  }
+  return num_dark >= kMinDarkCorners;
 }
 
 }  // namespace
@@ -67,10 +92,15 @@ ScopeWindow ScopeWindowFinder::Find() const {
   };
   int left = 0, right = 0, top = 0, bottom = 0;
   if (!ends(in_column, num_rows_, &left, &right) || !ends(in_row, num_columns_, &top, &bottom)) {
-    return WindowOf(0, width_px_ - 1, 0, height_px_ - 1);
+    return WindowOf({0, width_px_ - 1, 0, height_px_ - 1});
   }
-  return WindowOf(kStep * left, std::min(width_px_ - 1, kStep * right + kStep - 1), kStep * top,
-                  std::min(height_px_ - 1, kStep * bottom + kStep - 1));
+  ScopeWindow window = WindowOf({kStep * left, std::min(width_px_ - 1, kStep * right + kStep - 1), kStep * top,
+                                 std::min(height_px_ - 1, kStep * bottom + kStep - 1)});
+  window.is_cut = IsCut({left, right, top, bottom}, [this](int x, int y) {
+    return brightest_[static_cast<std::size_t>(y) * static_cast<std::size_t>(num_columns_) +
+                      static_cast<std::size_t>(x)] >= kBright;
+  });
+  return window;
 }
 
 ScopeWindow ScopeWindowFinder::OfMask(const ImageView& mask, int width_px, int height_px) {
@@ -86,8 +116,10 @@ ScopeWindow ScopeWindowFinder::OfMask(const ImageView& mask, int width_px, int h
       }
     }
   }
-  if (right < 0) return WindowOf(0, width_px - 1, 0, height_px - 1);
-  return WindowOf(left, right, top, bottom);
+  if (right < 0) return WindowOf({0, width_px - 1, 0, height_px - 1});
+  ScopeWindow window = WindowOf({left, right, top, bottom});
+  window.is_cut = IsCut({left, right, top, bottom}, [&mask](int x, int y) { return mask.row(y)[x] >= 128; });
+  return window;
 }
 
 }  // namespace haustra::calibration

@@ -1,5 +1,6 @@
 // The part of the picture that the scope's window fills: what was bright at any time, or what a mask says. Its centre
-// is where the optical axis is looked for, its width the measure of the focal length. thread-bound(its owner).
+// is where the optical axis is looked for, its width the measure of the focal length, its shape a sign of the scope.
+// thread-bound(its owner).
 #pragma once
 
 #include <cstdint>
@@ -13,6 +14,8 @@ struct ScopeWindow {
   // Of the smallest upright rectangle around it; pixel centres at integers.
   double centre_x_px = 0.0, centre_y_px = 0.0;
   double width_px = 0.0, height_px = 0.0;
+  // At least three corners of the rectangle are dark: the round or cut-corner window of an endoscope, seen whole.
+  bool is_cut = false;
 };
 
 class ScopeWindowFinder {

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <numeric>
 #include <string>
+#include <utility>
 
 #include "engine/calibration/window_spread.h"
 
@@ -30,8 +31,10 @@ constexpr int kNumSplits = 3;
 constexpr double kOutlierNoises = 4.0;
 constexpr std::size_t kMinPointsOfWindow = 30;
 constexpr double kMinStrain = 0.0005, kMaxStrain = 0.05;
-constexpr double kMaxCentreSigmas = 2.0;  // of the prior
-constexpr int kCoverageCells = 10;        // along each side
+constexpr double kMaxCentreSigmas = 3.0;  // of the prior
+// Clips that are refused are farther off than their parts differ by.
+constexpr double kRefusedDoubt = 1.5;
+constexpr int kCoverageCells = 10;  // along each side
 constexpr int kMinInCell = 10;
 
 template <typename... Numbers>
@@ -55,15 +58,23 @@ double Score(const Intrinsics& intrinsics, const std::vector<AdjustedWindow>& wi
   return score;
 }
 
+IntrinsicPrior PriorOf(const ScopeWindow& scope, const SelfCalibrationOptions& options) {
+  IntrinsicPrior prior;
+  prior.mean.focal_px = (scope.is_cut ? options.cut_focal_per_width : options.focal_per_width) * scope.width_px;
+  prior.mean.cx = scope.centre_x_px;
+  prior.mean.cy = scope.centre_y_px;
+  prior.mean.k1 = scope.is_cut ? options.cut_k1 : options.k1;
+  prior.mean.k2 = prior.k2_per_k1_squared * prior.mean.k1 * prior.mean.k1;
+  const double centre = options.centre_sigma * scope.width_px;
+  prior.sigma << (scope.is_cut ? options.cut_log_focal_sigma : options.log_focal_sigma), centre, centre,
+      options.k1_sigma, options.k2_sigma;
+  return prior;
+}
+
 class Estimator {
  public:
   Estimator(std::span<const FeatureWindow> windows, const ScopeWindow& scope, const SelfCalibrationOptions& options)
-      : input_(windows), scope_(scope), options_(options) {
-    prior_.mean.focal_px = options.focal_per_width * scope.width_px;
-    prior_.mean.cx = scope.centre_x_px;
-    prior_.mean.cy = scope.centre_y_px;
-    const double centre = options.centre_sigma * scope.width_px;
-    prior_.sigma << options.log_focal_sigma, centre, centre, options.k1_sigma, options.k2_sigma;
+      : input_(windows), scope_(scope), options_(options), prior_(PriorOf(scope, options)) {
     order_.resize(windows.size());
     std::iota(order_.begin(), order_.end(), std::size_t{0});
     std::stable_sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
@@ -74,22 +85,32 @@ class Estimator {
     }
   }
 
+  // Refused when the windows do not even give a guess.
   Result<CalibrationEstimate> Run() {
     if (static_cast<int>(order_.size()) < options_.min_windows) return TooFew(order_.size());
-    HAUSTRA_ASSIGN(const Intrinsics first, Search());
-    intrinsics_ = first;
+    HAUSTRA_ASSIGN(const Found found, Search());
+    intrinsics_ = found.intrinsics;
     for (int round = 0; round < kRounds; ++round) {
       Rebuild(round == 0 ? 2.5 : 2.0, order_);
       if (static_cast<int>(windows_.size()) < options_.min_windows) return TooFew(windows_.size());
       Refine();
     }
     HAUSTRA_ASSIGN(CalibrationEstimate estimate, Measure());
-    estimate.sigma = SpreadOf(prior_, intrinsics_, windows_).cwiseMax(SpreadOfHalves(first));
-    HAUSTRA_TRY(Judge(estimate));
+    const std::vector<AdjustedWindow> all = windows_;
+    estimate.sigma = SpreadOf(prior_, intrinsics_, windows_).cwiseMax(SpreadOfHalves(found.intrinsics));
+    estimate.sigma[kLogFocal] = std::max(estimate.sigma[kLogFocal], found.rival_distance);
+    estimate.verdict = found.verdict.ok() ? Judge(estimate) : found.verdict;
+    if (!estimate.verdict.ok()) Guess(all, &estimate);
     return estimate;
   }
 
  private:
+  struct Found {
+    Intrinsics intrinsics;
+    double rival_distance = 0.0;  // of the logarithms, to a focal length that explains the clip about as well
+    Status verdict;
+  };
+
   Status TooFew(std::size_t count) const {
     return FailedPrecondition(
         Text("only %zu pieces of the clip can be reconstructed, %d are needed: the scope hardly "
@@ -110,7 +131,7 @@ class Estimator {
 
   // Each first guess is carried through on some windows; the best fit wins. Others that fit nearly as well must lead to
   // the same focal length when all windows are adjusted.
-  Result<Intrinsics> Search() {
+  Result<Found> Search() {
     std::array<double, kFirstFocals.size()> scores{};
     std::array<Intrinsics, kFirstFocals.size()> found;
     const std::span<const std::size_t> some = std::span(order_).first(std::min(kNumSearchWindows, order_.size()));
@@ -133,12 +154,12 @@ class Estimator {
       if (scores[i] < kRivalScore * scores[best] || std::abs(distance) < kRivalDistance) continue;
       const double focal = RefinedFocal(found[best]), rival = RefinedFocal(found[i]);
       if (std::abs(std::log(rival / focal)) < kRivalAgreement) continue;
-      return FailedPrecondition(
-          Text("focal lengths of %.0f and %.0f px explain the clip about equally well; the scope "
-               "must turn and move in front of walls near and far",
-               focal, rival));
+      return Found{found[best], std::abs(std::log(rival / focal)),
+                   FailedPrecondition(Text("focal lengths of %.0f and %.0f px explain the clip about equally well; the "
+                                           "scope must turn and move in front of walls near and far",
+                                           focal, rival))};
     }
-    return found[best];
+    return Found{found[best], 0.0, Status::Ok()};
   }
 
   double RefinedFocal(const Intrinsics& from) {
@@ -208,6 +229,27 @@ class Estimator {
     return Status::Ok();
   }
 
+  // The clip and what is usual, together: the information of the clip counts as little as its parts differ. One step
+  // from where both were last in balance, along the valley of focal length and distortion.
+  void Guess(const std::vector<AdjustedWindow>& windows, CalibrationEstimate* estimate) const {
+    IntrinsicMatrix clip = IntrinsicMatrix::Zero(), usual = IntrinsicMatrix::Zero();
+    IntrinsicVector of_clip = IntrinsicVector::Zero(), of_usual = IntrinsicVector::Zero();
+    for (const AdjustedWindow& w : windows) {
+      clip += w.information;
+      of_clip += w.gradient;
+    }
+    prior_.AddTo(intrinsics_, &usual, &of_usual);
+    const IntrinsicVector formal = IntrinsicMatrix(clip + usual).inverse().diagonal();
+    double excess = 1.0;  // of the variance
+    for (const int i : {kLogFocal, kCx, kCy}) {
+      excess = std::max(excess, estimate->sigma[i] * estimate->sigma[i] / std::max(1e-12, formal[i]));
+    }
+    const double share = 1.0 / (kRefusedDoubt * kRefusedDoubt * excess);
+    const IntrinsicMatrix both = share * clip + usual;
+    estimate->intrinsics = intrinsics_.Plus(-both.ldlt().solve(share * of_clip + of_usual));
+    estimate->sigma = both.inverse().diagonal().cwiseMax(0.0).cwiseSqrt();
+  }
+
   // Everything but the spread.
   Result<CalibrationEstimate> Measure() const {
     CalibrationEstimate estimate;
@@ -249,9 +291,19 @@ class Estimator {
 
 }  // namespace
 
-Result<CalibrationEstimate> EstimateIntrinsics(std::span<const FeatureWindow> windows, const ScopeWindow& scope,
-                                               const SelfCalibrationOptions& options) {
-  return Estimator(windows, scope, options).Run();
+CalibrationEstimate EstimateIntrinsics(std::span<const FeatureWindow> windows, const ScopeWindow& scope,
+                                       const SelfCalibrationOptions& options) {
+  Result<CalibrationEstimate> estimate = Estimator(windows, scope, options).Run();
+  return estimate.ok() ? std::move(estimate).value() : UsualIntrinsics(scope, options, estimate.status());
+}
+
+CalibrationEstimate UsualIntrinsics(const ScopeWindow& scope, const SelfCalibrationOptions& options, Status why) {
+  const IntrinsicPrior prior = PriorOf(scope, options);
+  CalibrationEstimate estimate;
+  estimate.verdict = std::move(why);
+  estimate.intrinsics = prior.mean;
+  estimate.sigma = prior.sigma;
+  return estimate;
 }
 
 }  // namespace haustra::calibration

@@ -367,6 +367,7 @@ TEST_F(CalibrationReaderTest, WrittenCalibrationReadsBackTheSame) {
     original->fx *= 1.0 / 3.0;  // takes all digits
     for (const double max_half_angle_deg : {0.0, 80.1}) {
       original->max_half_angle_deg = max_half_angle_deg;
+      original->focal_guess_sigma = max_half_angle_deg / 1000.0;
       const Status written = WriteCalibration(folder_.Path("written.yaml"), *original);
       ASSERT_TRUE(written.ok()) << written.ToString();
       const Result<CameraCalibration> read = ReadCalibration(folder_.Path("written.yaml"));
@@ -383,8 +384,21 @@ TEST_F(CalibrationReaderTest, WrittenCalibrationReadsBackTheSame) {
       EXPECT_EQ(read->coefficients, original->coefficients);
       EXPECT_EQ(read->rate_hz, original->rate_hz);
       EXPECT_EQ(read->max_half_angle_deg, original->max_half_angle_deg);
+      EXPECT_EQ(read->focal_guess_sigma, original->focal_guess_sigma);
     }
   }
+}
+
+// In the settings format, which most cameras are written in.
+TEST_F(CalibrationReaderTest, AGuessedFocalLengthSaysSoInTheFile) {
+  CameraCalibration calibration = ReadText(kSmallCalibration).value();
+  calibration.focal_guess_sigma = 0.15;
+  ASSERT_TRUE(WriteCalibration(folder_.Path("guess.yaml"), calibration).ok());
+  const Result<CameraCalibration> read = ReadCalibration(folder_.Path("guess.yaml"));
+  ASSERT_TRUE(read.ok()) << read.status().ToString();
+  EXPECT_EQ(read->focal_guess_sigma, 0.15);
+  calibration.focal_guess_sigma = 2.0;
+  EXPECT_EQ(WriteCalibration(folder_.Path("none.yaml"), calibration).code(), StatusCode::kInvalidArgument);
 }
 
 TEST_F(CalibrationReaderTest, CalibrationThatCouldNotBeReadBackIsNotWritten) {

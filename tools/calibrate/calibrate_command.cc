@@ -48,6 +48,12 @@ int RunCalibrate(CalibrateArguments arguments) {
   const Result<ClipCalibration> result = CalibrateFromClip(request);
   line.Leave();
   if (!result.ok()) return console::Fail(kCalibrateCommand, result.status());
+  if (const Status& verdict = result->estimate.verdict; !verdict.ok()) {
+    return console::Fail(kCalibrateCommand,
+                         Status(verdict.code(), request.sequence + ": " + verdict.message() +
+                                                    ".\n'haustra run' goes on with a guess and says so: " +
+                                                    GuessText(result->calibration)));
+  }
   if (const Status status = WriteCalibration(arguments.out, result->calibration); !status.ok()) {
     return console::FailWriting(kCalibrateCommand, status);
   }

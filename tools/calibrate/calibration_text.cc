@@ -8,6 +8,14 @@ namespace haustra {
 using calibration::Intrinsics;
 using calibration::IntrinsicVector;
 
+std::string GuessText(const CameraCalibration& calibration) {
+  if (!(calibration.focal_guess_sigma > 0.0)) return {};
+  char text[128];
+  std::snprintf(text, sizeof(text), "focal length guessed: %.0f px +- %.0f %%; shapes may be stretched by that much",
+                calibration.fx, 100.0 * calibration.focal_guess_sigma);
+  return text;
+}
+
 std::string CalibrationText(const ClipCalibration& result) {
   const Intrinsics& value = result.estimate.intrinsics;
   const IntrinsicVector& sigma = result.estimate.sigma;
@@ -32,16 +40,22 @@ nlohmann::ordered_json CalibrationJson(const ClipCalibration& result) {
   const auto with_sigma = [](double estimate, double spread) {
     return nlohmann::ordered_json{{"value", estimate}, {"sigma", spread}};
   };
-  return {{"source", "estimated"},
-          {"focal_px", with_sigma(value.focal_px, value.focal_px * sigma[calibration::kLogFocal])},
-          {"cx", with_sigma(value.cx, sigma[calibration::kCx])},
-          {"cy", with_sigma(value.cy, sigma[calibration::kCy])},
-          {"k1", with_sigma(value.k1, sigma[calibration::kK1])},
-          {"k2", with_sigma(value.k2, sigma[calibration::kK2])},
-          {"windows", result.estimate.num_windows},
-          {"points", result.estimate.num_points},
-          {"rms_px", result.estimate.rms_px},
-          {"coverage", result.estimate.coverage}};
+  const Status& verdict = result.estimate.verdict;
+  nlohmann::ordered_json json = {{"source", verdict.ok() ? "estimated" : "guessed"}};
+  if (!verdict.ok()) {
+    json["note"] = GuessText(result.calibration);
+    json["reason"] = verdict.message();
+  }
+  json.update({{"focal_px", with_sigma(value.focal_px, value.focal_px * sigma[calibration::kLogFocal])},
+               {"cx", with_sigma(value.cx, sigma[calibration::kCx])},
+               {"cy", with_sigma(value.cy, sigma[calibration::kCy])},
+               {"k1", with_sigma(value.k1, sigma[calibration::kK1])},
+               {"k2", with_sigma(value.k2, sigma[calibration::kK2])},
+               {"windows", result.estimate.num_windows},
+               {"points", result.estimate.num_points},
+               {"rms_px", result.estimate.rms_px},
+               {"coverage", result.estimate.coverage}});
+  return json;
 }
 
 }  // namespace haustra

@@ -8,6 +8,8 @@
 
 namespace haustra {
 
+// What a person must know of a calibration whose focal length is a guess, in a sentence without a stop; else empty.
+std::string GuessText(const CameraCalibration& calibration);
 // A few lines for a person.
 std::string CalibrationText(const ClipCalibration& result);
 nlohmann::ordered_json CalibrationJson(const ClipCalibration& result);

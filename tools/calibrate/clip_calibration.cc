@@ -44,20 +44,27 @@ Result<std::unique_ptr<VisionDevice>> MakeDevice(const ClipCalibrationRequest& r
   return device;
 }
 
-Status CheckWhatWasSeen(const std::string& sequence, int num_read, const CollectorCounters& counters) {
+Status CheckWhatWasSeen(int num_read, const CollectorCounters& counters) {
   if (num_read < kMinFrames) {
-    return FailedPrecondition(sequence + ": " + std::to_string(num_read) + " frames are too few to calibrate from, " +
+    return FailedPrecondition(std::to_string(num_read) + " frames are too few to calibrate from, " +
                               std::to_string(kMinFrames) + " are needed");
   }
   if (counters.num_poor > counters.num_frames * 9 / 10) {
-    return FailedPrecondition(sequence + ": hardly a frame shows enough texture to calibrate from (" +
+    return FailedPrecondition("hardly a frame shows enough texture to calibrate from (" +
                               std::to_string(counters.num_poor) + " of " + std::to_string(counters.num_frames) +
                               " do not)");
   }
   if (counters.max_motion < kStillMotion) {
-    return FailedPrecondition(sequence + ": the picture does not move; the scope must turn and move");
+    return FailedPrecondition("the picture does not move; the scope must turn and move");
   }
   return Status::Ok();
+}
+
+CameraCalibration CalibrationOf(const ClipCalibration& result, double rate_hz) {
+  const calibration::CalibrationEstimate& estimate = result.estimate;
+  CameraCalibration calibration = estimate.intrinsics.ToCalibration(result.width_px, result.height_px, rate_hz);
+  if (!estimate.verdict.ok()) calibration.focal_guess_sigma = estimate.sigma[calibration::kLogFocal];
+  return calibration;
 }
 
 }  // namespace
@@ -94,20 +101,20 @@ Result<ClipCalibration> CalibrateFromClip(const ClipCalibrationRequest& request)
   }
   collector.Interrupt();
   result.counters = collector.counters();
-  HAUSTRA_TRY(CheckWhatWasSeen(request.sequence, num_read, result.counters));
   const ImageView mask = source->static_mask();
   result.scope = mask.is_empty() ? finder.Find() : ScopeWindowFinder::OfMask(mask, result.width_px, result.height_px);
 
   calibration::SelfCalibrationOptions self_options;
   self_options.seed = request.seed;
-  Result<calibration::CalibrationEstimate> estimate =
-      calibration::EstimateIntrinsics(collector.windows(), result.scope, self_options);
-  if (!estimate.ok()) return Status(estimate.code(), request.sequence + ": " + estimate.status().message());
-  result.estimate = std::move(estimate).value();
-  result.calibration =
-      result.estimate.intrinsics.ToCalibration(result.width_px, result.height_px, source->calibration().rate_hz);
+  const Status seen = CheckWhatWasSeen(num_read, result.counters);
+  result.estimate = seen.ok() ? calibration::EstimateIntrinsics(collector.windows(), result.scope, self_options)
+                              : calibration::UsualIntrinsics(result.scope, self_options, seen);
+  result.calibration = CalibrationOf(result, source->calibration().rate_hz);
   if (const Result<CameraModel> camera = CameraModel::Create(result.calibration); !camera.ok()) {
-    return FailedPrecondition(request.sequence + ": what was estimated is no camera: " + camera.status().message());
+    result.estimate = calibration::UsualIntrinsics(
+        result.scope, self_options,
+        FailedPrecondition("what was estimated is no camera: " + camera.status().message()));
+    result.calibration = CalibrationOf(result, source->calibration().rate_hz);
   }
   return result;
 }

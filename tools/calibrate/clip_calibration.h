@@ -26,14 +26,15 @@ struct ClipCalibrationRequest {
 };
 
 struct ClipCalibration {
-  CameraCalibration calibration;  // Kannala-Brandt, of the frames as they are stored
+  CameraCalibration calibration;  // Kannala-Brandt, of the frames as they are stored; says whether it is a guess
+  // Its verdict says whether the clip holds it, or what the clip lacks.
   calibration::CalibrationEstimate estimate;
   calibration::ScopeWindow scope;
   calibration::CollectorCounters counters;
   int width_px = 0, height_px = 0;
 };
 
-// kFailedPrecondition: refused, and what the clip lacks. Errors of OpenSequence and CreateVisionDevice.
+// Errors of OpenSequence and CreateVisionDevice.
 Result<ClipCalibration> CalibrateFromClip(const ClipCalibrationRequest& request);
 
 }  // namespace haustra

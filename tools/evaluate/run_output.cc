@@ -209,6 +209,9 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
   if (!json.is_object()) return InvalidArgument(path + ": not a JSON object");
   figures->mode = TextAt(json, "mode");
   figures->device = TextAt(json, "device");
+  if (const auto found = json.find("calibration"); found != json.end() && found->is_object()) {
+    figures->calibration_note = TextAt(*found, "note");
+  }
   figures->seed = NumberAt<std::int64_t>(json, "seed");
   figures->frames = NumberAt<std::int64_t>(json, "frames");
   figures->sequence_frames = NumberAt<std::int64_t>(json, "sequence_frames");
@@ -257,6 +260,7 @@ Result<RunOutput> ReadRunOutput(const std::string& folder) {
   HAUSTRA_TRY(ReadEvents(path("events.csv"), &run.events));
   HAUSTRA_TRY(ReadTimes(path("times.csv"), &run.times));
   HAUSTRA_TRY(ReadFigures(path("summary.json"), &run.figures));
+  if (!run.figures.calibration_note.empty()) run.warnings.push_back(run.figures.calibration_note);
   HAUSTRA_TRY(ReadTrajectories(&run));
   HAUSTRA_TRY(ReadGeometry(&run));
   if (run.figures.frames && *run.figures.frames != static_cast<std::int64_t>(run.frames.size())) {

@@ -72,6 +72,7 @@ struct Percentiles {
 struct RunFigures {
   std::string mode;
   std::string device;
+  std::string calibration_note;  // what a reader must know of the calibration; empty: nothing
   std::optional<std::int64_t> seed;
   std::optional<std::int64_t> frames;
   std::optional<std::int64_t> sequence_frames;  // that an aborted run would have come to, too

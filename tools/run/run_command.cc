@@ -122,10 +122,12 @@ Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::
   request.threads = arguments.threads;
   request.seed = seed;
   Result<ClipCalibration> result = CalibrateFromClip(request);
-  if (result.ok()) {
+  if (result.ok() && result->estimate.verdict.ok()) {
     if (!console::IsQuiet()) std::fputs(CalibrationText(*result).c_str(), stderr);
-    return result;
+  } else if (result.ok()) {
+    console::Note(kRunCommand, "it cannot be estimated: %s", result->estimate.verdict.message().c_str());
   }
+  if (result.ok()) return result;
   // What is missing is still the calibration.
   return Status(error.code(),
                 error.message() + ".\nIt cannot be estimated: " + result.status().message() +
@@ -191,6 +193,9 @@ int Run(const RunArguments& arguments) {
   }
   if (!source.ok()) return console::Fail(kRunCommand, source.status());
   const CameraCalibration& calibration = (*source)->calibration();
+  // In pixels of the frames as they are stored, where it was guessed from them.
+  const std::string guess = GuessText(estimated ? estimated->calibration : calibration);
+  if (!guess.empty()) console::Warn(kRunCommand, "%s", guess.c_str());
   const Result<CameraModel> camera = CameraModel::Create(calibration);
   if (!camera.ok()) return console::Fail(kRunCommand, camera.status());
   const ThreadWatch* thread_watch = nullptr;
@@ -268,7 +273,11 @@ int Run(const RunArguments& arguments) {
   summary.device = arguments.device;
   summary.seed = config.seed;
   summary.rate = arguments.rate;
-  if (estimated) summary.calibration_json = CalibrationJson(*estimated).dump();
+  if (estimated) {
+    summary.calibration_json = CalibrationJson(*estimated).dump();
+  } else if (!guess.empty()) {
+    summary.calibration_json = nlohmann::ordered_json{{"source", "given"}, {"note", guess}}.dump();
+  }
   ColourReader colours;
   // What a camera has shown cannot be looked at again.
   if (const Status status = is_live ? Status::Ok() : colours.Read(arguments.sequence, sequence_options, engine);

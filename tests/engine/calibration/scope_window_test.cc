@@ -48,6 +48,27 @@ TEST(ScopeWindow, IsTheWholePictureWhenAllIsDark) {
   EXPECT_EQ(finder.Find().centre_y_px, 49.5);
 }
 
+TEST(ScopeWindow, IsCutWhenItsCornersAreDark) {
+  GreyPicture picture(200, 100);
+  picture.Fill(0, 0, 199, 99, 120);
+  const auto find = [&picture] {
+    ScopeWindowFinder finder(200, 100);
+    finder.Add(picture.view());
+    return finder.Find();
+  };
+  EXPECT_FALSE(find().is_cut);
+  picture.Fill(0, 0, 19, 19, 8);
+  picture.Fill(180, 0, 199, 19, 8);
+  EXPECT_FALSE(find().is_cut);
+  picture.Fill(0, 80, 19, 99, 8);
+  EXPECT_TRUE(find().is_cut);
+  EXPECT_NEAR(find().width_px, 200.0, 2.0);
+  picture.Fill(20, 0, 179, 99, 255);
+  picture.Fill(180, 20, 199, 99, 255);
+  picture.Fill(0, 20, 19, 79, 255);
+  EXPECT_TRUE(ScopeWindowFinder::OfMask(picture.view(), 200, 100).is_cut);
+}
+
 TEST(ScopeWindow, FollowsAMask) {
   GreyPicture mask(200, 100);
   mask.Fill(0, 0, 199, 99, 0);

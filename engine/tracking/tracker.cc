@@ -182,19 +182,21 @@ bool Tracker::Extract(const Frame& frame) {
   return true;
 }
 
-// Features of the last frame: those that show map points, or those that a founding may need; spread over the picture
-// when they are too many.
+// Features of the last frame. Those that show map points, unless there are so many that the detector does well without:
+// a followed feature is located less exactly than one that is found anew. Without a map those that a founding may need,
+// spread over the picture when they are too many.
 std::span<const Keypoint> Tracker::FeaturesToFollow() {
   follow_.clear();
   if (!is_last_extracted_) return {};
-  const bool tracks = state() == TrackingState::kTracking;
-  const std::span<const Keypoint> founding = initialiser_.last_features();
-  const std::size_t num = tracks ? last_.matches.size() : founding.size();
-  const std::size_t num_followed = std::min(num, static_cast<std::size_t>(config_.features.num_followed()));
-  for (std::size_t i = 0; i < num_followed; ++i) {
-    const std::size_t k = i * num / num_followed;
-    follow_.push_back(tracks ? last_.features.keypoints[last_.matches[k].first] : founding[k]);
+  const auto room = static_cast<std::size_t>(config_.features.num_followed());
+  if (state() == TrackingState::kTracking) {
+    if (last_.matches.size() > room) return {};
+    for (const auto& match : last_.matches) follow_.push_back(last_.features.keypoints[match.first]);
+    return follow_;
   }
+  const std::span<const Keypoint> founding = initialiser_.last_features();
+  const std::size_t num = std::min(founding.size(), room);
+  for (std::size_t i = 0; i < num; ++i) follow_.push_back(founding[i * founding.size() / num]);
   return follow_;
 }
 

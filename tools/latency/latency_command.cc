@@ -306,7 +306,7 @@ void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
   command->add_flag("--stress-gpu", arguments->stress_gpu, "A second user of the vision device, of low priority");
   command->add_flag("--stress-gpu-process", arguments->stress_process,
                     "The same in a process of its own, as a compositor or an encoder has");
-  command->add_option("--occupy", arguments->occupy)->group("");  // that process
+  command->add_option("--occupy", arguments->occupy, "Be that process: WIDTHxHEIGHT")->group("");
   AddConfigurationOptions(*command, *arguments);
   command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Measure(*arguments); }; });

@@ -19,8 +19,8 @@ inline constexpr float kFlowMaxStepPx = kFlowPatchPx / 2;     // a longer one le
 inline constexpr float kFlowMarginPx = kFlowPatchPx / 2 + 2;  // of the patch's centre from the edge of a level
 // Mean squared gradient along the worst direction, in deviations of the patch: below it the patch slides.
 inline constexpr float kFlowMinGradient2 = 1e-3f;
-// Followed to the new picture and back, a feature is where it was, and looks alike. With 0.7 px and 0.8 a laparoscopy
-// drifts 2.5 times as far.
+// Followed to the new picture and back, a feature is where it was, and looks alike. Laxer limits let maps of living
+// tissue drift (kernels/decisions/2026-11-23-features-are-followed.md).
 inline constexpr float kFlowMaxReturnPx = 0.3f;
 inline constexpr float kFlowMinCorrelation = 0.9f;
 // A feature that detection has found this near, at nearly the same scale, is not followed: distance in scales, and at

@@ -18,8 +18,9 @@ struct FeatureConfig {
   // Features a frame [100, 8000]: 2000 that are found, the paper's operating point, and max_followed.
   int max = 2400;
   // Of them, features of the last frame that show map points and that the detector loses, followed by optical flow
-  // [0, 4000]; at most a quarter of max. On living tissue the detector finds a third of its features again in the next
-  // frame, optical flow most of them (kernels/decisions/2026-11-23-features-are-followed.md).
+  // [0, 4000]; at most a quarter of max. Before tracking is lost on living tissue the detector finds few of its
+  // features again from frame to frame, optical flow several times as many
+  // (kernels/decisions/2026-11-23-features-are-followed.md).
   int max_followed = 400;
   double contrast_threshold = 0.0;  // |DoG| on intensities in [0, 1]; 0: the extractor's own floor [0, 0.2]
   double edge_threshold = 10.0;     // ratio of principal curvatures, Lowe 2004 section 4.1 [2, 50]

@@ -15,13 +15,13 @@ namespace haustra {
 
 // What the extractor is asked for; the device keeps these for its life (hal/vision_device.h).
 struct FeatureConfig {
-  // Features a frame [100, 8000]: 2000 that are found, the paper's operating point, and max_followed.
-  int max = 2400;
-  // Of them, features of the last frame that show map points and that the detector loses, followed by optical flow
-  // [0, 4000]; at most a quarter of max. Before tracking is lost on living tissue the detector finds few of its
-  // features again from frame to frame, optical flow several times as many
-  // (kernels/decisions/2026-11-23-features-are-followed.md).
-  int max_followed = 400;
+  int max = 2400;  // a frame, detected and followed ones together [100, 8000]
+  // Of them, those that are detected, the paper's operating point [100, 8000]; never more than max.
+  int max_detected = 2000;
+  // While the scope is tracked, features of the last frame that the detector loses are followed by optical flow, as far
+  // as there is room. Before tracking is lost on living tissue the detector finds few of its features again from frame
+  // to frame, optical flow several times as many (kernels/decisions/2026-11-24-all-features-are-followed.md).
+  bool are_followed = true;
   double contrast_threshold = 0.0;  // |DoG| on intensities in [0, 1]; 0: the extractor's own floor [0, 0.2]
   double edge_threshold = 10.0;     // ratio of principal curvatures, Lowe 2004 section 4.1 [2, 50]
   int reflection_threshold = 245;   // grey value from which a pixel is a specular reflection [1, 256]; 256: off
@@ -34,8 +34,7 @@ struct FeatureConfig {
   // (tracking/static_overlay.h).
   bool finds_overlay = true;
 
-  int num_followed() const { return max_followed < max / 4 ? max_followed : max / 4; }
-  int num_detected() const { return max - num_followed(); }
+  int num_detected() const { return max_detected < max ? max_detected : max; }
 };
 
 // Standard deviation of an observation: sigma = k * scale + sigma_0, in pixels, with the SIFT scale of the keypoint.

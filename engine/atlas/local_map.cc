@@ -108,8 +108,8 @@ bool LocalMapBuilder::AddPoints(const Atlas& atlas, LocalMap* out) {
   for (LocalKeyframe& keyframe : out->keyframes) keyframe.num_established = 0;
   for (int i = 0; i < out->num_points; ++i) {
     point_slots_[out->points[i].handle.index] = -1;
+    if (!out->is_established(out->points[i])) continue;
     std::uint64_t mask = out->points[i].keyframe_mask;
-    if (std::popcount(mask) < kEstablishedViews) continue;
     for (; mask != 0; mask &= mask - 1) ++out->keyframes[std::countr_zero(mask)].num_established;
   }
   return has_all;

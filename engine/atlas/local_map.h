@@ -4,6 +4,8 @@
 // capacity. All poses and positions are in the frame of the map `map_id` as of `version`.
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstdint>
 #include <vector>
 
@@ -17,17 +19,18 @@ namespace haustra {
 // As many as a point's mask has bits.
 inline constexpr int kMaxLocalKeyframes = 64;
 
-// A point seen in so many keyframes is there: not seeing it where it should be says something about the frame.
+// A point seen in so many keyframes is there: not seeing it where it should be says something about the frame. In a
+// snapshot of fewer keyframes, one seen in all.
 inline constexpr int kEstablishedViews = 3;
 
 struct LocalKeyframe {
   KeyframeHandle handle;
   KeyframeId id = kNoId;
   SE3 cam_from_map;
-  double scale = 1.0;       // of its map so far, see KeyframeTrace
-  int num_points = 0;       // in this snapshot
-  int num_established = 0;  // of these, seen in at least kEstablishedViews keyframes of the snapshot
-  bool is_reduced = false;  // see FrameFeatures
+  double scale = 1.0;                                  // of its map so far, see KeyframeTrace
+  int num_points = 0;                                  // in this snapshot
+  int num_established = 0;                             // of these, those that are established
+  bool is_reduced = false;                             // see FrameFeatures
   Eigen::Vector3d centroid = Eigen::Vector3d::Zero();  // of the points it sees, map frame
 };
 
@@ -53,6 +56,9 @@ struct LocalMap {
   int num_points = 0;
   std::pmr::vector<LocalPoint> points;  // [0, num_points), in order of handle.index
 
+  bool is_established(const LocalPoint& point) const {
+    return std::popcount(point.keyframe_mask) >= std::min(kEstablishedViews, static_cast<int>(keyframes.size()));
+  }
   // Position of the point in `points`, -1: not in this snapshot.
   int Find(MapPointHandle handle) const;
 };

@@ -38,7 +38,6 @@ Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, 
   ReserveTouched(&parallax_, matches_.size());
   ReserveTouched(&residual_, matches_.size());
   ReserveTouched(&pixels_, matches_.size());
-  ReserveTouched(&last_features_, matches_.size());
 }
 
 std::size_t Initialiser::BytesFor(int max_features, int max_between) {
@@ -58,12 +57,8 @@ void Initialiser::Keep(const ProposedView& view) {
     CopyView(view, &reference_);
     has_reference_ = true;
     is_unexplained_ = false;
-    last_features_.assign(view.features.keypoints.begin(), view.features.keypoints.begin() + view.features.num);
     return;
   }
-  last_features_.clear();
-  for (int i = 0; i < num_matches_; ++i) last_features_.push_back(view.features.keypoints[matches_[i].train]);
-  num_matches_ = 0;
   if (num_between_ == between_.size()) ThinOut();
   CopyView(view, &between_[num_between_++]);
 }

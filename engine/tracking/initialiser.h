@@ -57,10 +57,6 @@ class Initialiser {
   // forgets the reference. The proposal's own view is the caller's.
   void MoveInto(KeyframeProposal* proposal);
 
-  // Features of the view that was kept last: those that the reference has as well, all of them when it is the reference
-  // itself. Valid until the next call.
-  std::span<const Keypoint> last_features() const { return last_features_; }
-
  private:
   void ThinOut();
   TrackingReason Compare(const ProposedView& view, const FrameBudget& budget);
@@ -80,7 +76,6 @@ class Initialiser {
   bool is_unexplained_ = false;  // the last view
   TimePoint unexplained_since_;
   ProposedView reference_;
-  std::vector<Keypoint> last_features_;
   SE3 cam_from_reference_;
   int num_matches_ = 0;
   int num_inliers_ = 0;

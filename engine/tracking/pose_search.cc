@@ -159,7 +159,7 @@ bool PoseSearch::SearchLocalMap(double min_radius_px) {
     GuidedQuery query;
     double scale_px = 0.0;
     if (!view_queries.OfPoint(point, &query, &scale_px)) continue;
-    estimate_.num_expected += std::popcount(point.keyframe_mask) >= kEstablishedViews && scale_px >= min_expected_scale;
+    estimate_.num_expected += local_map().is_established(point) && scale_px >= min_expected_scale;
     if (static_cast<std::uint32_t>(i) / step % kDecoyStep == frame_index % kDecoyStep) {
       decoys_.push_back(Displaced(query, i % 2 == 0));
     }
@@ -272,7 +272,7 @@ void PoseSearch::CountMatches() {
   }
   estimate_.num_established =
       static_cast<int>(std::count_if(matches.begin(), matches.end(), [&](const PointMatch& match) {
-        return std::popcount(local_map().points[match.point_idx].keyframe_mask) >= kEstablishedViews;
+        return local_map().is_established(local_map().points[match.point_idx]);
       }));
   if (depths_.empty()) return;
   std::nth_element(depths_.begin(), depths_.begin() + depths_.size() / 2, depths_.end());

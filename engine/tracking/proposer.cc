@@ -17,6 +17,8 @@ bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate
   const Course& course = tracking.course;
   const double spacing_ms = ToMilliseconds(frame_.timestamp - course.keyframe_time);
   if (spacing_ms < options.min_spacing_ms || is_mapper_busy()) return false;
+  // Points made of the last keyframes alone may be on something that came between the scope and the wall.
+  if (estimate.num_established < config_.tracking.min_inliers) return false;
   const double baseline =
       (estimate.cam_from_map.InverseTranslation() - course.keyframe_from_map.InverseTranslation()).norm();
   const double parallax_deg = std::atan2(baseline, estimate.median_depth) / kDegree;

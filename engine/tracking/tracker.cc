@@ -39,7 +39,8 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
                 search_),
       proposer_(config, device, link, noise_meter_.model(), current_, heard_) {
   ReserveTouched(&tracked_, static_cast<std::size_t>(config.features.max));
-  ReserveTouched(&follow_, static_cast<std::size_t>(config.features.num_followed()));
+  ReserveTouched(&follow_, static_cast<std::size_t>(config.features.max));
+  ReserveTouched(&shows_point_, static_cast<std::size_t>(config.features.max));
 }
 
 MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
@@ -47,14 +48,14 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto features = static_cast<std::size_t>(max_features);
   const std::size_t views =
       2 * FrameFeatures::BytesFor(max_features) + Initialiser::BytesFor(max_features, config.initialisation.kept_views);
-  // Matches of the last frame, tracked_; the robust estimator, what is compared and last_features_ in the initialiser.
+  // Matches of the last frame, tracked_, follow_, shows_point_; the robust estimator and what is compared in the
+  // initialiser.
   constexpr std::size_t kOfFeature = sizeof(last_.matches[0]) + sizeof(OverlayWatch::Tracked) +
                                      TwoViewRansac::kBytesPerMatch + sizeof(Match) + sizeof(Eigen::Vector2d) +
-                                     2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(Keypoint);
-  const std::size_t workspace =
-      features * kOfFeature + static_cast<std::size_t>(config.features.num_followed()) * sizeof(Keypoint) +
-      OverlayWatch::BytesFor(max_features) + PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
-      PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
+                                     2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(Keypoint) + 1;
+  const std::size_t workspace = features * kOfFeature + OverlayWatch::BytesFor(max_features) +
+                                PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
+                                PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
   MemoryPlan plan;
   plan.Add(MemoryPlace::kHostArena, "frames of tracking",
            static_cast<std::uint64_t>(3 + config.initialisation.kept_views), views,
@@ -182,21 +183,20 @@ bool Tracker::Extract(const Frame& frame) {
   return true;
 }
 
-// Features of the last frame. Those that show map points, unless there are so many that the detector does well without:
-// a followed feature is located less exactly than one that is found anew. Without a map those that a founding may need,
-// spread over the picture when they are too many.
+// All of the last frame if it was tracked, those that show map points first. None otherwise: what is followed errs
+// together, and a founding takes its matches to err each by itself.
 std::span<const Keypoint> Tracker::FeaturesToFollow() {
   follow_.clear();
-  if (!is_last_extracted_) return {};
-  const auto room = static_cast<std::size_t>(config_.features.num_followed());
-  if (state() == TrackingState::kTracking) {
-    if (last_.matches.size() > room) return {};
-    for (const auto& match : last_.matches) follow_.push_back(last_.features.keypoints[match.first]);
-    return follow_;
+  if (!config_.features.are_followed || !is_last_extracted_) return {};
+  const FrameFeatures& features = last_.features;
+  shows_point_.assign(static_cast<std::size_t>(features.num), std::uint8_t{0});
+  for (const auto& match : last_.matches) {
+    shows_point_[match.first] = 1;
+    follow_.push_back(features.keypoints[match.first]);
   }
-  const std::span<const Keypoint> founding = initialiser_.last_features();
-  const std::size_t num = std::min(founding.size(), room);
-  for (std::size_t i = 0; i < num; ++i) follow_.push_back(founding[i * founding.size() / num]);
+  for (int i = 0; i < features.num; ++i) {
+    if (shows_point_[i] == 0) follow_.push_back(features.keypoints[i]);
+  }
   return follow_;
 }
 
@@ -320,7 +320,6 @@ Tracker::Outcome Tracker::BeginMap(Lost* lost, FrameResult* result) {
   const bool is_compared = result->reason != TrackingReason::kNoReference && result->reason != TrackingReason::kNoTime;
   if (is_compared && initialiser_.is_worn_out()) initialiser_.RenewReference();
   initialiser_.Keep(current_);
-  is_last_extracted_ = true;
   is_set_given_ = true;
   return Outcome::kNoPose;
 }

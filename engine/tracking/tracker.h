@@ -106,8 +106,9 @@ class Tracker {
   bool is_set_given_ = false;  // the current feature set has a new owner: mapper or initialiser
   LastFrame last_;
   bool owns_last_set_ = false;
-  bool is_last_extracted_ = false;  // the last frame, or the initialiser's last view, is what the device saw last
-  std::vector<Keypoint> follow_;    // workspace
+  bool is_last_extracted_ = false;         // last_ is what the device saw last
+  std::vector<Keypoint> follow_;           // workspace
+  std::vector<std::uint8_t> shows_point_;  // workspace, by feature of last_
 
   FrameBudget budget_;
   LaneWait lane_;

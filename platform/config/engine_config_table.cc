@@ -21,9 +21,10 @@ ConfigField Feature(const char* key, ConfigRange range, const char* unit, const 
 void AddFeatures(Fields* out) {
   using C = FeatureConfig;
   out->push_back(Feature<&C::max>("max", {100, 8000}, "features", "features of a frame"));
-  out->push_back(Feature<&C::max_followed>(
-      "max_followed", {0, 4000}, "features",
-      "of them, those that are followed from the last frame by optical flow; at most a quarter"));
+  out->push_back(Feature<&C::max_detected>("max_detected", {100, 8000}, "features",
+                                           "of them, those that are detected; the others are followed"));
+  out->push_back(Feature<&C::are_followed>("are_followed", {}, "",
+                                           "features that the detector loses are followed by optical flow"));
   out->push_back(
       Feature<&C::contrast_threshold>("contrast_threshold", {0, 0.2}, "",
                                       "difference of Gaussians of intensities in [0, 1] below which there is "

@@ -30,7 +30,6 @@ constexpr int kNumViews = 150;  // there and back again, for ever
 EngineConfig SkeletonConfig() {
   EngineConfig config = test::SmallEngineConfig();
   config.features.max = 160;
-  config.features.max_followed = 0;
   config.memory.max_keyframes = 60;
   config.memory.max_map_points = 6000;
   config.memory.max_local_points = 1500;

@@ -8,7 +8,6 @@ namespace haustra::test {
 inline EngineConfig SmallEngineConfig() {
   EngineConfig config;
   config.features.max = 600;
-  config.features.max_followed = 0;  // the scripted device follows none
   config.memory.max_keyframes = 200;
   config.memory.max_map_points = 30000;
   config.memory.max_maps = 16;

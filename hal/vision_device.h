@@ -121,6 +121,7 @@ struct ExtractRequest {
   // before, a descriptor of their own. None are followed after a picture of another size, a request that failed or
   // was given up, or by a device that cannot.
   std::span<const Keypoint> follow = {};
+  std::int32_t* num_followed = nullptr;  // optional: how many of the keypoints, the last ones, were followed
 };
 
 struct MatchRequest {

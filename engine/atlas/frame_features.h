@@ -28,10 +28,12 @@ struct FrameFeatures {
 
   FeatureSetHandle set;
   std::int32_t num = 0;
+  std::int32_t num_followed = 0;         // of these, the last ones: known from the last frame, not detected in this one
   bool is_reduced = false;               // the extractor was asked for fewer and coarser ones, for want of time
   std::pmr::vector<Keypoint> keypoints;  // [0, num)
   std::pmr::vector<Bearing> bearings;    // [0, num), camera coordinates
 
+  bool is_detected(int i) const { return i < num - num_followed; }
   Eigen::Vector2d pixel(int i) const { return {keypoints[i].x_px, keypoints[i].y_px}; }
   Eigen::Vector3d bearing(int i) const { return ToVector(bearings[i]); }
 };

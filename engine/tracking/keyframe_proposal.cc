@@ -21,6 +21,7 @@ void CopyView(const ProposedView& from, ProposedView* to) {
   to->timestamp = from.timestamp;
   to->features.set = from.features.set;
   to->features.num = from.features.num;
+  to->features.num_followed = from.features.num_followed;
   to->features.is_reduced = from.features.is_reduced;
   std::copy_n(from.features.keypoints.begin(), from.features.num, to->features.keypoints.begin());
   std::copy_n(from.features.bearings.begin(), from.features.num, to->features.bearings.begin());

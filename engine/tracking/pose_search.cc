@@ -199,6 +199,10 @@ bool PoseSearch::IsTrackedPoseEvident() {
 }
 
 bool PoseSearch::HasEvidence(int min_inliers) const {
+  const auto num_detected =
+      std::count_if(estimate_.matches.begin(), estimate_.matches.end(),
+                    [&](const PointMatch& match) { return parts_.frame.features.is_detected(match.feature_idx); });
+  if (num_detected < min_inliers) return false;
   const double chance = NumByChance();
   const double beyond = static_cast<double>(estimate_.matches.size()) - chance;
   return beyond >= std::max(static_cast<double>(min_inliers), kChanceSigmas * std::sqrt(chance));

@@ -98,7 +98,8 @@ class PoseSearch {
   // How many of the local map's points would be found by chance. False: the device has not answered.
   bool MeasureChance();
   double NumByChance() const { return chance_rate_ * num_searched_; }
-  // A pose is known when more of the map agrees with it than chance would give, by a margin that chance does not reach.
+  // A pose is known when more of the map agrees with it than chance would give, by a margin that chance does not reach,
+  // and when so many detected features do: what is followed slides together with what comes before the wall.
   bool HasEvidence(int min_inliers) const;
   bool IsTrackedPoseEvident();
 

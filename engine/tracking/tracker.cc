@@ -87,7 +87,7 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   current_.frame_index = frame.index;
   current_.timestamp = frame.timestamp;
   current_.features.set = FeatureSetHandle{};
-  current_.features.num = 0;
+  current_.features.num = current_.features.num_followed = 0;
   is_set_given_ = false;
   const bool may_measure = lane_.Drain(budget_.wait_deadline());
   switch (may_measure ? Measure(frame, &result) : Outcome::kNoTime) {
@@ -161,6 +161,7 @@ bool Tracker::Extract(const Frame& frame) {
   request.set = *set;
   request.keypoints = current_.features.keypoints;
   request.num_keypoints = &current_.features.num;
+  request.num_followed = &current_.features.num_followed;
   if (has_fewer) {
     request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.num_detected());
     request.min_scale_px = static_cast<float>(config_.scheduler.reduced_min_scale_px);
@@ -169,7 +170,7 @@ bool Tracker::Extract(const Frame& frame) {
   }
   is_last_extracted_ = false;
   if (!lane_.Extract(request, budget_.wait_deadline()).ok()) {
-    if (!lane_.has_pending()) current_.features.num = 0;
+    if (!lane_.has_pending()) current_.features.num = current_.features.num_followed = 0;
     return false;
   }
   for (int i = 0; i < current_.features.num; ++i) {

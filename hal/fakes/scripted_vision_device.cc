@@ -287,6 +287,7 @@ void ScriptedVisionDevice::RunExtract(const ExtractRequest& request, LaneState& 
     }
   }
   *request.num_keypoints = set->num;
+  if (request.num_followed != nullptr) *request.num_followed = 0;  // it knows no optical flow
 }
 
 ScriptedEntry ScriptedVisionDevice::ResolveRef(const DescriptorRef& ref) {

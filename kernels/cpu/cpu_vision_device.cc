@@ -197,6 +197,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
       const int num_features = work.extractor->num_features();
       std::copy_n(work.set->keypoints, num_features, work.extract.keypoints.data());
       *work.extract.num_keypoints = num_features;
+      if (work.extract.num_followed != nullptr) *work.extract.num_followed = work.extractor->num_followed();
       sets_.Publish(work.extract.set, num_features);
       sets_.Release(work.extract.set);
     } else if (work.kind != WorkKind::kNone) {

@@ -217,12 +217,12 @@ void SiftExtractor::Advance() {
       step_ = Step::kChoose;
       break;
     case Step::kChoose:
-      num_features_ = ChooseFeatures();
+      num_detected_ = ChooseFeatures();
       BeginToFollow();
       step_ = Step::kDescribe;
       break;
     case Step::kDescribe:
-      num_features_ = AddFollowed(num_features_);
+      num_features_ = AddFollowed(num_detected_);
       BeginDescriptors();
       step_ = Step::kDone;
       break;
@@ -423,7 +423,7 @@ void SiftExtractor::BeginToFollow() {
 
 bool SiftExtractor::IsFound(const Keypoint& keypoint) const {
   const float distance = std::max(kFlowSameMinPx, kFlowSameDistance * keypoint.scale_px);
-  for (int i = 0; i < num_features_; ++i) {
+  for (int i = 0; i < num_detected_; ++i) {
     const Keypoint& found = features_[i].keypoint;
     const float dx = found.x_px - keypoint.x_px, dy = found.y_px - keypoint.y_px;
     if (dx * dx + dy * dy < distance * distance && found.scale_px < kFlowSameScaleFactor * keypoint.scale_px &&

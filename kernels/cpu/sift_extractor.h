@@ -39,6 +39,7 @@ class SiftExtractor {
   bool Continue(TimePoint deadline);
   // Of the extraction that is done.
   int num_features() const { return num_features_; }
+  int num_followed() const { return num_features_ - num_detected_; }  // of these, the last ones
 
  private:
   struct Octave {
@@ -122,6 +123,7 @@ class SiftExtractor {
   std::span<const std::int32_t> selected_;
   int num_points_ = 0;
   int num_features_ = 0;
+  int num_detected_ = 0;
   bool has_levels_ = false;  // of the last picture, in octaves_
 
   int num_octaves_ = 0;   // of the current image

@@ -64,6 +64,7 @@ struct Work {
   // What the caller wants where.
   FeatureSetHandle set;
   Keypoint* keypoints = nullptr;
+  std::int32_t* num_followed = nullptr;
   Match* matches = nullptr;
   std::int32_t* count = nullptr;
   std::int32_t num_queries = 0;
@@ -226,6 +227,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     work.set = request.set;
     work.keypoints = request.keypoints.data();
     work.count = request.num_keypoints;
+    work.num_followed = request.num_followed;
     return TicketOf(lane, work.number);
   }
 
@@ -573,6 +575,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
         const std::int32_t num_features = lane.extractor->num_features();
         std::copy_n(lane.extractor->keypoints(), num_features, work.keypoints);
         *work.count = num_features;
+        if (work.num_followed != nullptr) *work.num_followed = lane.extractor->num_followed();
         slots_.Publish(work.set, num_features);
         slots_.Release(work.set);
         break;

@@ -217,6 +217,7 @@ __global__ void __launch_bounds__(kThreads, 5)
     const Place place = FindPlaces(buffers, features, mine, num_wanted, scratch);
     if (first == 0 && threadIdx.x == 0) {
       *output.num_features = place.num_features;
+      *output.num_detected = place.num_features;
       buffers.counters->num_detected = place.num_features;
     }
     if (place.place >= 0) {

@@ -50,6 +50,7 @@ ExtractMemory DealExtractMemory(const VisionPlan& plan, const ExtractOptions& op
   memory.keypoints = dealers->DealMapped<Keypoint>(plan.max_features);
   memory.follow = dealers->DealMapped<Keypoint>(plan.max_features);
   memory.num_features = dealers->DealMapped<std::int32_t>(1);
+  memory.num_detected = dealers->DealMapped<std::int32_t>(1);
   memory.done = dealers->DealMapped<DoneWord>(1);
 
   BlockDealer& device = dealers->device;

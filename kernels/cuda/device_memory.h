@@ -44,6 +44,7 @@ struct ExtractMemory {
   Mapped<Keypoint> keypoints;
   Mapped<Keypoint> follow;
   Mapped<std::int32_t> num_features;
+  Mapped<std::int32_t> num_detected;
   Mapped<DoneWord> done;
 };
 

@@ -201,6 +201,7 @@ struct SetBuffers {
 struct FrameOutput {
   Keypoint* keypoints = nullptr;
   std::int32_t* num_features = nullptr;
+  std::int32_t* num_detected = nullptr;  // of these, the first ones
   DoneWord* done = nullptr;
 };
 

@@ -37,7 +37,7 @@ Extractor::Extractor(const ExtractOptions& options, const ExtractMemory& memory,
     : memory_(memory),
       buffers_(memory.buffers),
       sets_(sets),
-      output_{memory.keypoints.device, memory.num_features.device, memory.done.device},
+      output_{memory.keypoints.device, memory.num_features.device, memory.num_detected.device, memory.done.device},
       stream_(stream) {
   settings_.contrast_threshold =
       options.contrast_threshold > 0.0f ? options.contrast_threshold : kDefaultContrastThreshold;

@@ -42,6 +42,7 @@ class Extractor {
   std::uint32_t number() const { return number_; }
   // Valid when the work is done.
   std::int32_t num_features() const { return *memory_.num_features.host; }
+  std::int32_t num_followed() const { return num_features() - *memory_.num_detected.host; }  // of these, the last ones
   const Keypoint* keypoints() const { return memory_.keypoints.host; }
 
   // Time of each step, for measurements: runs the steps of the last size one by one, `repeats` times each, and returns

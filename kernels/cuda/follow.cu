@@ -232,6 +232,7 @@ __global__ void __launch_bounds__(kThreads)
   const int num_new = CountNew(buffers.followed, num);
   if (threadIdx.x != 0) return;
   *output.num_features = min(num_detected + num_new, sets.max_features);
+  *output.num_detected = num_detected;
   asm volatile("st.release.sys.u32 [%0], %1;" ::"l"(&output.done->number), "r"(number) : "memory");
 }
 

@@ -75,13 +75,13 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
   // Extracts into a set of its own, which stays.
   static HostFeatures Extract(VisionDevice& device, const ImageView& image, FeatureSetHandle* handle = nullptr,
                               Lane lane = Lane::kTracking, int max_features = 0, float min_scale_px = 0.0f,
-                              std::span<const Keypoint> follow = {}) {
+                              std::span<const Keypoint> follow = {}, std::int32_t* num_followed = nullptr) {
     const FeatureSetHandle set = NewSet(device);
     HostFeatures features;
     features.keypoints.resize(device.plan().max_features);
     std::int32_t count = -1;
-    const Status status =
-        ExtractAndWait(device, lane, {image, set, features.keypoints, &count, max_features, min_scale_px, follow});
+    const Status status = ExtractAndWait(
+        device, lane, {image, set, features.keypoints, &count, max_features, min_scale_px, follow, num_followed});
     EXPECT_TRUE(status.ok()) << status.ToString();
     features.keypoints.resize(std::max(count, 0));
     features.descriptors.resize(features.keypoints.size() * kDescriptorBytes);
@@ -96,8 +96,8 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
 
   // `last`: of the picture that was extracted before.
   static HostFeatures Follow(VisionDevice& device, const Picture& picture, std::span<const Keypoint> last,
-                             int max_detected) {
-    return Extract(device, picture.view(), nullptr, Lane::kTracking, max_detected, 0.0f, last);
+                             int max_detected, std::int32_t* num_followed = nullptr) {
+    return Extract(device, picture.view(), nullptr, Lane::kTracking, max_detected, 0.0f, last, num_followed);
   }
 
   static FeatureSetHandle Write(VisionDevice& device, const HostFeatures& features) {
@@ -766,7 +766,9 @@ TEST_P(VisionDeviceContract, FollowLeavesOutWhatDetectionHasFoundAndWhatIsGone) 
   // After a picture of another size nothing is known.
   const Picture small = Render({{60.0, 60.0, 3.0, 60.0}}, kWidth / 2, kHeight / 2, 120.0);
   (void)Extract(*device, small.view());
-  EXPECT_EQ(Follow(*device, picture, before, 1).keypoints.size(), 1u);
+  std::int32_t num_followed = -1;
+  EXPECT_EQ(Follow(*device, picture, before, 1, &num_followed).keypoints.size(), 1u);
+  EXPECT_EQ(num_followed, 0);
 }
 
 TEST_P(VisionDeviceContract, FollowStopsWhereTheSetIsFullAndRepeatsToTheBit) {
@@ -778,11 +780,14 @@ TEST_P(VisionDeviceContract, FollowStopsWhereTheSetIsFullAndRepeatsToTheBit) {
   const Picture picture = Texture(3);
   const std::vector<Keypoint> before = Extract(*device, picture.view()).keypoints;
   ASSERT_EQ(before.size(), 100u);
-  const HostFeatures once = Follow(*device, picture, before, 10);
+  std::int32_t num_followed = -1;
+  const HostFeatures once = Follow(*device, picture, before, 10, &num_followed);
   EXPECT_GT(once.keypoints.size(), 60u);
+  EXPECT_EQ(num_followed, once.size() - 10);
   std::vector<Keypoint> many = before;
   many.insert(many.end(), before.begin(), before.begin() + 20);
-  EXPECT_LE(Follow(*device, picture, many, 50).keypoints.size(), 120u);
+  EXPECT_LE(Follow(*device, picture, many, 50, &num_followed).keypoints.size(), 120u);
+  EXPECT_LE(num_followed, 70);
   EXPECT_EQ(Follow(*device, picture, before, 10).descriptors, once.descriptors);
 }
 

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
+#include <limits>
 #include <tuple>
 #include <vector>
 
@@ -40,6 +42,28 @@ class RecordingDevice final : public ForwardingVisionDevice {
   std::int32_t* num_keypoints_ = nullptr;
 };
 
+// Of the features of a frame only so many were detected; it says that the others were followed.
+class DetectingFewDevice final : public ForwardingVisionDevice {
+ public:
+  using ForwardingVisionDevice::ForwardingVisionDevice;
+
+  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    if (lane == Lane::kTracking) request_ = request;
+    return ForwardingVisionDevice::EnqueueExtract(lane, request);
+  }
+  Status Wait(Ticket ticket, TimePoint deadline) override {
+    const Status status = ForwardingVisionDevice::Wait(ticket, deadline);
+    if (request_.num_followed != nullptr) *request_.num_followed = std::max(*request_.num_keypoints - num_detected, 0);
+    request_ = {};
+    return status;
+  }
+
+  std::int32_t num_detected = std::numeric_limits<std::int32_t>::max();
+
+ private:
+  ExtractRequest request_;
+};
+
 using Places = std::vector<std::tuple<float, float, float>>;
 Places SortedPlaces(const std::vector<Keypoint>& keypoints) {
   Places places;
@@ -72,6 +96,26 @@ TEST(Following, AllFeaturesOfATrackedFrameAreNamedAndNoneWithoutAMap) {
   }
   EXPECT_GT(num_tracked, 50);
   EXPECT_GT(num_without_map, 5);
+}
+
+// What is followed slides together with whatever comes before the wall, and agrees with itself.
+TEST(Following, APoseThatHangsOnFollowedFeaturesIsNotBelieved) {
+  for (const bool is_enough : {true, false}) {
+    ScriptedColon colon;
+    colon.Move(0.0, 3.0, 60);
+    DetectingFewDevice device(colon.device());
+    const auto engine = colon.MakeEngine(Engine::Mode::kSequential, device);
+    FrameResult last;
+    for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+      if (frame->index == 59) device.num_detected = is_enough ? 40 : colon.config().tracking.min_inliers - 1;
+      last = engine->Track(*frame, kNoDeadline);
+      while (engine->BackgroundStep()) {
+      }
+      ASSERT_TRUE(frame->index != 58 || last.state == TrackingState::kTracking);
+    }
+    EXPECT_EQ(last.state, is_enough ? TrackingState::kTracking : TrackingState::kLost);
+    EXPECT_EQ(last.reason, is_enough ? TrackingReason::kTracked : TrackingReason::kWeakEvidence);
+  }
 }
 
 TEST(Following, NoneAreNamedWhenTheConfigurationSaysSo) {

@@ -1,4 +1,4 @@
-// Which features of the last picture the tracker asks the device to follow.
+// Which features of the last picture the tracker asks the device to follow, and what they count for.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -25,7 +25,8 @@ class Image {
     pitch_bytes_ = (static_cast<std::ptrdiff_t>(width_px) * BytesPerPixel(format) + 63) / 64 * 64;
     // Vector code may run over the end of the last row.
     constexpr std::size_t kTailBytes = 64;
-    const std::size_t size = static_cast<std::size_t>(pitch_bytes_) * static_cast<std::size_t>(height_px) + kTailBytes;
+    const std::size_t size =
+        static_cast<std::size_t>(pitch_bytes_) * static_cast<std::size_t>(MemoryRows(format, height_px)) + kTailBytes;
     if (bytes_.size() < size) bytes_.resize(size);
   }
 

@@ -38,7 +38,8 @@ ImageFolderSource::ImageFolderSource(SequenceListing listing, const SequenceOpti
       options_(options),
       calibration_(options.halve ? Halved(listing_.calibration) : listing_.calibration),
       num_folder_chars_(CommonFolder(listing_.image_paths)),
-      num_frames_(NumChosen(listing_.image_paths.size(), options)) {}
+      num_frames_(NumChosen(listing_.image_paths.size(), options)),
+      deinterlacer_(options.deinterlace) {}
 
 Result<std::unique_ptr<FrameSource>> ImageFolderSource::Create(SequenceListing listing,
                                                                const SequenceOptions& options) {
@@ -67,6 +68,8 @@ Result<Frame> ImageFolderSource::Next(TimePoint) {
   if (status.ok()) status = CheckSize(path, stored_.width(), stored_.height());
   // Whatever is wrong with one file, it is a lost frame and not the end of the sequence.
   if (!status.ok()) return DataLoss(status.message());
+  frame.shows_one_field = deinterlacer_.WantsTopField(stored_.view());
+  if (frame.shows_one_field) KeepTopField(&stored_);
   if (options_.halve) HalveImage(stored_.view(), &half_);
   frame.image = options_.halve ? half_.view() : stored_.view();
   return frame;

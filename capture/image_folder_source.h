@@ -7,6 +7,7 @@
 
 #include "capture/codec/image_codec.h"
 #include "capture/dataset/sequence_listing.h"
+#include "capture/deinterlace.h"
 #include "capture/image.h"
 #include "capture/sequence_options.h"
 #include "hal/frame_source.h"
@@ -45,6 +46,7 @@ class ImageFolderSource final : public FrameSource {
   std::size_t num_folder_chars_;   // of every path, up to its name
   std::uint32_t num_frames_ = 0;
   std::uint32_t next_index_ = 0;
+  Deinterlacer deinterlacer_;
   Image mask_;
   ImageReader reader_;
   Image stored_;

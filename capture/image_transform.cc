@@ -62,7 +62,8 @@ void ToGrey(ImageView image, Image* grey) {
 void CopyImage(ImageView image, Image* copy) {
   copy->Resize(image.width, image.height, image.format);
   const std::size_t row_bytes = static_cast<std::size_t>(image.width) * BytesPerPixel(image.format);
-  for (int y = 0; y < image.height; ++y) std::memcpy(copy->row(y), image.row(y), row_bytes);
+  const int num_rows = MemoryRows(image.format, image.height);
+  for (int y = 0; y < num_rows; ++y) std::memcpy(copy->row(y), image.row(y), row_bytes);
 }
 
 }  // namespace haustra

@@ -18,7 +18,7 @@ void HalveMask(ImageView mask, Image* half);
 // Luma of a BGR image by the weights of ITU-R BT.601, which JPEG uses; copies a grey one.
 void ToGrey(ImageView image, Image* grey);
 
-// Copies the pixels.
+// Copies the pixels, of kNv12 the plane of colour, too.
 void CopyImage(ImageView image, Image* copy);
 
 }  // namespace haustra

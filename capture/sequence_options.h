@@ -7,6 +7,7 @@
 #include <string>
 
 #include "capture/codec/image_codec.h"
+#include "capture/deinterlace.h"
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
 
@@ -22,6 +23,8 @@ struct SequenceOptions {
   // From the last frame of that part to the first, with time running on: frame k from the end is as late as frame k
   // from the beginning would be if the sequence were played backwards. Image files only.
   bool reversed = false;
+  // Pictures that were woven from two fields are shown by the top one, before anything else is done to them.
+  DeinterlaceChoice deinterlace = DeinterlaceChoice::kAuto;
   // Halves the frames by averaging 2x2 pixels; calibration and mask follow.
   bool halve = false;
   ChannelChoice channels = ChannelChoice::kAsStored;

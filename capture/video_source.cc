@@ -13,6 +13,7 @@ extern "C" {
 #include <utility>
 
 #include "capture/dataset/folder.h"
+#include "capture/deinterlace.h"
 #include "capture/image.h"
 #include "capture/image_transform.h"
 #include "capture/number.h"
@@ -71,7 +72,8 @@ class VideoSource final : public FrameSource {
       : path_(std::move(path)),
         options_(options),
         companions_(std::move(companions)),
-        calibration_(options.halve ? Halved(companions_.calibration) : companions_.calibration) {}
+        calibration_(options.halve ? Halved(companions_.calibration) : companions_.calibration),
+        deinterlacer_(options.deinterlace) {}
 
   Status OpenStream();
   void CountFrames();
@@ -98,6 +100,7 @@ class VideoSource final : public FrameSource {
   std::optional<std::int64_t> first_pts_;
   std::int64_t last_stamp_ns_ = -1;
 
+  Deinterlacer deinterlacer_;
   Image mask_;
   Image stored_;
   Image half_;
@@ -258,8 +261,10 @@ Result<Frame> VideoSource::Next(TimePoint) {
     if (decoded == Decoded::kLost) return DataLoss(here + why);
     if (!stamp) return DataLoss(here + "its time stamp is missing or not after that of the frame before");
     if (const Status status = Convert(); !status.ok()) return DataLoss(here + status.message());
-    if (options_.halve) HalveImage(stored_.view(), &half_);
     Frame frame;
+    frame.shows_one_field = deinterlacer_.WantsTopField(stored_.view());
+    if (frame.shows_one_field) KeepTopField(&stored_);
+    if (options_.halve) HalveImage(stored_.view(), &half_);
     frame.index = (stored_idx - options_.first_frame) / options_.every_nth;
     frame.timestamp = TimePoint(Duration(*stamp));
     frame.image = options_.halve ? half_.view() : stored_.view();

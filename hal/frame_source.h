@@ -16,6 +16,8 @@ struct Frame {
   std::uint32_t index = 0;  // position in the source, counted after decimation; gaps are frames that were lost
   TimePoint timestamp;      // capture time, strictly increasing
   ImageView image;          // valid until the next call of Next() on its source
+  // The picture was interlaced; it shows one of its two fields, and the rows of the other one are made from that.
+  bool shows_one_field = false;
 };
 
 // "frame_000042.png": the picture of a frame of a recording, counted from 0. FFmpeg extracts all under these names:

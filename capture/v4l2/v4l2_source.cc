@@ -121,6 +121,7 @@ Status V4l2Source::Connect() {
     height_px_ = height;
   }
   counter_.Restart(format.rate_hz, options_.max_rate_hz / sequence_.every_nth);
+  deinterlacer_.Restart();  // it may be another signal
   if (format.fourcc == V4L2_PIX_FMT_MJPEG && !decoder_) {
     decoder_.emplace();
     decoded_.Resize(format.width_px, format.height_px, PixelFormat::kBgr8);
@@ -184,12 +185,10 @@ Result<Frame> V4l2Source::Next(TimePoint deadline) {
   Frame frame;
   frame.index = *index;
   frame.timestamp = held_->timestamp;
-  Result<ImageView> pixels = PixelsOf(*held_);
-  if (!pixels.ok()) {
+  if (const Status status = Show(*held_, &frame); !status.ok()) {
     ++counters_.num_damaged;
-    return pixels.status();
+    return status;
   }
-  frame.image = *pixels;
   ++counters_.num_frames;
   return frame;
 }
@@ -244,7 +243,7 @@ Result<std::uint32_t> V4l2Source::Wait(TimePoint limit) {
   }
 }
 
-Result<ImageView> V4l2Source::PixelsOf(const V4l2Picture& picture) {
+Status V4l2Source::Show(const V4l2Picture& picture, Frame* frame) {
   const V4l2Format& format = stream_->format();
   ImageView view;
   if (format.fourcc == V4L2_PIX_FMT_MJPEG) {
@@ -265,7 +264,14 @@ Result<ImageView> V4l2Source::PixelsOf(const V4l2Picture& picture) {
   }
   if (options_.field != FieldChoice::kProgressive) {
     HalveColumns(view, &prepared_);
-    return prepared_.view();
+    frame->shows_one_field = true;
+    frame->image = prepared_.view();
+    return Status::Ok();
+  }
+  frame->shows_one_field = deinterlacer_.WantsTopField(view);
+  if (frame->shows_one_field) {
+    KeepTopField(view, &deinterlaced_);
+    view = deinterlaced_.view();
   }
   if (sequence_.halve) {
     if (view.format == PixelFormat::kBgr8) {
@@ -273,13 +279,13 @@ Result<ImageView> V4l2Source::PixelsOf(const V4l2Picture& picture) {
     } else {
       HalveLuma(view, &prepared_);
     }
-    return prepared_.view();
-  }
-  if (sequence_.channels == ChannelChoice::kGrey && view.format != PixelFormat::kGrey8) {
+    view = prepared_.view();
+  } else if (sequence_.channels == ChannelChoice::kGrey && view.format != PixelFormat::kGrey8) {
     LumaToGrey(view, &prepared_);
-    return prepared_.view();
+    view = prepared_.view();
   }
-  return view;
+  frame->image = view;
+  return Status::Ok();
 }
 
 std::optional<PixelFormat> V4l2Source::pixel_format() const {

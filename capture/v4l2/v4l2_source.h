@@ -8,6 +8,7 @@
 #include <string>
 
 #include "capture/codec/jpeg_codec.h"
+#include "capture/deinterlace.h"
 #include "capture/image.h"
 #include "capture/sequence_options.h"
 #include "capture/v4l2/device_io.h"
@@ -33,6 +34,9 @@ struct V4l2Counters {
 // Time stamps are the kernel's, on CLOCK_MONOTONIC. A whole picture that is not halved is given out where the camera
 // wrote it, in the camera's format, without a copy; the buffer goes back at the next call of Next. Halving gives grey
 // pictures, MJPEG those that ChannelChoice asks for.
+//
+// Grabbers weave fields and call them progressive: such pictures are shown by their top field (SequenceOptions), from a
+// copy. With field=top or field=bottom a single field comes, and nothing is looked for.
 //
 // The camera takes no picture before the first call of Next. When the source ends nothing stays in its buffers.
 //
@@ -62,16 +66,16 @@ class V4l2Source final : public FrameSource {
   // The newest frame as an MJPEG camera encoded it, the whole picture; empty for other formats. Valid as long as the
   // frame.
   std::span<const std::uint8_t> encoded() const;
-  // The buffer of the newest frame, as the camera wrote it, for a device that reads it where it lies (DMA-BUF). The
-  // source owns the descriptor; the picture in it is valid as long as the frame. kUnavailable: there is no frame, or
-  // the driver does not export its buffers.
+  // The buffer of the newest frame, as the camera wrote it (both fields of an interlaced picture), for a device that
+  // reads it where it lies (DMA-BUF). The source owns the descriptor; the picture in it is valid as long as the frame.
+  // kUnavailable: there is no frame, or the driver does not export its buffers.
   Result<int> ExportBuffer();
   // "UVC Camera (/dev/video0), YUYV 1920x1080 at 30 Hz, mapped buffers"; while it is gone, why.
   std::string Describe() const;
 
  private:
   V4l2Source(const V4l2Options& options, const SequenceOptions& sequence, DeviceIo& io)
-      : options_(options), sequence_(sequence), io_(io) {}
+      : options_(options), sequence_(sequence), io_(io), deinterlacer_(sequence.deinterlace) {}
 
   Status Initialise();
   Status ResolveGeometry(const CameraCalibration* file);
@@ -84,7 +88,8 @@ class V4l2Source final : public FrameSource {
   // The newest picture that is to become a frame, with its index; it is held. kDeadlineExceeded, kUnavailable,
   // kDataLoss.
   Result<std::uint32_t> Wait(TimePoint limit);
-  Result<ImageView> PixelsOf(const capture::internal::V4l2Picture& picture);
+  // The frame's picture, and what is shown of it. kDataLoss.
+  Status Show(const capture::internal::V4l2Picture& picture, Frame* frame);
 
   const V4l2Options options_;
   const SequenceOptions sequence_;
@@ -106,6 +111,8 @@ class V4l2Source final : public FrameSource {
   V4l2Counters counters_;
   std::optional<capture::internal::JpegDecoder> decoder_;  // of an MJPEG camera, as decoded_ is
   Image decoded_;
+  Deinterlacer deinterlacer_;
+  Image deinterlaced_;
   Image prepared_;
 };
 

@@ -30,6 +30,9 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::source, &SourceConfig::every_nth>("source.every_nth", {1, 1000}, "frames",
                                                       "only every n-th frame is used", kRestart));
   add(BindField<&C::source, &SourceConfig::halve>("source.halve", {}, "", "2x2 pixels are averaged", kRestart));
+  add(BindChoice<&C::source, &SourceConfig::deinterlace>(
+      "source.deinterlace", {"auto", "off", "on"},
+      "one field of pictures that two were woven into; auto: where it shows", kRestart));
   add(BindField<&C::source, &SourceConfig::rate>("source.rate", {0.01, 100}, "",
                                                  "pace of a recording relative to its camera's", kRestart));
 

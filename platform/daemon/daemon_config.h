@@ -17,6 +17,7 @@ struct SourceConfig {
   std::string mask;         // 255 inside the scope's window; empty: what the source carries
   int every_nth = 1;        // [1, 1000]
   bool halve = false;
+  std::string deinterlace = "auto";
   double rate = 1.0;  // pace of a recording relative to its camera's [0.01, 100]
 };
 

@@ -172,6 +172,7 @@ class RealTimeSession {
       CopyImage(frame->image, &slot);
       slot.frame.index = frame->index;
       slot.frame.timestamp = frame->timestamp;
+      slot.frame.shows_one_field = frame->shows_one_field;
       slot.is_last = false;
       slot.sequence = num_published + 1;
       const TimePoint now = clock_.Now();
@@ -245,6 +246,7 @@ class RealTimeSession {
       outcome.deadline = slot.due + budget_;
       outcome.capture_begin = slot.capture_begin;
       outcome.capture = slot.capture;
+      outcome.shows_one_field = slot.frame.shows_one_field;
       outcome.begin = clock_.Now();
       const ThreadUseMeter meter(thread_watch_);
       outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.handed_over + period_);

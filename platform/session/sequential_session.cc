@@ -23,6 +23,7 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     }
     if (!frame.ok()) return frame.status();
     numbering.Seen(*frame);
+    outcome.shows_one_field = frame->shows_one_field;
     const TimePoint begin = clock.Now();
     const ThreadUseMeter meter(observer.thread_watch());
     outcome.result = engine.Track(*frame, kNoDeadline);

@@ -22,12 +22,13 @@ namespace haustra {
 
 struct FrameOutcome {
   FrameResult result;
-  Duration processing{0};   // time spent on the frame, tracking and (sequential mode) mapping
-  Duration tracking{0};     // of it, the time in tracking alone
-  Duration latency{0};      // real time: from `due` to the answer; sequential: processing
-  ThreadUse use;            // of the tracking thread, while it worked on the frame
-  bool is_dropped = false;  // a newer frame came before this one was looked at
-  bool is_damaged = false;  // the frame could not be read
+  Duration processing{0};        // time spent on the frame, tracking and (sequential mode) mapping
+  Duration tracking{0};          // of it, the time in tracking alone
+  Duration latency{0};           // real time: from `due` to the answer; sequential: processing
+  ThreadUse use;                 // of the tracking thread, while it worked on the frame
+  bool is_dropped = false;       // a newer frame came before this one was looked at
+  bool is_damaged = false;       // the frame could not be read
+  bool shows_one_field = false;  // as Frame says
   // Real time only, of a frame that was tracked; times of the session's clock.
   bool is_late = false;  // answered after its deadline
   TimePoint due;  // when it was captured: a camera's own stamp; of a recording, when a camera would have brought it

@@ -112,6 +112,54 @@ TEST_F(ImageFolderSourceTest, HalvingHalvesFramesMaskAndCalibration) {
   EXPECT_EQ(frame.image.row(3)[5 * 3 + 2], 108);
 }
 
+// Rows of stripes that move by half their width from one field to the next.
+Image WovenImage() {
+  Image image(64, 48, PixelFormat::kGrey8);
+  for (int y = 0; y < 48; ++y) {
+    for (int x = 0; x < 64; ++x) image.row(y)[x] = (x + (y % 2) * 8) / 8 % 2 == 0 ? 60 : 180;
+  }
+  return image;
+}
+
+TEST_F(ImageFolderSourceTest, OfAWovenPictureTheTopFieldIsShownAndOfAllThatFollow) {
+  for (const int i : {0, 2, 3}) WriteFrame(i, WovenImage());
+  const Image progressive = RampImage(64, 48, PixelFormat::kGrey8);
+  WriteFrame(1, progressive);
+  WriteFrame(4, progressive);
+  for (const bool reversed : {false, true}) {
+    Result<std::unique_ptr<FrameSource>> source = Open({.reversed = reversed});
+    ASSERT_TRUE(source.ok()) << source.status().ToString();
+    for (int i = 0; i < 5; ++i) {
+      const Frame frame = (*source)->Next(kNoDeadline).value();
+      // From the end, the progressive one comes first and is not known to be of an interlaced source.
+      EXPECT_EQ(frame.shows_one_field, !reversed || i != 0) << i;
+      const bool is_woven = reversed ? i == 1 || i == 2 || i == 4 : i != 1 && i != 4;
+      if (is_woven) {
+        EXPECT_EQ(frame.image.row(11)[9], frame.image.row(10)[9]) << i;
+      }
+    }
+  }
+  Result<std::unique_ptr<FrameSource>> source = Open({.deinterlace = DeinterlaceChoice::kOff});
+  const Frame off = (*source)->Next(kNoDeadline).value();
+  EXPECT_FALSE(off.shows_one_field);
+  EXPECT_EQ(PixelsOf(off.image), PixelsOf(WovenImage().view()));
+  source = Open({.first_frame = 1, .deinterlace = DeinterlaceChoice::kOn});
+  const Frame on = (*source)->Next(kNoDeadline).value();
+  EXPECT_TRUE(on.shows_one_field);
+  EXPECT_EQ(on.image.row(47)[5], progressive.row(46)[5]);
+}
+
+TEST_F(ImageFolderSourceTest, FieldsAreTakenApartBeforeHalving) {
+  WriteFrame(0, WovenImage());
+  Result<std::unique_ptr<FrameSource>> source = Open({.halve = true});
+  const Frame frame = (*source)->Next(kNoDeadline).value();
+  EXPECT_TRUE(frame.shows_one_field);
+  EXPECT_EQ(frame.image.width, 32);
+  // Halved as woven it would be grey all over.
+  EXPECT_EQ(frame.image.row(5)[1], 60);
+  EXPECT_EQ(frame.image.row(5)[5], 180);
+}
+
 TEST_F(ImageFolderSourceTest, ColourCanBeReadAsGrey) {
   WriteFrame(0, RampImage(64, 48, PixelFormat::kBgr8));
   Result<std::unique_ptr<FrameSource>> source = Open({.channels = ChannelChoice::kGrey});

@@ -111,6 +111,26 @@ TEST_F(VideoSourceTest, OptionsChooseAPartAndHalve) {
   EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
 }
 
+TEST_F(VideoSourceTest, OfWovenPicturesTheTopFieldIsShown) {
+  Image woven(64, 48, PixelFormat::kGrey8);
+  for (int y = 0; y < 48; ++y) {
+    for (int x = 0; x < 64; ++x) woven.row(y)[x] = (x + (y % 2) * 8) / 8 % 2 == 0 ? 60 : 180;
+  }
+  const std::string path = folder_.Path("woven.mkv");
+  ASSERT_EQ(WriteVideo(path, "ffv1", 25, {woven, woven}), "");
+  for (const bool halve : {false, true}) {
+    const Frame frame = OpenVideo(path, {.halve = halve}).value()->Next(kNoDeadline).value();
+    EXPECT_TRUE(frame.shows_one_field);
+  }
+  const auto source = OpenVideo(path, {}).value();
+  const Frame frame = source->Next(kNoDeadline).value();
+  EXPECT_EQ(frame.image.row(11)[3 * 9], frame.image.row(10)[3 * 9]);
+  const auto as_stored = OpenVideo(path, {.deinterlace = DeinterlaceChoice::kOff}).value();
+  const Frame off = as_stored->Next(kNoDeadline).value();
+  EXPECT_FALSE(off.shows_one_field);
+  EXPECT_NE(off.image.row(11)[3 * 9], off.image.row(10)[3 * 9]);
+}
+
 TEST_F(VideoSourceTest, EndomapperFolderIsFound) {
   std::filesystem::remove(folder_.Path("calib.yaml"));
   WriteLevels("Endoscope_01/Endoscope_01.mov", "mpeg4");

@@ -81,6 +81,7 @@ void AddCalibrateCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--picture", arguments->picture, "PNG file for a picture of the residuals");
   AddOverwriteFlag(*command, arguments->overwrite);
   AddFrameRangeOptions(*command, request.options);
+  AddDeinterlaceOption(*command, request.options.deinterlace);
   command->add_option("--mask", request.options.mask_path,
                       "Static mask to use instead of the sequence's own (255 inside)");
   command->add_option("--rate", request.rate_hz, "Frames a second, for a folder of images that does not say")

@@ -30,6 +30,7 @@ struct CaptureArguments {
   bool overwrite = false;
   std::string store;
   bool halve = false;
+  DeinterlaceChoice deinterlace = DeinterlaceChoice::kAuto;  // where pictures are halved
   std::string calibration;
   std::string mask;
 };
@@ -85,6 +86,8 @@ int Capture(const CaptureArguments& arguments) {
   camera->skip_stale = false;
   SequenceOptions sequence;
   sequence.halve = arguments.halve;
+  // What is stored as it came is deinterlaced when it is read. Halving would mix the fields for good.
+  sequence.deinterlace = arguments.halve ? arguments.deinterlace : DeinterlaceChoice::kOff;
   sequence.calibration_path = arguments.calibration;
   sequence.mask_path = arguments.mask;
   if (arguments.out.empty() && !arguments.is_dry) {
@@ -187,6 +190,8 @@ void AddCaptureCommand(CLI::App& app, std::function<int()>& action) {
                       "Camera calibration, of the whole picture or of the region; goes into the recording");
   command->add_option("--mask", arguments->mask, "Static mask (255 inside); goes into the recording");
   command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
+  AddDeinterlaceOption(*command, arguments->deinterlace);
+  command->get_option("--deinterlace")->needs(command->get_option("--halve"));
   command->callback([arguments, &action] { action = [arguments] { return Capture(*arguments); }; });
 }
 

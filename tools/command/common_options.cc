@@ -22,6 +22,15 @@ void AddFrameRangeOptions(CLI::App& command, SequenceOptions& options) {
       ->capture_default_str();
 }
 
+void AddDeinterlaceOption(CLI::App& command, DeinterlaceChoice& choice) {
+  command
+      .add_option_function<std::string>(
+          "--deinterlace", [&choice](const std::string& text) { choice = ParseDeinterlaceChoice(text).value(); },
+          "Use one field of pictures that two were woven into; auto: where it shows")
+      ->check(CLI::IsMember({"auto", "off", "on"}))
+      ->default_str("auto");
+}
+
 void AddQuietFlags(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     command->add_flag_callback(

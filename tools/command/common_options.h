@@ -13,6 +13,9 @@ void AddOverwriteFlag(CLI::App& command, bool& overwrite);
 // --first-frame, --last-frame and --every-nth: the part of a sequence.
 void AddFrameRangeOptions(CLI::App& command, SequenceOptions& options);
 
+// --deinterlace: "auto", "off" or "on" (capture/deinterlace.h).
+void AddDeinterlaceOption(CLI::App& command, DeinterlaceChoice& choice);
+
 // --quiet for the command and all below it. Takes effect when it is parsed (console.h).
 void AddQuietFlags(CLI::App& app);
 

@@ -87,6 +87,7 @@ void CountFrames(const RunOutput& run, const Reference& reference, const std::ve
   num_clear += static_cast<std::size_t>(std::count(is_unanswered_clear.begin(), is_unanswered_clear.end(), true));
   evaluation->unanswered_frames = unanswered.size();
   evaluation->frames = frames.size() + unanswered.size();
+  evaluation->interlaced = run.figures.interlaced.value_or(0);
   evaluation->live_coverage = Percent(evaluation->live_localised, evaluation->frames);
   evaluation->coverage = Percent(evaluation->localised, evaluation->frames);
   if (reference.events) {

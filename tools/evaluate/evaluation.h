@@ -151,6 +151,7 @@ struct Evaluation {
   std::optional<std::size_t> deadline_misses;  // real-time runs only
   std::size_t dropped = 0;
   std::size_t damaged = 0;
+  std::int64_t interlaced = 0;  // pictures that were shown by one of their two fields
   std::optional<double> peak_rss_mb;
   std::optional<double> realtime_ratio;
   std::map<std::string, double> mean_stage_ms;  // of the mapper, a keyframe

@@ -135,6 +135,7 @@ Json RunOf(const Evaluation& e) {
   json["deadline_misses"] = OrNull(e.deadline_misses);
   json["dropped"] = e.dropped;
   json["damaged"] = e.damaged;
+  json["interlaced"] = e.interlaced;
   json["peak_rss_mb"] = OrNull(e.peak_rss_mb);
   json["realtime_ratio"] = OrNull(e.realtime_ratio);
   json["mean_stage_ms"] = e.mean_stage_ms;

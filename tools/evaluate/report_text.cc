@@ -114,6 +114,10 @@ std::string TimeLines(const Evaluation& e) {
                  std::to_string(*e.deadline_misses) + "   (deadline " + Fixed(e.deadline_ms, 1) + " ms)");
   }
   text += Item("dropped, damaged", std::to_string(e.dropped) + ", " + Count(e.damaged, "frame", "frames"));
+  if (e.interlaced > 0) {
+    text += Item("interlaced", Count(static_cast<std::size_t>(e.interlaced), "picture", "pictures") +
+                                   "   (one field of each was used)");
+  }
   if (e.realtime_ratio) text += Item("real-time ratio", Fixed(e.realtime_ratio, 2));
   if (e.peak_rss_mb) text += Item("peak memory", Fixed(e.peak_rss_mb, 0) + " MB");
   if (e.stages.empty() && !e.mean_stage_ms.empty()) {

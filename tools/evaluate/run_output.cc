@@ -216,6 +216,7 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
   figures->frames = NumberAt<std::int64_t>(json, "frames");
   figures->sequence_frames = NumberAt<std::int64_t>(json, "sequence_frames");
   figures->dropped = NumberAt<std::int64_t>(json, "dropped");
+  figures->interlaced = NumberAt<std::int64_t>(json, "interlaced");
   figures->deadline_misses = NumberAt<std::int64_t>(json, "deadline_misses");
   figures->peak_rss_mb = NumberAt<double>(json, "peak_rss_mb");
   figures->realtime_ratio = NumberAt<double>(json, "realtime_ratio");

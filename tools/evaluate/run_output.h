@@ -78,6 +78,7 @@ struct RunFigures {
   std::optional<std::int64_t> sequence_frames;  // that an aborted run would have come to, too
   std::optional<Percentiles> frame_ms;
   std::optional<std::int64_t> dropped;
+  std::optional<std::int64_t> interlaced;  // pictures that were shown by one of their two fields
   std::optional<std::int64_t> deadline_misses;
   std::optional<double> peak_rss_mb;
   std::optional<double> realtime_ratio;

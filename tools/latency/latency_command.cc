@@ -60,6 +60,7 @@ struct LatencyArguments : ConfigurationOptions {
   bool stress_process = false;
   std::string occupy;  // WIDTHxHEIGHT, in the second process
   bool halve = false;
+  DeinterlaceChoice deinterlace = DeinterlaceChoice::kAuto;
   bool overwrite = false;
 };
 
@@ -67,6 +68,7 @@ struct LatencyArguments : ConfigurationOptions {
 Result<std::unique_ptr<LoopedSource>> LoadFrames(const LatencyArguments& arguments) {
   SequenceOptions options;
   options.halve = arguments.halve;
+  options.deinterlace = arguments.deinterlace;
   std::string sequence = arguments.sequence;
   const TemporaryFolder folder("latency");
   if (arguments.rendered) {
@@ -308,6 +310,7 @@ void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
                     "The same in a process of its own, as a compositor or an encoder has");
   command->add_option("--occupy", arguments->occupy, "Be that process: WIDTHxHEIGHT")->group("");
   AddConfigurationOptions(*command, *arguments);
+  AddDeinterlaceOption(*command, arguments->deinterlace);
   command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Measure(*arguments); }; });
 }

@@ -94,6 +94,9 @@ TextTable SummaryTable(const Evaluation& e) {
   }
   add("dropped, damaged", std::to_string(e.dropped) + ", " + std::to_string(e.damaged),
       "frames that were late, or could not be read");
+  if (e.interlaced > 0) {
+    add("interlaced", std::to_string(e.interlaced), "pictures of two moments each: one field of each was used");
+  }
   add("real-time ratio", Fixed(e.realtime_ratio, 2), "time of the run over duration of the video");
   add("peak memory", e.peak_rss_mb ? Fixed(e.peak_rss_mb, 0) + " MB" : kNothing, "of the process");
   return table;

@@ -118,6 +118,7 @@ Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::
   request.options.first_frame = arguments.part.first_frame;
   request.options.last_frame = arguments.part.last_frame;
   request.options.mask_path = arguments.part.mask_path;
+  request.options.deinterlace = arguments.part.deinterlace;
   request.device = arguments.device;
   request.threads = arguments.threads;
   request.seed = seed;
@@ -342,6 +343,7 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
                    "Watch the tracking thread's use of the heap: count it, or abort with a backtrace at the first")
       ->check(CLI::IsMember({"off", "count", "abort"}))
       ->capture_default_str();
+  AddDeinterlaceOption(*command, arguments->part.deinterlace);
   command->add_flag("--halve", arguments->part.halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Run(*arguments); }; });
 }

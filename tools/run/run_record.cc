@@ -24,6 +24,7 @@ void RunRecord::OnFrame(const FrameOutcome& outcome) {
   const FrameResult& result = outcome.result;
   if (!outcome.is_dropped && !outcome.is_damaged) ++num_on_rung_[static_cast<std::size_t>(result.rung)];
   num_late_ += outcome.is_late;
+  num_one_field_ += outcome.shows_one_field;
   if (outcome.is_dropped) {
     ++num_dropped_;
   } else if (outcome.is_damaged) {

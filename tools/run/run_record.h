@@ -53,6 +53,7 @@ class RunRecord : public SessionObserver {
   std::size_t num_tracked() const { return num_tracked_; }
   std::size_t num_dropped() const { return num_dropped_; }
   std::size_t num_damaged() const { return num_damaged_; }
+  std::size_t num_one_field() const { return num_one_field_; }
   std::size_t num_losses() const { return num_losses_; }
   std::size_t num_relocalisations() const { return num_relocalisations_; }
 
@@ -68,6 +69,7 @@ class RunRecord : public SessionObserver {
   std::size_t num_tracked_ = 0;
   std::size_t num_dropped_ = 0;
   std::size_t num_damaged_ = 0;
+  std::size_t num_one_field_ = 0;
   std::size_t num_losses_ = 0;
   std::size_t num_relocalisations_ = 0;
   bool was_tracking_ = false;

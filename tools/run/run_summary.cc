@@ -170,6 +170,7 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
   summary.losses = record.num_losses();
   summary.dropped = record.num_dropped();
   summary.damaged = record.num_damaged();
+  summary.interlaced = record.num_one_field();
   summary.keyframes = engine.atlas().keyframes().size();
   summary.map_points = engine.atlas().points().size();
   engine.atlas().maps().ForEach([&](MapHandle, const Map& map) { summary.maps_loaded += map.is_loaded; });
@@ -229,6 +230,7 @@ std::string ToJson(const RunSummary& s) {
       {"p50", s.frame_ms.p50}, {"p99", s.frame_ms.p99}, {"p999", s.frame_ms.p999}, {"max", s.frame_ms.max}};
   json["dropped"] = s.dropped;
   json["damaged"] = s.damaged;
+  json["interlaced"] = s.interlaced;
   json["peak_rss_mb"] = s.peak_rss_mb;
   nlohmann::ordered_json pools;
   for (const PoolFigures& pool : s.pools) {
@@ -329,6 +331,9 @@ std::string ToText(const RunSummary& s) {
   }
   if (s.damaged > 0)
     Append(&text, "  damaged       %5zu     frames could not be read (events.csv names them)\n", s.damaged);
+  if (s.interlaced > 0) {
+    Append(&text, "  interlaced    %5zu     of %zu pictures: one field of each was used\n", s.interlaced, s.frames);
+  }
   const EvictionCounters& evicted = s.evictions;
   if (evicted.num_keyframes + evicted.num_maps + evicted.num_points > 0) {
     Append(&text, "  made room     %5llu     keyframes, %llu maps and %llu points went because a pool was full\n",

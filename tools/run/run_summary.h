@@ -63,6 +63,7 @@ struct RunSummary {
   LatencyFigures frame_ms;
   std::size_t dropped = 0;
   std::size_t damaged = 0;
+  std::size_t interlaced = 0;  // pictures that were shown by one of their two fields
   double peak_rss_mb = 0.0;
   double plan_host_mb = 0.0;  // of the engine; the vision device's is in `haustra plan`
   std::vector<PoolFigures> pools;

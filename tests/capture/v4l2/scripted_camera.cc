@@ -349,7 +349,8 @@ void ScriptedCamera::Paint(std::uint32_t sequence, std::uint8_t* to) const {
     if (field == V4L2_FIELD_SEQ_TB) y = row < height / 2 ? 2 * row : 2 * (row - height / 2) + 1;
     if (field == V4L2_FIELD_SEQ_BT) y = row < height / 2 ? 2 * row + 1 : 2 * (row - height / 2);
     for (int x = 0; x < static_cast<int>(width_); ++x) {
-      to[row * static_cast<int>(pitch_) + x * step + offset] = Luma(sequence, x, y);
+      to[row * static_cast<int>(pitch_) + x * step + offset] =
+          Luma(sequence, is_woven && y % 2 == 1 ? x + kWovenShift : x, y);
     }
   }
 }

@@ -52,6 +52,7 @@ class ScriptedCamera final : public DeviceIo {
   bool is_present = true;
   bool is_silent = false;                        // sends nothing
   std::map<std::uint32_t, PictureFault> faults;  // by the number of the picture since the stream began
+  bool is_woven = false;                         // odd rows show the scene further on
   bool has_source_change = false;                // an event is waiting
   int failing_call = -1;                         // that call, counted from 0, fails ...
   int failure = 0;                               // ... with this
@@ -75,6 +76,7 @@ class ScriptedCamera final : public DeviceIo {
   double rate_hz() const { return rate_hz_; }
   bool is_open() const { return is_open_; }
   bool is_streaming() const { return is_streaming_; }
+  static constexpr int kWovenShift = 20;
   // The luma that picture `sequence` has at a place.
   static std::uint8_t Luma(std::uint32_t sequence, int x, int y) {
     return static_cast<std::uint8_t>(

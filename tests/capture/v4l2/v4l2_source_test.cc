@@ -271,6 +271,7 @@ TEST(V4l2Source, OfAnInterlacedPictureTheChosenRowsAreUsed) {
         const auto source = MustOpen(camera, options, sequence);
         const Result<Frame> frame = source->Next(kNoDeadline);
         ASSERT_TRUE(frame.ok());
+        EXPECT_TRUE(frame->shows_one_field);
         ASSERT_EQ(frame->image.width, 32);
         ASSERT_EQ(frame->image.height, 24);
         const int row = choice == FieldChoice::kTop ? 0 : 1;
@@ -281,6 +282,57 @@ TEST(V4l2Source, OfAnInterlacedPictureTheChosenRowsAreUsed) {
       }
     }
   }
+}
+
+TEST(V4l2Source, FieldsThatAGrabberWeavesAndCallsProgressiveAreTakenApart) {
+  for (const std::uint32_t fourcc : {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_NV12}) {
+    for (const bool halve : {false, true}) {
+      ScriptedCamera camera;
+      camera.modes.front().fourcc = fourcc;
+      camera.extra_pitch_bytes = 16;
+      camera.is_woven = true;
+      SequenceOptions sequence;
+      sequence.halve = halve;
+      const auto source = MustOpen(camera, Options(), sequence);
+      const std::optional<PixelFormat> format = source->pixel_format();
+      for (std::uint32_t i = 0; i < 4; ++i) {
+        const Result<Frame> frame = source->Next(kNoDeadline);
+        ASSERT_TRUE(frame.ok());
+        EXPECT_TRUE(frame->shows_one_field);
+        EXPECT_EQ(frame->image.format, format);
+        const int top = camera.Luma(i, 20, 4), next = camera.Luma(i, 20, 6), between = (top + next + 1) / 2;
+        if (!halve) {
+          EXPECT_EQ(LumaAt(frame->image, 20, 4), top);
+          EXPECT_EQ(LumaAt(frame->image, 20, 5), between);
+        } else {
+          const int top_b = camera.Luma(i, 21, 4), between_b = (top_b + camera.Luma(i, 21, 6) + 1) / 2;
+          EXPECT_EQ(frame->image.row(2)[10], (top + top_b + between + between_b + 2) / 4);
+        }
+      }
+      // Another signal may come with another stream.
+      camera.is_woven = false;
+      camera.is_present = false;
+      EXPECT_FALSE(source->Next(kNoDeadline).ok());
+      camera.is_present = true;
+      Result<Frame> frame = source->Next(kNoDeadline);
+      for (int i = 0; i < 20 && !frame.ok(); ++i) frame = source->Next(kNoDeadline);
+      ASSERT_TRUE(frame.ok());
+      EXPECT_FALSE(frame->shows_one_field);
+    }
+  }
+}
+
+TEST(V4l2Source, WithoutDeinterlacingAPictureStaysWhereTheCameraWroteIt) {
+  ScriptedCamera camera;
+  camera.is_woven = true;
+  SequenceOptions sequence;
+  sequence.deinterlace = DeinterlaceChoice::kOff;
+  const auto source = MustOpen(camera, Options(), sequence);
+  const Result<Frame> frame = source->Next(kNoDeadline);
+  ASSERT_TRUE(frame.ok());
+  EXPECT_FALSE(frame->shows_one_field);
+  EXPECT_EQ(LumaAt(frame->image, 10, 5), camera.Luma(0, 10 + ScriptedCamera::kWovenShift, 5));
+  ASSERT_TRUE(source->Next(kNoDeadline).ok());
 }
 
 TEST(V4l2Source, OfFieldsThatComeOneByOneTheOthersAreLeftOut) {

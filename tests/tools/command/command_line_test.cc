@@ -11,6 +11,7 @@
 namespace haustra {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 class CommandLineTest : public testing::Test {
@@ -62,6 +63,20 @@ TEST_F(CommandLineTest, EveryCommandThatWritesHasOverwrite) {
 TEST_F(CommandLineTest, DeviceIsChosenUnlessItIsNamed) {
   for (const char* name : {"run", "plan", "latency", "soak", "calibrate"}) {
     EXPECT_EQ(app_.get_subcommand(name)->get_option("--device")->get_default_str(), "auto") << name;
+  }
+}
+
+TEST_F(CommandLineTest, DeinterlaceTakesItsThreeWordsAndNamesAnyOther) {
+  for (const char* name : {"run", "latency", "calibrate", "capture"}) {
+    const CLI::Option* option = app_.get_subcommand(name)->get_option("--deinterlace");
+    EXPECT_EQ(option->get_default_str(), "auto") << name;
+  }
+  EXPECT_NO_THROW(app_.parse("run --deinterlace on", false));
+  try {
+    app_.parse("run --deinterlace bob", false);
+    FAIL() << "bob was taken";
+  } catch (const CLI::ParseError& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("--deinterlace"), HasSubstr("bob")));
   }
 }
 

@@ -227,6 +227,12 @@ TEST(RunSummary, TextSaysWhatIsWrongOnlyWhenItIs) {
   EXPECT_EQ(ToText(summary).find("dropped"), std::string::npos);
   EXPECT_EQ(ToText(summary).find("damaged"), std::string::npos);
   EXPECT_EQ(ToText(summary).find("heap"), std::string::npos);
+  EXPECT_EQ(ToText(summary).find("interlaced"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["interlaced"], 0);
+  summary.frames = 133;
+  summary.interlaced = 77;
+  EXPECT_NE(ToText(summary).find("interlaced       77     of 133 pictures: one field of each"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["interlaced"], 77);
   summary.dropped = 3;
   summary.damaged = 2;
   summary.heap_growth_mb = 1.5;

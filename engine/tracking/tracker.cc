@@ -33,14 +33,13 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
       noise_meter_(config.noise),
       overlay_(config.initialisation, config.features.finds_overlay, camera.width_px(), camera.height_px(),
                config.features.max),
+      extractor_({config, camera, device, lane_, budget_, overlay_, current_, last_}),
       initialiser_(config, camera, device, lane_, overlay_, scene_share, memory),
       search_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_}),
       recovery_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_},
                 search_),
       proposer_(config, device, link, noise_meter_.model(), current_, heard_) {
   ReserveTouched(&tracked_, static_cast<std::size_t>(config.features.max));
-  ReserveTouched(&follow_, static_cast<std::size_t>(config.features.max));
-  ReserveTouched(&shows_point_, static_cast<std::size_t>(config.features.max));
 }
 
 MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
@@ -48,12 +47,12 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto features = static_cast<std::size_t>(max_features);
   const std::size_t views =
       2 * FrameFeatures::BytesFor(max_features) + Initialiser::BytesFor(max_features, config.initialisation.kept_views);
-  // Matches of the last frame, tracked_, follow_, shows_point_; the robust estimator and what is compared in the
-  // initialiser.
+  // Matches of the last frame, tracked_; the robust estimator and what is compared in the initialiser.
   constexpr std::size_t kOfFeature = sizeof(last_.matches[0]) + sizeof(OverlayWatch::Tracked) +
                                      TwoViewRansac::kBytesPerMatch + sizeof(Match) + sizeof(Eigen::Vector2d) +
-                                     2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(Keypoint) + 1;
+                                     2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double);
   const std::size_t workspace = features * kOfFeature + OverlayWatch::BytesFor(max_features) +
+                                FrameExtractor::BytesFor(max_features) +
                                 PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
                                 PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
   MemoryPlan plan;
@@ -135,7 +134,7 @@ void Tracker::HearMapper() {
 Tracker::Outcome Tracker::Measure(const Frame& frame, FrameResult* result) {
   HearMapper();
   search_.Begin();
-  const bool is_extracted = Extract(frame);
+  const bool is_extracted = extractor_.Extract(frame.image);
   result->num_features = current_.features.num;
   if (!is_extracted && lane_.has_pending()) return Outcome::kNoTime;
   if (!is_extracted || current_.features.num < kMinFeatures) {
@@ -144,61 +143,6 @@ Tracker::Outcome Tracker::Measure(const Frame& frame, FrameResult* result) {
     return Outcome::kNoPose;
   }
   return state() == TrackingState::kTracking ? TrackMap(result) : FindMap(result);
-}
-
-bool Tracker::Extract(const Frame& frame) {
-  const bool has_fewer = budget_.has_fewer_features();
-  const FrameBudget::Timer timer(budget_, has_fewer ? Stage::kExtractReduced : Stage::kExtract);
-  const Result<FeatureSetHandle> set = device_.CreateFeatureSet();
-  if (!set.ok()) {
-    if (set.code() == StatusCode::kCapacityExceeded) num_sets_refused_.fetch_add(1, std::memory_order_relaxed);
-    return false;
-  }
-  current_.features.set = *set;
-  current_.features.is_reduced = has_fewer;
-  ExtractRequest request;
-  request.image = frame.image;
-  request.set = *set;
-  request.keypoints = current_.features.keypoints;
-  request.num_keypoints = &current_.features.num;
-  request.num_followed = &current_.features.num_followed;
-  if (has_fewer) {
-    request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.num_detected());
-    request.min_scale_px = static_cast<float>(config_.scheduler.reduced_min_scale_px);
-  } else {
-    request.follow = FeaturesToFollow();
-  }
-  is_last_extracted_ = false;
-  if (!lane_.Extract(request, budget_.wait_deadline()).ok()) {
-    if (!lane_.has_pending()) current_.features.num = current_.features.num_followed = 0;
-    return false;
-  }
-  for (int i = 0; i < current_.features.num; ++i) {
-    Eigen::Vector3d bearing;
-    // A zero bearing agrees with no geometry, so a point outside the model is never used.
-    if (!camera_.Unproject(current_.features.pixel(i), &bearing)) bearing.setZero();
-    current_.features.bearings[i] = {static_cast<float>(bearing.x()), static_cast<float>(bearing.y()),
-                                     static_cast<float>(bearing.z())};
-  }
-  overlay_.Blank(&current_.features);
-  return true;
-}
-
-// All of the last frame if it was tracked, those that show map points first. None otherwise: what is followed errs
-// together, and a founding takes its matches to err each by itself.
-std::span<const Keypoint> Tracker::FeaturesToFollow() {
-  follow_.clear();
-  if (!config_.features.are_followed || !is_last_extracted_) return {};
-  const FrameFeatures& features = last_.features;
-  shows_point_.assign(static_cast<std::size_t>(features.num), std::uint8_t{0});
-  for (const auto& match : last_.matches) {
-    shows_point_[match.first] = 1;
-    follow_.push_back(features.keypoints[match.first]);
-  }
-  for (int i = 0; i < features.num; ++i) {
-    if (shows_point_[i] == 0) follow_.push_back(features.keypoints[i]);
-  }
-  return follow_;
 }
 
 // Tracking: guided search, and brute force where it finds nothing or few points hold what it has found.
@@ -426,7 +370,7 @@ void Tracker::KeepFrame(Tracking* tracking) {
   course.cam_from_map = estimate.cam_from_map;
   course.frame_index = current_.frame_index;
   std::swap(last_.features, current_.features);
-  is_last_extracted_ = true;
+  extractor_.KeepLast();
   owns_last_set_ = !is_set_given_;
   for (const PointMatch& match : estimate.matches) {
     last_.matches.emplace_back(match.feature_idx, local_map().points[match.point_idx].handle);

@@ -15,8 +15,8 @@ constexpr int kThinFactor = 2;
 // A tracked pose with fewer inliers than so many times the least is questioned (decisions/2026-11-23-brute-force-bears-
 // witness.md).
 constexpr int kQuestionedFactor = 3;
-// A prediction over more lost frames than this is worth nothing.
-constexpr int kMaxPredictedFrames = 3;
+// A velocity older than this is worth nothing.
+constexpr double kMaxVelocityMs = 120.0;
 
 }  // namespace
 
@@ -82,6 +82,8 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   FrameResult result;
   result.frame_index = frame.index;
   result.timestamp = frame.timestamp;
+  MeasurePeriod(frame);
+  budget_.SetFramePeriod(period_);
   budget_.BeginFrame(deadline, state() == TrackingState::kTracking, NeedsAllFeatures());
   current_.frame_index = frame.index;
   current_.timestamp = frame.timestamp;
@@ -109,6 +111,21 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   result.times = budget_.times();
   return result;
 }
+
+// From the last two frames that came. What lasts a time lasts so many frames at the rate of now.
+void Tracker::MeasurePeriod(const Frame& frame) {
+  if (has_frame_ && frame.index > current_.frame_index && frame.timestamp > current_.timestamp) {
+    period_ = (frame.timestamp - current_.timestamp) / (frame.index - current_.frame_index);
+  }
+  has_frame_ = true;
+}
+
+int Tracker::FramesWithin(double time_ms) const {
+  return static_cast<int>(std::lround(time_ms / std::max(ToMilliseconds(period_), 1e-3)));
+}
+
+// Frames. The slowest source has a course, too.
+int Tracker::MaxVelocityAge() const { return std::max(1, FramesWithin(kMaxVelocityMs)); }
 
 // Lost, or nearly so: a young map was made of all features, and few would not find it again.
 bool Tracker::NeedsAllFeatures() const {
@@ -202,7 +219,7 @@ SE3 Tracker::Predict(const Tracking& tracking) const {
   SE3 predicted = tracking.course.cam_from_map;
   if (!tracking.velocity) return predicted;
   const int gap = static_cast<int>(current_.frame_index - tracking.course.frame_index);
-  for (int i = 0; i < std::min(gap, kMaxPredictedFrames); ++i) predicted = *tracking.velocity * predicted;
+  for (int i = 0; i < std::min(gap, MaxVelocityAge()); ++i) predicted = *tracking.velocity * predicted;
   return predicted;
 }
 
@@ -297,7 +314,7 @@ void Tracker::AnswerWithoutMeasurement(FrameResult* result) {
   Tracking* tracking = std::get_if<Tracking>(&state_);
   if (tracking == nullptr) return;
   const auto& keyframes = local_map().keyframes;
-  if (++tracking->num_predicted > config_.scheduler.max_predicted_frames || keyframes.empty()) {
+  if (++tracking->num_predicted > FramesWithin(config_.scheduler.max_predicted_ms) || keyframes.empty()) {
     SetLost();
     return;
   }
@@ -365,7 +382,7 @@ void Tracker::KeepFrame(Tracking* tracking) {
   if (gap > 0) {
     tracking->velocity.reset();
     const SE3 moved = estimate.cam_from_map * course.cam_from_map.Inverse();
-    if (gap <= kMaxPredictedFrames) tracking->velocity = SE3::Exp(moved.Log() / gap);
+    if (gap <= MaxVelocityAge()) tracking->velocity = SE3::Exp(moved.Log() / gap);
   }
   course.cam_from_map = estimate.cam_from_map;
   course.frame_index = current_.frame_index;

@@ -66,6 +66,9 @@ class Tracker {
     kNoTime,  // nobody knows; the state is what it was, or the start that was tried
   };
 
+  void MeasurePeriod(const Frame& frame);
+  int FramesWithin(double time_ms) const;
+  int MaxVelocityAge() const;
   void HearMapper();
   bool NeedsAllFeatures() const;
   Outcome Measure(const Frame& frame, FrameResult* result);
@@ -99,6 +102,8 @@ class Tracker {
   TrackerState state_ = Lost{};
   RepliesHeard heard_;
   ProposedView current_;
+  bool has_frame_ = false;
+  Duration period_ = std::chrono::milliseconds(40);  // of the frames; of a source that has shown none yet a usual one
   bool is_set_given_ = false;                        // the current feature set has a new owner: mapper or initialiser
   LastFrame last_;
   bool owns_last_set_ = false;

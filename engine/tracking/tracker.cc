@@ -159,7 +159,7 @@ Tracker::Outcome Tracker::Measure(const Frame& frame, FrameResult* result) {
     result->reason = is_extracted ? TrackingReason::kFewFeatures : TrackingReason::kDamagedFrame;
     return Outcome::kNoPose;
   }
-  return state() == TrackingState::kTracking ? TrackMap(result) : FindMap(result);
+  return state() == TrackingState::kTracking ? TrackMap(result) : FindPose(result);
 }
 
 // Tracking: guided search, and brute force where it finds nothing or few points hold what it has found.
@@ -224,7 +224,7 @@ SE3 Tracker::Predict(const Tracking& tracking) const {
 }
 
 // No pose so far: what the mapper has answered, brute force against the last window, a new map.
-Tracker::Outcome Tracker::FindMap(FrameResult* result) {
+Tracker::Outcome Tracker::FindPose(FrameResult* result) {
   if (std::holds_alternative<AwaitingMap>(state_)) {
     result->reason = TrackingReason::kAwaitingMap;
     return Outcome::kNoPose;

@@ -78,7 +78,7 @@ class Tracker {
   bool IsPlausibleMotion(const SE3& predicted) const;
   SE3 Predict(const Tracking& tracking) const;
 
-  Outcome FindMap(FrameResult* result);
+  Outcome FindPose(FrameResult* result);
   Outcome TryStart(const Start& start, FrameResult* result);
   Outcome BeginMap(Lost* lost, FrameResult* result);
 

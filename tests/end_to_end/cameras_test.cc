@@ -3,6 +3,7 @@
 // for all, and maps begin and grow as fast.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 
 #include "tests/end_to_end/evaluation.h"
@@ -46,9 +47,11 @@ TEST_P(Cameras, MapIsFoundedAsSoon) {
 
 // A camera that brings more frames makes no more keyframes for it.
 TEST_P(Cameras, KeyframesComeAsOften) {
-  const int num_keyframes = ReadJson(ResultFolder(sequence()) + "/summary.json").at("keyframes").get<int>();
-  EXPECT_GE(num_keyframes, 3);
-  EXPECT_LE(num_keyframes, 12);
+  const CsvRows frames = ReadCsv(ResultFolder(sequence()) + "/frames.csv");
+  const auto num_proposed =
+      std::count_if(frames.begin(), frames.end(), [](const auto& frame) { return frame.at("is_keyframe") == "1"; });
+  EXPECT_GE(num_proposed, 1);
+  EXPECT_LE(num_proposed, 10);  // 1, 3 and 5 beside the two that found the map
 }
 
 }  // namespace

@@ -172,7 +172,7 @@ struct MemoryConfig {
   int max_map_events = 1024;      // not yet read by the session; newer ones are lost then [16, 100000]
   int max_late_poses = 1024;      // likewise; a lost one leaves its frame without a pose [16, 100000]
   int small_map_keyframes = 8;    // an inactive map up to this size may go as a whole [2, 1000]
-  double max_host_mb = 1500.0;    // of the plan, 0: no limit [0, 1000000]
+  double max_host_mb = 1800.0;    // of the plan, 0: no limit [0, 1000000]
   double max_device_mb = 1000.0;  // likewise [0, 1000000]
 };
 

@@ -183,7 +183,7 @@ void Joiner::ReportRejection(const PlaceTask& task, const CommonAreaCounts& coun
 
 // After a join, when there is nothing else to do: what the seam made known spreads over the map around it, a slice of
 // bundle adjustment at a time.
-bool Joiner::Settle() {
+bool Joiner::SettleSeam() {
   if (settling_rounds_ == 0) return false;
   --settling_rounds_;
   const TimePoint start = state_.Now();

@@ -46,7 +46,7 @@ class Joiner {
 
   // For when there is nothing else to do. False: nothing was done.
   bool AskForSkipped();
-  bool Settle();
+  bool SettleSeam();
   // Tracking has gone elsewhere.
   void EndSettling() { settling_rounds_ = 0; }
 

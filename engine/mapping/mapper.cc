@@ -73,13 +73,13 @@ bool Mapper::Step() {
     return true;
   }
   is_joins_turn_ = true;
-  if (proposal == nullptr) return joiner_.AskForSkipped() || joiner_.Settle();
+  if (proposal == nullptr) return joiner_.AskForSkipped() || joiner_.SettleSeam();
   current_view_ = &proposal->view;
   state_.noise = proposal->noise;
   switch (proposal->kind) {
     case ProposalKind::kKeyframe: InsertKeyframe(*proposal); break;
     case ProposalKind::kFounding: FoundMap(*proposal); break;
-    case ProposalKind::kPlaceless: FindPlace(proposal->view); break;
+    case ProposalKind::kPlaceless: FindFrame(proposal->view); break;
   }
   state_.link.proposals.Pop();
   state_.link.num_pending.fetch_sub(1, std::memory_order_acq_rel);
@@ -179,7 +179,7 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
 }
 
 // The tracker has lost its map: does any show this frame? The one that does becomes the active map.
-void Mapper::FindPlace(const ProposedView& view) {
+void Mapper::FindFrame(const ProposedView& view) {
   const TimePoint start = state_.Now();
   Relocalisation found;
   relocalisations_tried_.clear();

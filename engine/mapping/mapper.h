@@ -77,7 +77,7 @@ class Mapper {
   void RetireActiveMap(const ProposedView& view);
   void RemoveFromRetrieval(MapHandle map);
   void InsertKeyframe(const KeyframeProposal& proposal);
-  void FindPlace(const ProposedView& view);
+  void FindFrame(const ProposedView& view);
   void Report(MapEventKind kind, const ProposedView& view, MapHandle map);
 
   MappingState state_;

@@ -69,7 +69,7 @@ struct GroupExcerpt {
   // In order of keyframe and feature, each once; at most as many as were reserved.
   std::pmr::vector<SearchedPoint> points;
   std::pmr::vector<MapPointHandle> handles;  // of points
-  std::pmr::vector<PointSight> sights;       // candidate only: of points, by their oldest observer
+  std::pmr::vector<PointSight> sights;       // candidate only: of points, each by one observer
   std::size_t num_searched = 0;              // of points: those to be found on the other side, which come first
   double way = 0.0;  // candidate in the map of the query only: of the scope, from one to the other
 };

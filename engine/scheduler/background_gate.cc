@@ -12,6 +12,9 @@ constexpr Duration kLook = std::chrono::microseconds(250);
 // A frame that is so late does not come (end of the source, camera unplugged).
 constexpr Duration kGivenUp = std::chrono::milliseconds(100);
 
+// Nothing is refused here; any time does.
+constexpr Duration kNeverRefused{1};
+
 void SleepOnThisMachine(void*, Duration duration) { SleepFor(duration); }
 
 bool IsWorking(std::uint64_t num_frames) { return num_frames % 2 == 1; }
@@ -22,7 +25,7 @@ BackgroundGate::BackgroundGate(const Clock& clock, double quantile)
     : BackgroundGate(clock, quantile, SleepOnThisMachine, nullptr) {}
 
 BackgroundGate::BackgroundGate(const Clock& clock, double quantile, Sleep sleep, void* context)
-    : clock_(clock), sleep_(sleep), sleep_context_(context), expected_(quantile, 1) {}
+    : clock_(clock), sleep_(sleep), sleep_context_(context), expected_(quantile, kNeverRefused) {}
 
 bool BackgroundGate::IsOpen(std::uint64_t num_frames, TimePoint now) const {
   if (IsWorking(num_frames)) return false;

@@ -12,7 +12,8 @@ constexpr Duration kLateWait = std::chrono::milliseconds(100);
 template <std::size_t... kIndices>
 std::array<StageExpectation, sizeof...(kIndices)> MakeExpectations(const SchedulerConfig& config,
                                                                    std::index_sequence<kIndices...>) {
-  return {((void)kIndices, StageExpectation(config.quantile, config.retry_frames))...};
+  const Duration retry_after(static_cast<std::int64_t>(1e6 * config.retry_ms));
+  return {((void)kIndices, StageExpectation(config.quantile, retry_after))...};
 }
 
 }  // namespace
@@ -123,7 +124,7 @@ void FrameBudget::EndFrame() {
     if (was_run_[i]) {
       expected_[i].Add(i == given_up ? 2 * times_[i] : times_[i]);
     } else if (is_refused_[i]) {
-      expected_[i].Refused();
+      expected_[i].Refused(frame_period_);
     }
   }
 }

@@ -52,6 +52,8 @@ class FrameBudget {
   // that come meanwhile are dropped.
   void BeginFrame(TimePoint deadline, bool is_tracking, bool needs_all);
   void EndFrame();
+  // Between the frames as they come now; 40 ms until it is known.
+  void SetFramePeriod(Duration period) { frame_period_ = period; }
 
   bool has_fewer_features() const { return has_fewer_features_; }
   bool has_fewer_points() const { return has_fewer_points_; }
@@ -120,6 +122,7 @@ class FrameBudget {
   int last_stage_ = -1;        // of the frame, -1: none
   bool was_given_up_ = false;  // it
   TimePoint deadline_ = kNoDeadline;
+  Duration frame_period_ = std::chrono::milliseconds(40);
   bool has_fewer_features_ = false;
   bool has_fewer_points_ = false;
   int num_recovery_refusals_ = 0;    // in a row

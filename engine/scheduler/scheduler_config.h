@@ -12,9 +12,9 @@ struct SchedulerConfig {
   // Of the last durations of a stage (frame_budget.h): the time that it is expected to take. Of 64 durations, 0.98 is
   // the second largest: one outlier changes nothing, two do [0.5, 1].
   double quantile = 0.98;
-  // Frames for which a stage that was refused is not tried again: a second. Twice as many each time that it is still as
-  // slow, up to sixteen times: a try costs its frame a rung [1, 1000].
-  int retry_frames = 25;
+  // For so long a stage that was refused is not tried again. Twice as long each time that it is still as slow, up to
+  // sixteen times: a try costs its frame a rung [1, 100000].
+  double retry_ms = 1000.0;
   double reduced_share = 0.5;  // of features and of local points, on the rungs that have fewer [0.1, 1]
   // On the rung that has fewer features: finer ones are not looked for. 1.8 leaves out the enlarged picture, which
   // takes the CPU device two thirds of its time [0, 10].
@@ -23,8 +23,8 @@ struct SchedulerConfig {
   // pose that could be late. Two or three frames of a camera, in which a scope hardly moves on; 0: it keeps its
   // deadline [0, 1000].
   double lost_time_ms = 100.0;
-  int max_predicted_frames = 5;  // in a row without a measurement: a scope does not keep its course longer [0, 100]
-  bool background_gap = true;    // mapping asks an accelerator for nothing while a frame is due
+  double max_predicted_ms = 200.0;  // without a measurement: a scope does not keep its course longer [0, 10000]
+  bool background_gap = true;       // mapping asks an accelerator for nothing while a frame is due
 };
 
 }  // namespace haustra

@@ -14,10 +14,10 @@ namespace haustra {
 class StageExpectation {
  public:
   static constexpr int kWindow = 64;
-  static constexpr int kMaxPatience = 16;  // times retry_frames
+  static constexpr int kMaxPatience = 16;  // times retry_after
 
-  // quantile in (0, 1], nearest rank.
-  StageExpectation(double quantile, int retry_frames) : quantile_(quantile), retry_frames_(retry_frames) {}
+  // quantile in (0, 1], nearest rank. retry_after > 0: of refusals, after which the stage is tried again.
+  StageExpectation(double quantile, Duration retry_after) : quantile_(quantile), retry_after_(retry_after) {}
 
   void Add(Duration duration) {
     if (is_forgotten()) {
@@ -25,7 +25,7 @@ class StageExpectation {
       patience_ = 10 * duration >= 9 * value_ ? std::min(2 * patience_, kMaxPatience) : 1;
       num_ = next_ = 0;
     }
-    num_refused_ = 0;
+    refused_for_ = Duration{0};
     window_[static_cast<std::size_t>(next_)] = duration;
     next_ = (next_ + 1) % kWindow;
     num_ = std::min(num_ + 1, kWindow);
@@ -35,21 +35,21 @@ class StageExpectation {
     value_ = sorted[static_cast<std::size_t>(rank)];
   }
 
-  // The stage was left out of a frame because it would have taken too long.
-  void Refused() { ++num_refused_; }
+  // The stage was left out of a frame because it would have taken too long. `period`: until the next frame.
+  void Refused(Duration period) { refused_for_ += period; }
 
   // Zero when it is not known: then the stage is tried.
   Duration value() const { return is_forgotten() ? Duration{0} : value_; }
 
  private:
-  bool is_forgotten() const { return num_refused_ >= patience_ * retry_frames_; }
+  bool is_forgotten() const { return refused_for_ >= patience_ * retry_after_; }
 
   double quantile_;
-  int retry_frames_;
+  Duration retry_after_;
   std::array<Duration, kWindow> window_{};
   int num_ = 0;
   int next_ = 0;
-  int num_refused_ = 0;  // frames in a row
+  Duration refused_for_{0};  // in a row
   int patience_ = 1;
   Duration value_{0};
 };

@@ -15,8 +15,8 @@ constexpr int kThinFactor = 2;
 // A tracked pose with fewer inliers than so many times the least is questioned (decisions/2026-11-23-brute-force-bears-
 // witness.md).
 constexpr int kQuestionedFactor = 3;
-// A prediction over more lost frames than this is worth nothing.
-constexpr int kMaxPredictedFrames = 3;
+// A velocity older than this is worth nothing.
+constexpr double kMaxVelocityMs = 120.0;
 
 }  // namespace
 
@@ -33,14 +33,13 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
       noise_meter_(config.noise),
       overlay_(config.initialisation, config.features.finds_overlay, camera.width_px(), camera.height_px(),
                config.features.max),
+      extractor_({config, camera, device, lane_, budget_, overlay_, current_, last_}),
       initialiser_(config, camera, device, lane_, overlay_, scene_share, memory),
       search_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_}),
       recovery_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_},
                 search_),
       proposer_(config, device, link, noise_meter_.model(), current_, heard_) {
   ReserveTouched(&tracked_, static_cast<std::size_t>(config.features.max));
-  ReserveTouched(&follow_, static_cast<std::size_t>(config.features.max));
-  ReserveTouched(&shows_point_, static_cast<std::size_t>(config.features.max));
 }
 
 MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
@@ -48,12 +47,12 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
   const auto features = static_cast<std::size_t>(max_features);
   const std::size_t views =
       2 * FrameFeatures::BytesFor(max_features) + Initialiser::BytesFor(max_features, config.initialisation.kept_views);
-  // Matches of the last frame, tracked_, follow_, shows_point_; the robust estimator and what is compared in the
-  // initialiser.
+  // Matches of the last frame, tracked_; the robust estimator and what is compared in the initialiser.
   constexpr std::size_t kOfFeature = sizeof(last_.matches[0]) + sizeof(OverlayWatch::Tracked) +
                                      TwoViewRansac::kBytesPerMatch + sizeof(Match) + sizeof(Eigen::Vector2d) +
-                                     2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double) + sizeof(Keypoint) + 1;
+                                     2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double);
   const std::size_t workspace = features * kOfFeature + OverlayWatch::BytesFor(max_features) +
+                                FrameExtractor::BytesFor(max_features) +
                                 PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
                                 PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
   MemoryPlan plan;
@@ -83,6 +82,8 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   FrameResult result;
   result.frame_index = frame.index;
   result.timestamp = frame.timestamp;
+  MeasurePeriod(frame);
+  budget_.SetFramePeriod(period_);
   budget_.BeginFrame(deadline, state() == TrackingState::kTracking, NeedsAllFeatures());
   current_.frame_index = frame.index;
   current_.timestamp = frame.timestamp;
@@ -111,6 +112,21 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   return result;
 }
 
+// From the last two frames that came. What lasts a time lasts so many frames at the rate of now.
+void Tracker::MeasurePeriod(const Frame& frame) {
+  if (has_frame_ && frame.index > current_.frame_index && frame.timestamp > current_.timestamp) {
+    period_ = (frame.timestamp - current_.timestamp) / (frame.index - current_.frame_index);
+  }
+  has_frame_ = true;
+}
+
+int Tracker::FramesWithin(double time_ms) const {
+  return static_cast<int>(std::lround(time_ms / std::max(ToMilliseconds(period_), 1e-3)));
+}
+
+// Frames. The slowest source has a course, too.
+int Tracker::MaxVelocityAge() const { return std::max(1, FramesWithin(kMaxVelocityMs)); }
+
 // Lost, or nearly so: a young map was made of all features, and few would not find it again.
 bool Tracker::NeedsAllFeatures() const {
   const bool is_thin = static_cast<int>(last_.matches.size()) < kThinFactor * config_.tracking.min_inliers;
@@ -135,7 +151,7 @@ void Tracker::HearMapper() {
 Tracker::Outcome Tracker::Measure(const Frame& frame, FrameResult* result) {
   HearMapper();
   search_.Begin();
-  const bool is_extracted = Extract(frame);
+  const bool is_extracted = extractor_.Extract(frame.image);
   result->num_features = current_.features.num;
   if (!is_extracted && lane_.has_pending()) return Outcome::kNoTime;
   if (!is_extracted || current_.features.num < kMinFeatures) {
@@ -143,62 +159,7 @@ Tracker::Outcome Tracker::Measure(const Frame& frame, FrameResult* result) {
     result->reason = is_extracted ? TrackingReason::kFewFeatures : TrackingReason::kDamagedFrame;
     return Outcome::kNoPose;
   }
-  return state() == TrackingState::kTracking ? TrackMap(result) : FindMap(result);
-}
-
-bool Tracker::Extract(const Frame& frame) {
-  const bool has_fewer = budget_.has_fewer_features();
-  const FrameBudget::Timer timer(budget_, has_fewer ? Stage::kExtractReduced : Stage::kExtract);
-  const Result<FeatureSetHandle> set = device_.CreateFeatureSet();
-  if (!set.ok()) {
-    if (set.code() == StatusCode::kCapacityExceeded) num_sets_refused_.fetch_add(1, std::memory_order_relaxed);
-    return false;
-  }
-  current_.features.set = *set;
-  current_.features.is_reduced = has_fewer;
-  ExtractRequest request;
-  request.image = frame.image;
-  request.set = *set;
-  request.keypoints = current_.features.keypoints;
-  request.num_keypoints = &current_.features.num;
-  request.num_followed = &current_.features.num_followed;
-  if (has_fewer) {
-    request.max_features = static_cast<int>(config_.scheduler.reduced_share * config_.features.num_detected());
-    request.min_scale_px = static_cast<float>(config_.scheduler.reduced_min_scale_px);
-  } else {
-    request.follow = FeaturesToFollow();
-  }
-  is_last_extracted_ = false;
-  if (!lane_.Extract(request, budget_.wait_deadline()).ok()) {
-    if (!lane_.has_pending()) current_.features.num = current_.features.num_followed = 0;
-    return false;
-  }
-  for (int i = 0; i < current_.features.num; ++i) {
-    Eigen::Vector3d bearing;
-    // A zero bearing agrees with no geometry, so a point outside the model is never used.
-    if (!camera_.Unproject(current_.features.pixel(i), &bearing)) bearing.setZero();
-    current_.features.bearings[i] = {static_cast<float>(bearing.x()), static_cast<float>(bearing.y()),
-                                     static_cast<float>(bearing.z())};
-  }
-  overlay_.Blank(&current_.features);
-  return true;
-}
-
-// All of the last frame if it was tracked, those that show map points first. None otherwise: what is followed errs
-// together, and a founding takes its matches to err each by itself.
-std::span<const Keypoint> Tracker::FeaturesToFollow() {
-  follow_.clear();
-  if (!config_.features.are_followed || !is_last_extracted_) return {};
-  const FrameFeatures& features = last_.features;
-  shows_point_.assign(static_cast<std::size_t>(features.num), std::uint8_t{0});
-  for (const auto& match : last_.matches) {
-    shows_point_[match.first] = 1;
-    follow_.push_back(features.keypoints[match.first]);
-  }
-  for (int i = 0; i < features.num; ++i) {
-    if (shows_point_[i] == 0) follow_.push_back(features.keypoints[i]);
-  }
-  return follow_;
+  return state() == TrackingState::kTracking ? TrackMap(result) : FindPose(result);
 }
 
 // Tracking: guided search, and brute force where it finds nothing or few points hold what it has found.
@@ -258,12 +219,12 @@ SE3 Tracker::Predict(const Tracking& tracking) const {
   SE3 predicted = tracking.course.cam_from_map;
   if (!tracking.velocity) return predicted;
   const int gap = static_cast<int>(current_.frame_index - tracking.course.frame_index);
-  for (int i = 0; i < std::min(gap, kMaxPredictedFrames); ++i) predicted = *tracking.velocity * predicted;
+  for (int i = 0; i < std::min(gap, MaxVelocityAge()); ++i) predicted = *tracking.velocity * predicted;
   return predicted;
 }
 
 // No pose so far: what the mapper has answered, brute force against the last window, a new map.
-Tracker::Outcome Tracker::FindMap(FrameResult* result) {
+Tracker::Outcome Tracker::FindPose(FrameResult* result) {
   if (std::holds_alternative<AwaitingMap>(state_)) {
     result->reason = TrackingReason::kAwaitingMap;
     return Outcome::kNoPose;
@@ -353,7 +314,7 @@ void Tracker::AnswerWithoutMeasurement(FrameResult* result) {
   Tracking* tracking = std::get_if<Tracking>(&state_);
   if (tracking == nullptr) return;
   const auto& keyframes = local_map().keyframes;
-  if (++tracking->num_predicted > config_.scheduler.max_predicted_frames || keyframes.empty()) {
+  if (++tracking->num_predicted > FramesWithin(config_.scheduler.max_predicted_ms) || keyframes.empty()) {
     SetLost();
     return;
   }
@@ -421,12 +382,12 @@ void Tracker::KeepFrame(Tracking* tracking) {
   if (gap > 0) {
     tracking->velocity.reset();
     const SE3 moved = estimate.cam_from_map * course.cam_from_map.Inverse();
-    if (gap <= kMaxPredictedFrames) tracking->velocity = SE3::Exp(moved.Log() / gap);
+    if (gap <= MaxVelocityAge()) tracking->velocity = SE3::Exp(moved.Log() / gap);
   }
   course.cam_from_map = estimate.cam_from_map;
   course.frame_index = current_.frame_index;
   std::swap(last_.features, current_.features);
-  is_last_extracted_ = true;
+  extractor_.KeepLast();
   owns_last_set_ = !is_set_given_;
   for (const PointMatch& match : estimate.matches) {
     last_.matches.emplace_back(match.feature_idx, local_map().points[match.point_idx].handle);

@@ -11,9 +11,7 @@
 // thread-bound(tracking); rt-safe after construction: no allocation, no lock, no wait but for the vision device.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "engine/atlas/local_map.h"
@@ -21,6 +19,7 @@
 #include "engine/config.h"
 #include "engine/scheduler/frame_budget.h"
 #include "engine/scheduler/lane_wait.h"
+#include "engine/tracking/frame_extractor.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/initialiser.h"
 #include "engine/tracking/noise_meter.h"
@@ -58,7 +57,7 @@ class Tracker {
 
   TrackingState state() const { return StateOf(state_); }
   // Frames for which the device had no feature set left. Any thread.
-  std::uint64_t num_sets_refused() const { return num_sets_refused_.load(std::memory_order_relaxed); }
+  std::uint64_t num_sets_refused() const { return extractor_.num_sets_refused(); }
 
  private:
   enum class Outcome {
@@ -67,18 +66,19 @@ class Tracker {
     kNoTime,  // nobody knows; the state is what it was, or the start that was tried
   };
 
+  void MeasurePeriod(const Frame& frame);
+  int FramesWithin(double time_ms) const;
+  int MaxVelocityAge() const;
   void HearMapper();
   bool NeedsAllFeatures() const;
   Outcome Measure(const Frame& frame, FrameResult* result);
-  bool Extract(const Frame& frame);
-  std::span<const Keypoint> FeaturesToFollow();
 
   Outcome TrackMap(FrameResult* result);
   TrackingReason SearchGuided(const Tracking& tracking, FrameResult* result);
   bool IsPlausibleMotion(const SE3& predicted) const;
   SE3 Predict(const Tracking& tracking) const;
 
-  Outcome FindMap(FrameResult* result);
+  Outcome FindPose(FrameResult* result);
   Outcome TryStart(const Start& start, FrameResult* result);
   Outcome BeginMap(Lost* lost, FrameResult* result);
 
@@ -98,22 +98,21 @@ class Tracker {
   const CameraModel& camera_;
   VisionDevice& device_;
   TrackingLink& link_;
-  std::atomic<std::uint64_t> num_sets_refused_{0};
 
   TrackerState state_ = Lost{};
   RepliesHeard heard_;
   ProposedView current_;
-  bool is_set_given_ = false;  // the current feature set has a new owner: mapper or initialiser
+  bool has_frame_ = false;
+  Duration period_ = std::chrono::milliseconds(40);  // of the frames; of a source that has shown none yet a usual one
+  bool is_set_given_ = false;                        // the current feature set has a new owner: mapper or initialiser
   LastFrame last_;
   bool owns_last_set_ = false;
-  bool is_last_extracted_ = false;         // last_ is what the device saw last
-  std::vector<Keypoint> follow_;           // workspace
-  std::vector<std::uint8_t> shows_point_;  // workspace, by feature of last_
 
   FrameBudget budget_;
   LaneWait lane_;
   NoiseMeter noise_meter_;
   OverlayWatch overlay_;
+  FrameExtractor extractor_;
   Initialiser initialiser_;
   PoseSearch search_;
   PoseRecovery recovery_;

@@ -381,16 +381,16 @@ void AddScheduler(Fields* out) {
                                            "of it, kept for what comes after the last wait for the device"));
   out->push_back(Scheduler<&C::quantile>("quantile", {0.5, 1}, "",
                                          "of the last durations of a stage: the time that it is expected to take"));
-  out->push_back(Scheduler<&C::retry_frames>("retry_frames", {1, 1000}, "frames",
-                                             "until a refused stage is tried again; more when that fails"));
+  out->push_back(Scheduler<&C::retry_ms>("retry_ms", {1, 100000}, "ms",
+                                         "until a refused stage is tried again; more when that fails"));
   out->push_back(Scheduler<&C::reduced_share>("reduced_share", {0.1, 1}, "",
                                               "of features and of local points, on the rungs that have fewer"));
   out->push_back(Scheduler<&C::reduced_min_scale_px>("reduced_min_scale_px", {0, 10}, "px",
                                                      "features finer than this are not looked for on that rung"));
   out->push_back(Scheduler<&C::lost_time_ms>("lost_time_ms", {0, 1000}, "ms",
                                              "for all features of a frame that is lost, even beyond its deadline"));
-  out->push_back(Scheduler<&C::max_predicted_frames>("max_predicted_frames", {0, 100}, "frames",
-                                                     "in a row without a measurement, then lost"));
+  out->push_back(
+      Scheduler<&C::max_predicted_ms>("max_predicted_ms", {0, 10000}, "ms", "without a measurement, then lost"));
   out->push_back(Scheduler<&C::background_gap>("background_gap", {}, "",
                                                "mapping asks an accelerator for nothing while a frame is due"));
 }

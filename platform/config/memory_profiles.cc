@@ -21,7 +21,7 @@ memory:
   max_map_events: 512
   max_late_poses: 512
   small_map_keyframes: 6
-  max_host_mb: 1000
+  max_host_mb: 1100         # 1030 at 1920x1080 on the CPU device
   max_device_mb: 500        # 421 at 1440x1080: the workspaces of extraction do not shrink with the map
 )"},
     {"medium", R"(# A Jetson of 8 GB and more: a full procedure of 22 minutes with room to spare.
@@ -36,7 +36,7 @@ memory:
   max_map_events: 1024      # the session reads them every 10 ms
   max_late_poses: 1024
   small_map_keyframes: 8    # such a map has rarely 200 frames
-  max_host_mb: 1500
+  max_host_mb: 1800         # 1570 at 1920x1080 on the CPU device
   max_device_mb: 1000
 )"},
     {"large", R"(# A workstation: hours of video, several procedures in one atlas.

@@ -51,7 +51,7 @@ TEST(FixedMemory, WhatDoesNotFitIsRefusedBeforeTheStartAndNamed) {
     EXPECT_EQ(result.exit_code, kExitConfig) << result.ToString();
     EXPECT_THAT(result.err, HasSubstr("'map points'"));
     EXPECT_THAT(result.err, HasSubstr("memory.max_map_points"));
-    EXPECT_THAT(result.err, HasSubstr("memory.max_host_mb allows 1500.0 MB"));
+    EXPECT_THAT(result.err, HasSubstr("memory.max_host_mb allows 1800.0 MB"));
   }
 }
 

@@ -43,7 +43,7 @@ void Sensor::Develop(float gain, int frame, LinearImage* linear, Image* picture)
   const int width = linear->width, height = linear->height;
   picture->Resize(width, height, PixelFormat::kBgr8);
   // Exposure and full well first: glare of a highlight does not spread farther than its pixel's share.
-  for (float& value : linear->rgb) value = std::min(value * gain, kFullWell);
+  for (float& value : linear->rgb) value = std::clamp(value * gain, 0.0f, kFullWell);
   const std::size_t pitch = std::size_t(3) * width;
   std::vector<float> rows[3];  // blurred along x: rows y - 1, y, y + 1
   for (auto& row : rows) row.resize(pitch);

@@ -23,7 +23,8 @@ void DrawTissue(const LensMoment& moment, LinearImage* image) {
                           0.4f * clouds.At(5.3f * u + 7.7f + 0.9f * time_s, 5.3f * v);
       const float hue = hues.At(1.7f * u - 0.5f * time_s, 1.7f * v + 0.4f * time_s);
       const float r2 = (u - 0.66f) * (u - 0.66f) + (v - 0.5f) * (v - 0.5f);
-      const float glow = level * 5.5f * (1.0f + 0.4f * cloud) * (1.15f - 0.9f * r2);
+      // In the far corners of a wide picture the falling edge would be below zero.
+      const float glow = level * 5.5f * (1.0f + 0.4f * cloud) * std::max(1.15f - 0.9f * r2, 0.2f);
       const float tissue[3] = {2.0f * glow, glow * (0.52f + 0.20f * hue), glow * (0.31f + 0.14f * hue)};
       float soft[3];
       SampleBlurred(blurred, static_cast<float>(x), static_cast<float>(y), soft);

@@ -16,11 +16,12 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr Duration kPeriodOfBudget = milliseconds(40);
+constexpr Duration kRetryAfter = milliseconds(1000);
 
 TEST(StageExpectation, IsTheNearestRankOfTheLastDurations) {
   Rng rng(5);
   std::vector<Duration> all;
-  StageExpectation quantile(0.98, 25);
+  StageExpectation quantile(0.98, kRetryAfter);
   for (int i = 0; i < 300; ++i) {
     all.push_back(Duration(static_cast<std::int64_t>(rng.Uniform(1.0, 1e6))));
     quantile.Add(all.back());
@@ -33,7 +34,7 @@ TEST(StageExpectation, IsTheNearestRankOfTheLastDurations) {
 }
 
 TEST(StageExpectation, OneOutlierChangesNothingTwoDo) {
-  StageExpectation quantile(0.98, 25);
+  StageExpectation quantile(0.98, kRetryAfter);
   for (int i = 0; i < 64; ++i) quantile.Add(milliseconds(10));
   quantile.Add(milliseconds(90));
   EXPECT_EQ(quantile.value(), milliseconds(10));
@@ -42,11 +43,11 @@ TEST(StageExpectation, OneOutlierChangesNothingTwoDo) {
 }
 
 TEST(StageExpectation, IsForgottenAfterRefusalsAndThenBelievesTheNextDuration) {
-  StageExpectation expectation(0.98, 25);
+  StageExpectation expectation(0.98, kRetryAfter);
   for (int i = 0; i < 64; ++i) expectation.Add(milliseconds(100));
   for (int i = 0; i < 25; ++i) {
     EXPECT_EQ(expectation.value(), milliseconds(100)) << i;
-    expectation.Refused();
+    expectation.Refused(kPeriodOfBudget);
   }
   EXPECT_EQ(expectation.value(), Duration{0});
   expectation.Add(milliseconds(7));
@@ -54,12 +55,12 @@ TEST(StageExpectation, IsForgottenAfterRefusalsAndThenBelievesTheNextDuration) {
 }
 
 TEST(StageExpectation, PatienceDoublesWhileItIsAsSlow) {
-  StageExpectation expectation(0.98, 25);
+  StageExpectation expectation(0.98, kRetryAfter);
   expectation.Add(milliseconds(100));
   for (const int patience : {25, 50, 100, 200, 400, 400}) {
     for (int i = 0; i < patience; ++i) {
       ASSERT_EQ(expectation.value(), milliseconds(100)) << patience << " " << i;
-      expectation.Refused();
+      expectation.Refused(kPeriodOfBudget);
     }
     ASSERT_EQ(expectation.value(), Duration{0}) << patience;
     expectation.Add(milliseconds(100));
@@ -67,11 +68,23 @@ TEST(StageExpectation, PatienceDoublesWhileItIsAsSlow) {
 }
 
 TEST(StageExpectation, OneRefusalForgetsNothing) {
-  StageExpectation expectation(0.98, 25);
+  StageExpectation expectation(0.98, kRetryAfter);
   for (int i = 0; i < 64; ++i) expectation.Add(milliseconds(10));
-  expectation.Refused();
+  expectation.Refused(kPeriodOfBudget);
   expectation.Add(milliseconds(20));
   EXPECT_EQ(expectation.value(), milliseconds(10));
+}
+
+TEST(StageExpectation, IsForgottenAfterATimeWhateverTheRate) {
+  for (const auto& [period_us, num_refusals] : {std::pair{16'667, 60}, {40'000, 25}, {100'000, 10}}) {
+    StageExpectation expectation(0.98, kRetryAfter);
+    expectation.Add(milliseconds(100));
+    for (int i = 0; i < num_refusals; ++i) {
+      EXPECT_EQ(expectation.value(), milliseconds(100)) << period_us << " " << i;
+      expectation.Refused(std::chrono::microseconds(period_us));
+    }
+    EXPECT_EQ(expectation.value(), Duration{0}) << period_us;
+  }
 }
 
 // Frames whose stages take what the test says.
@@ -168,6 +181,21 @@ TEST(FrameBudget, StillSlowDeviceIsTriedSeldom) {
   }
   EXPECT_GE(num_full, 1);
   EXPECT_LE(num_full, 4);
+}
+
+TEST(FrameBudget, RefusedStageIsTriedAgainAfterATimeWhateverTheRate) {
+  for (const auto& [period_ms, frames_within] : {std::pair{10, 100}, {40, 25}}) {
+    Driver driver;
+    driver.budget().SetFramePeriod(milliseconds(period_ms));
+    driver.Frame({60, 20, 5, 8, 4});
+    int num_refused = 0;
+    const auto was_tried = [&] {
+      driver.Frame({60, 20, 5, 8, 4});
+      return driver.budget().times()[static_cast<std::size_t>(Stage::kExtract)].count() > 0;
+    };
+    while (!was_tried() && num_refused < 1000) ++num_refused;
+    EXPECT_EQ(num_refused, frames_within) << period_ms;
+  }
 }
 
 TEST(FrameBudget, FrameTakenUpLateHasLessTime) {

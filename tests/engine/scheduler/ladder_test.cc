@@ -53,12 +53,13 @@ class Camera {
   Answer Next() {
     EXPECT_TRUE(engine_->MayReleaseFrame(clock_.Now() + milliseconds(1000)));
     Result<Frame> frame = colon_.source().Next(kNoDeadline);
-    while (frame.ok() && frame->timestamp + kFramePeriod <= clock_.Now()) frame = colon_.source().Next(kNoDeadline);
+    const Duration period = colon_.period();
+    while (frame.ok() && frame->timestamp + period <= clock_.Now()) frame = colon_.source().Next(kNoDeadline);
     EXPECT_TRUE(frame.ok());
     const TimePoint due = frame->timestamp;
     clock_.AdvanceTo(due);
     Answer answer;
-    answer.result = engine_->Track(*frame, due + kFramePeriod, due + kFramePeriod);
+    answer.result = engine_->Track(*frame, due + period, due + period);
     answer.latency = clock_.Now() - due;
     // Maps are made at once: what the mapper asks of the device costs nothing here.
     const TimedVisionDevice::Model model = model_;
@@ -188,7 +189,7 @@ TEST(Ladder, StalledDeviceIsAnsweredWithPredictionsAndThenHonestlyWithLost) {
   stalled.extract = milliseconds(160);
   camera.SetModel(stalled);
   const std::vector<Answer> answers = camera.Next(8);
-  const int allowed = SchedulerConfig{}.max_predicted_frames;
+  constexpr int allowed = 5;  // 200 ms
   for (int i = 0; i < 8; ++i) {
     EXPECT_EQ(answers[i].result.rung, Rung::kPredicted) << i;
     EXPECT_EQ(answers[i].result.reason, i < allowed ? TrackingReason::kPredicted : TrackingReason::kNoTime) << i;
@@ -205,7 +206,7 @@ TEST(Ladder, LostFrameTakesItsTimeAndAllFeatures) {
   TimedVisionDevice::Model slow = kFast;
   slow.extract = milliseconds(60);
   camera.SetModel(slow);
-  const std::vector<Answer> answers = camera.Next(SchedulerConfig{}.max_predicted_frames + 2);
+  const std::vector<Answer> answers = camera.Next(7);
   const Answer& lost = answers[answers.size() - 2];
   const Answer& found = answers.back();
   EXPECT_EQ(lost.result.reason, TrackingReason::kNoTime);
@@ -233,6 +234,45 @@ TEST(Ladder, FewInliersAskForAllFeatures) {
     EXPECT_EQ(answers[i + 1].result.num_features > 60, is_thin) << i << " " << result.num_inliers;
   }
   EXPECT_GE(num_thin, 3);
+}
+
+// A scope keeps its course for a time, not for a number of frames.
+TEST(Ladder, PredictionsLastAsLongAtEveryRate) {
+  for (const auto& [period, allowed] :
+       {std::pair{microseconds(16'667), 12}, {microseconds(40'000), 5}, {microseconds(100'000), 2}}) {
+    Camera camera([period = Duration(period)](ScriptedColon& colon) {
+      colon.SetPeriod(period);
+      colon.Move(0.0, 4.0, 140);
+    });
+    camera.SetModel({.extract = milliseconds(1)});
+    ASSERT_EQ(camera.Next(100).back().result.state, TrackingState::kTracking) << period.count();
+    camera.SetModel({.extract = period - milliseconds(1)});
+    const std::vector<Answer> answers = camera.Next(allowed + 1);
+    for (int i = 0; i <= allowed; ++i) {
+      EXPECT_EQ(answers[i].result.reason, i < allowed ? TrackingReason::kPredicted : TrackingReason::kNoTime)
+          << period.count() << " us, frame " << i;
+    }
+  }
+}
+
+// At 60 Hz the seventh frame in a row that is not measured lies on the course, too.
+TEST(Ladder, PredictedPoseLiesOnTheCourseForAsLongAtAHighRate) {
+  const auto script = [](ScriptedColon& colon) {
+    colon.SetPeriod(microseconds(16'667));
+    colon.Move(0.0, 4.0, 140);
+  };
+  Camera camera(script), undisturbed(script);
+  for (Camera* each : {&camera, &undisturbed}) {
+    each->SetModel({.extract = milliseconds(1)});
+    each->Next(100);
+  }
+  camera.SetModel({.extract = milliseconds(16)});
+  const FrameResult predicted = camera.Next(7).back().result;
+  const FrameResult measured = undisturbed.Next(7).back().result, later = undisturbed.Next().result;
+  ASSERT_EQ(predicted.reason, TrackingReason::kPredicted);
+  ASSERT_EQ(measured.reason, TrackingReason::kTracked);
+  const auto centre = [](const FrameResult& result) { return result.cam_from_map.InverseTranslation(); };
+  EXPECT_LT((centre(predicted) - centre(measured)).norm(), 2.0 * (centre(later) - centre(measured)).norm());
 }
 
 // The scope keeps its course, so the prediction is near the pose that would have been measured.

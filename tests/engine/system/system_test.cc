@@ -242,6 +242,43 @@ TEST(System, WallThatIsOnlyAlikeIsNotTakenForTheMap) {
 }
 
 // The third stretch shows what the stored map holds; the map tracked last holds nothing of it.
+// The next frame has to confirm it first, however much the map lacks there.
+TEST(System, FrameFoundByBruteForceIsNoKeyframe) {
+  Procedure procedure(test::SmallEngineConfig());
+  procedure.Move(0.0, 3.0, 75);
+  procedure.Occlude(15);
+  procedure.Move(3.3, 3.6, 10);
+  procedure.Run();
+  const std::vector<FrameResult>& results = procedure.results();
+  EXPECT_EQ(results[90].reason, TrackingReason::kRelocalised);
+  EXPECT_FALSE(results[90].is_keyframe);
+  EXPECT_EQ(results[91].reason, TrackingReason::kTracked);
+  EXPECT_TRUE(results[91].is_keyframe);
+}
+
+// What brute force finds after a loss passes the gates of relocalisation, every one of them.
+TEST(System, BruteForceKeepsTheGatesOfRelocalisation) {
+  const auto is_found_with = [](double min_spread, double max_rotation_sigma_deg, double max_position_sigma) {
+    EngineConfig config = test::SmallEngineConfig();
+    config.place.relocalisation.min_spread = min_spread;
+    config.place.relocalisation.max_rotation_sigma_deg = max_rotation_sigma_deg;
+    config.place.relocalisation.max_position_sigma = max_position_sigma;
+    Procedure procedure(config);
+    procedure.Move(0.0, 3.0, 75);
+    procedure.Occlude(5);
+    procedure.Move(3.0, 3.1, 5);
+    procedure.Run();
+    const std::vector<FrameResult>& results = procedure.results();
+    return std::any_of(results.begin() + 80, results.end(), [&](const FrameResult& r) {
+      return r.state == TrackingState::kTracking && r.map_id == results[74].map_id;
+    });
+  };
+  EXPECT_TRUE(is_found_with(0.05, 1.5, 0.05));
+  EXPECT_FALSE(is_found_with(1.0, 1.5, 0.05));
+  EXPECT_FALSE(is_found_with(0.05, 1e-6, 0.05));
+  EXPECT_FALSE(is_found_with(0.05, 1.5, 1e-6));
+}
+
 TEST(System, LostFrameIsFoundInAStoredMap) {
   Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 4.0, 100);

@@ -65,6 +65,22 @@ TEST_F(RenderSequenceTest, SameSeedGivesSameBytesOnAnyNumberOfThreads) {
   EXPECT_NE(a.at("groundtruth.txt"), c.at("groundtruth.txt"));
 }
 
+TEST_F(RenderSequenceTest, WidePicturesSurviveEveryEvent) {
+  for (const EventKind kind :
+       {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris, EventKind::kBlur}) {
+    RenderOptions options = Small(0.6);
+    options.width_px = 256;
+    options.height_px = 144;
+    options.events = {{kind, 0.05, 0.5}};
+    options.overwrite = true;
+    ASSERT_TRUE(RenderSequence(Folder("wide"), options, nullptr).ok());
+    // Tissue on the lens shines up to the corners of the window.
+    const Result<Image> image = ReadImage(Folder("wide") + "/frames/000007.jpg", ChannelChoice::kGrey);
+    ASSERT_TRUE(image.ok()) << image.status().ToString();
+    if (kind == EventKind::kRedout) EXPECT_GT(int{image->row(72)[250]}, 20);
+  }
+}
+
 TEST_F(RenderSequenceTest, FolderIsReadByTheSequenceReader) {
   const RenderOptions options = Small(0.4);
   int num_calls = 0;

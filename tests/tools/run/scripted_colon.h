@@ -39,6 +39,10 @@ class ScriptedColon {
     }
   }
 
+  // Before the first frame: the time between the frames, 40 ms otherwise.
+  void SetPeriod(Duration period) { period_ = period; }
+  Duration period() const { return period_; }
+
   // Frames along the tube's axis; the tube has radius 1 and reaches from -2 to 22.
   void Move(double from, double to, int num_frames) {
     for (int i = 0; i < num_frames; ++i) AddView(from + (to - from) * i / std::max(1, num_frames - 1));
@@ -64,7 +68,7 @@ class ScriptedColon {
   const CameraModel& camera() const { return camera_; }
   // Where the camera truly was; zero for frames that show nothing.
   const std::vector<Eigen::Vector3d>& centres() const { return centres_; }
-  TimePoint TimeOf(std::uint32_t frame_index) const { return start_ + frame_index * kFramePeriod; }
+  TimePoint TimeOf(std::uint32_t frame_index) const { return start_ + frame_index * period_; }
   std::unique_ptr<Engine> MakeEngine(Engine::Mode mode, VisionDevice& device, const Clock* clock = nullptr) const {
     return std::make_unique<Engine>(config_, camera_, device, mode, clock, 1.0);
   }
@@ -103,6 +107,7 @@ class ScriptedColon {
   }
 
   TimePoint start_;
+  Duration period_ = kFramePeriod;
   EngineConfig config_;
   CameraModel camera_;
   ScriptedVisionDevice device_;

@@ -36,7 +36,7 @@ struct SequenceOptions {
   // Used instead of the mask that the sequence carries; empty: that one, or none.
   std::string mask_path = {};
 
-  // kInvalidArgument, naming the field.
+  // kInvalidArgument, naming what is wrong.
   Status Validate() const;
 };
 

@@ -79,8 +79,8 @@ Result<VideoCompanions> FindVideoCompanions(const std::string& video_path, const
       HAUSTRA_ASSIGN(companions.calibration_path, FindCalibration(folder, path.stem().string()));
     }
     if (companions.calibration_path.empty()) {
-      return NotFound(video_path + ": no camera calibration: put " + path.stem().string() +
-                      "_geometrical.xml or calib.yaml beside it or name a calibration file");
+      return NotFound(video_path + ": no camera calibration: put calib.yaml or " + path.stem().string() +
+                      "_geometrical.xml beside it, or name a calibration file");
     }
     HAUSTRA_ASSIGN(companions.calibration, ReadCalibration(companions.calibration_path));
   }

@@ -67,13 +67,17 @@ Status WriteJpeg(const std::string& path, ImageView image, int quality) {
   }
   std::vector<std::uint8_t> bytes;
   HAUSTRA_TRY(WithPath(path, capture::internal::EncodeJpeg(image, quality, &bytes)));
-  return capture::internal::WriteFile(path, bytes);
+  return WriteEncoded(path, bytes);
 }
 
 Status WritePng(const std::string& path, ImageView image) {
   HAUSTRA_TRY(CheckWritable(path, image));
   std::vector<std::uint8_t> bytes;
   HAUSTRA_TRY(WithPath(path, capture::internal::EncodePng(image, &bytes)));
+  return WriteEncoded(path, bytes);
+}
+
+Status WriteEncoded(const std::string& path, std::span<const std::uint8_t> bytes) {
   return capture::internal::WriteFile(path, bytes);
 }
 

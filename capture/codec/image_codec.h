@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -53,5 +54,7 @@ Result<Image> ReadImage(const std::string& path, ChannelChoice channels);
 Status WriteJpeg(const std::string& path, ImageView image, int quality);
 // Lossless. Errors as for WriteJpeg.
 Status WritePng(const std::string& path, ImageView image);
+// The bytes of a picture as a camera gives them. kUnavailable: the file cannot be written.
+Status WriteEncoded(const std::string& path, std::span<const std::uint8_t> bytes);
 
 }  // namespace haustra

@@ -14,9 +14,9 @@ inline constexpr int kFlowLevels = 5;  // at most: motions of some hundred pixel
 // Of a patch, intensities in [0, 1]: less than a sixteen-bit step is no texture.
 inline constexpr float kFlowMinVariance = 2.4e-10f;
 inline constexpr int kFlowMaxSteps = 12;
-inline constexpr float kFlowSettledPx = 0.03f;                // a step this short is the last one
-inline constexpr float kFlowMaxStepPx = kFlowPatchPx / 2;     // a longer one leaves what the patch can tell
-inline constexpr float kFlowMarginPx = kFlowPatchPx / 2 + 2;  // of the patch's centre from the edge of a level
+inline constexpr float kFlowSettledPx = 0.03f;                      // a step this short is the last one
+inline constexpr float kFlowMaxStepPx = 0.5f * kFlowPatchPx;        // a longer one leaves what the patch can tell
+inline constexpr float kFlowMarginPx = 0.5f * kFlowPatchPx + 2.0f;  // of the patch's centre from the edge of a level
 // Mean squared gradient along the worst direction, in deviations of the patch: below it the patch slides.
 inline constexpr float kFlowMinGradient2 = 1e-3f;
 // Followed to the new picture and back, a feature is where it was, and looks alike. Laxer limits let maps of living

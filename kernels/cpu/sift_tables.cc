@@ -10,8 +10,9 @@ const DescriptorTables& GetDescriptorTables() {
     constexpr int kSide = DescriptorTables::kSide;
     constexpr float kSigma = kDescriptorWindowSigma * kDescriptorSamplesPerCell;  // spacings
     for (int i = 0; i < DescriptorTables::kNumSamples; ++i) {
-      t.u[i] = static_cast<float>(i % kSide) - 0.5f * (kSide - 1);
-      t.v[i] = static_cast<float>(i / kSide) - 0.5f * (kSide - 1);
+      const int column = i % kSide, row = i / kSide;
+      t.u[i] = static_cast<float>(column) - 0.5f * (kSide - 1);
+      t.v[i] = static_cast<float>(row) - 0.5f * (kSide - 1);
       t.weights[i] = std::exp(-(t.u[i] * t.u[i] + t.v[i] * t.v[i]) / (2 * kSigma * kSigma));
     }
     for (int i = 0; i < kSide; ++i) {

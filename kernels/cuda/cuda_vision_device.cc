@@ -9,9 +9,11 @@
 #include <cstring>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "hal/core/percentile.h"
 #include "kernels/common/feature_set_slots.h"
 #include "kernels/common/match_acceptance.h"
 #include "kernels/common/request_checks.h"
@@ -395,8 +397,9 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     if (end != nullptr) (void)cudaEventDestroy(end);
     HAUSTRA_TRY(RecordLoss(ToStatus(error, "measurement of matching")));
     std::sort(times.begin(), times.end());
-    *median_us = times[times.size() / 2];
-    *p99_us = times[times.size() * 99 / 100];
+    const std::span<const float> sorted(times);
+    *median_us = Percentile(sorted, 500);
+    *p99_us = Percentile(sorted, 990);
     return Status::Ok();
   }
 

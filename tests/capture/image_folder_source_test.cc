@@ -280,7 +280,8 @@ TEST_F(ImageFolderSourceTest, EmptySequenceIsRefused) {
 
 TEST_F(ImageFolderSourceTest, PartBeyondTheEndIsRefused) {
   EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, {.first_frame = 5}), HasSubstr("it has 5 frames"));
-  EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, {.first_frame = 3, .last_frame = 2}), HasSubstr("last_frame 2"));
+  EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, {.first_frame = 3, .last_frame = 2}),
+              HasSubstr("the last frame, 2, lies before the first, 3"));
   EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, {.every_nth = 0}), HasSubstr("every_nth is 0"));
 }
 

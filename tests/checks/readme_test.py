@@ -10,7 +10,7 @@ BLOCK = """<!-- results: begin -->
 |---|---|---|---|
 | colon_1 | 96.5 (90.1) | 0.30 mm | 88.0 |
 
-Machine with 7 cores, [results](tools/benchmarks/results/2026-11-23-3e3d8e5.md).
+Machine with 7 cores, a median of 96.5 %, [results](tools/benchmarks/results/2026-11-23-3e3d8e5.md).
 <!-- results: end -->
 """
 LONG = " ".join(["word"] * 36)
@@ -46,6 +46,13 @@ GOOD_TREE = {
 }
 for folder in ("hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"):
     GOOD_TREE[f"{folder}/README.md"] = f"# {folder}\n\nWhat it is.\n"
+GOOD_TREE["config/README.md"] = """# config
+
+<!-- figures: preset.h -->
+It moves by 4 % within 3 seconds, see [C++20](preset.h). `0.7 ms` is what is typed.
+"""
+GOOD_TREE["config/preset.h"] = "constexpr double kMotion = 0.04;\n"
+GOOD_TREE["hal/README.md"] = "# hal\n\n- A look takes 91 us ([why](../kernels/cuda/decisions/2026-11-22-bands.md)).\n"
 GOOD_TREE["kernels/README.md"] = """# kernels
 
 <!-- figures: cuda/decisions/2026-11-22-bands.md -->
@@ -80,6 +87,14 @@ BAD_FILES = [
     ("README.md", README + BLOCK, "one block of results"),
     ("README.md", README.replace("|", "/"), "the block of results has no table"),
     ("README.md", README.replace("12 of them", "0.5 of them"), "a figure (0.5) without a results file"),
+    ("kernels/README.md", "| a | 91 us |\n|---|---|\n", "kernels/README.md:1: a figure (91) without a results file"),
+    ("README.md", README + "\nA frame takes 2.5.\n", "README.md:27: a figure (2.5) that is in no results file"),
+    ("README.md", README.replace("a median of 96.5", "a median of 97"), "a figure (97%) that is in no results file"),
+    ("hal/README.md", GOOD_TREE["hal/README.md"].replace("91 us", "92 us"), "hal/README.md:3: a figure (92us) that is in no"),
+    ("hal/README.md", "# hal\n\n- A look takes 91 us.\n", "hal/README.md:3: a figure (91us) that is in no results file"),
+    ("config/README.md", GOOD_TREE["config/README.md"].replace("4 %", "5 %"), "config/README.md:4: a figure (5%)"),
+    ("config/README.md", GOOD_TREE["config/README.md"].replace("4 %", "4 mm"), "config/README.md:4: a figure (4mm)"),
+    ("config/preset.h", None, "config/README.md:1: figures of preset.h, which is not there"),
     ("kernels/README.md", "| a | 91.0 |\n|---|---|\n", "kernels/README.md:1: a figure (91.0) without a results file"),
     ("kernels/README.md", GOOD_TREE["kernels/README.md"].replace("91.0", "91.5"), "91.5 is not in 2026-11-22-bands.md"),
     ("kernels/cuda/decisions/2026-11-22-bands.md", None, "figures of 2026-11-22-bands.md, which is not there"),

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <span>
 
+#include "hal/core/percentile.h"
 #include "tools/command/console.h"
-#include "tools/statistics/percentile.h"
 
 namespace haustra {
 

@@ -330,7 +330,7 @@ class FolderBenchmark {
 
 int Run(const Arguments& arguments) {
   const auto fail = [](const Status& status) {
-    std::fprintf(stderr, "haustra_inlier_benchmark: %s\n", status.ToString().c_str());
+    std::fprintf(stderr, "haustra_inlier_benchmark: %s\n", status.message().c_str());
     return ExitCodeFor(status.code());
   };
   const Result<ConfigStore<EngineConfig>> config = LoadEngineConfig("", arguments.assignments);

@@ -14,6 +14,7 @@
 #include "tools/command/common_options.h"
 #include "tools/command/configuration_options.h"
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/command/progress_line.h"
 #include "tools/exit_codes.h"
@@ -87,7 +88,7 @@ void AddCalibrateCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--rate", request.rate_hz, "Frames a second, for a folder of images that does not say")
       ->check(CLI::Range(0.1, 1000.0));
   command->add_option("--seed", request.seed, "Seed of all random sampling")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NonNegativeNumber())
       ->capture_default_str();
   AddDeviceOptions(*command, request.device, request.threads);
   command->callback([arguments, &action] { action = [arguments] { return RunCalibrate(*arguments); }; });

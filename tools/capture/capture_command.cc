@@ -11,6 +11,7 @@
 #include "tools/capture/sequence_recorder.h"
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/command/sequence_content.h"
 #include "tools/command/stop_signal.h"
@@ -179,8 +180,8 @@ void AddCaptureCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--out", arguments->out, "Folder for the recording");
   AddOverwriteFlag(*command, arguments->overwrite);
   command->add_option("--seconds", arguments->seconds, "Stop after that time; by default at Ctrl-C")
-      ->check(CLI::PositiveNumber);
-  command->add_option("--frames", arguments->num_frames, "Stop after that many frames")->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
+  command->add_option("--frames", arguments->num_frames, "Stop after that many frames")->check(PositiveNumber());
   command->add_flag("--dry-run", arguments->is_dry, "Write nothing, only count");
   command
       ->add_option("--store", arguments->store,

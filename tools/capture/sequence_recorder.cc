@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <system_error>
 #include <utility>
 
@@ -11,6 +10,7 @@
 #include "capture/codec/image_codec.h"
 #include "capture/image_transform.h"
 #include "capture/yuv.h"
+#include "engine/io/text_writer.h"
 #include "platform/file_sink.h"
 #include "tools/command/sequence_content.h"
 
@@ -20,13 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kJpegQuality = 95;
-
-Status WriteBytes(const std::string& path, std::span<const std::uint8_t> bytes) {
-  std::ofstream file(path, std::ios::binary);
-  file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  return file.good() ? Status::Ok() : Unavailable(path + ": cannot be written");
-}
 
 // With the plane of colour, where there is one.
 void CopyAll(const ImageView& image, Image* copy) {
@@ -122,7 +115,7 @@ Status SequenceRecorder::WriteFrame(const Slot& slot, Image* colour) const {
   const std::string path = (fs::path(folder_) / "frames" / name).string();
   Status status;
   if (!slot.encoded.empty()) {
-    status = WriteBytes(path, slot.encoded);
+    status = WriteEncoded(path, slot.encoded);
   } else {
     ImageView image = slot.image.view();
     if (image.format != PixelFormat::kGrey8 && image.format != PixelFormat::kBgr8) {
@@ -142,10 +135,9 @@ Result<SequenceRecorder::Summary> SequenceRecorder::Finish(const CameraCalibrati
   std::sort(written_.begin(), written_.end(), [](const Written& a, const Written& b) { return a.index < b.index; });
   HAUSTRA_ASSIGN(FileSink times, FileSink::Create((fs::path(folder_) / "times.txt").string()));
   for (const Written& frame : written_) {
-    const auto ns = static_cast<long long>((frame.timestamp - written_.front().timestamp).count());
-    char line[48];
-    std::snprintf(line, sizeof(line), "%lld.%09lld\n", ns / 1'000'000'000, ns % 1'000'000'000);
-    HAUSTRA_TRY(times.Write(line));
+    std::string line;
+    AppendSeconds((frame.timestamp - written_.front().timestamp).count(), &line);
+    HAUSTRA_TRY(times.Write(line + '\n'));
   }
   HAUSTRA_TRY(times.Commit());
   if (calibration != nullptr) {

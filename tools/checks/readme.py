@@ -9,9 +9,11 @@
 - Links to files of the tree resolve, in every .md file.
 - README.md has one block of results between its markers, with a link to a results file. Every number of its table occurs in
   that file or in tools/benchmarks/peers.json.
-- Any other table of a README.md with decimal fractions outside inline code has, on the line before it,
-  <!-- figures: FILE... -->: paths from that README.md to results files or decision records. Every number of the table occurs
-  in one of them.
+- Any other table of a README.md with figures outside inline code (numbers with %, ms, us or mm, and decimal fractions) has, on
+  the line before it, <!-- figures: FILE... -->: paths from that README.md to results files or decision records. Every number
+  of the table occurs in one of them.
+- Figures in the prose of a README.md occur in a file that such a line names, anywhere in it, or in a results file or decision
+  record that it links to. 1 % may stand there as 0.01.
 
 One line a violation, "path:line: what is wrong"; exit code 0 clean, 1 violations, 64 usage.
 """
@@ -29,8 +31,11 @@ BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 PEERS = "tools/benchmarks/peers.json"
 RESULTS = "tools/benchmarks/results/"
 FIGURES = re.compile(r"^<!-- figures: (.*) -->$")
+# A link to where figures come from.
+SOURCE = re.compile(r"\]\(([^)\s#]*(?:benchmarks/results/|decisions/)[^)\s#]+\.md)[^)]*\)")
 # A number by itself: not a part of a name, a size (720x540), a version or a revision.
 NUMBER = re.compile(r"(?<![\w./-])\d+(?:\.\d+)?(?![\w/]|\.\d|-\d)")
+QUANTITY = re.compile(rf"({NUMBER.pattern})(?: ?(%|(?:ms|us|mm)\b))?")
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)[^)]*\)|\b(?:src|href)=\"([^\"]+)\"")
 
 
@@ -84,8 +89,18 @@ def sentences(paragraph):
     return re.split(r"(?<=[.!?])[)*_\"]*\s+", plain)
 
 
+def without_code(text):
+    """Neither inline code nor the targets of links."""
+    return re.sub(r"`[^`]*`|\]\([^)]*\)", " ", text)
+
+
 def numbers(text):
-    return NUMBER.findall(re.sub(r"`[^`]*`|\]\([^)]*\)", " ", text))
+    return NUMBER.findall(without_code(text))
+
+
+def figures(text):
+    """(number, unit) of what is measured or limited: numbers with a unit, and decimal fractions."""
+    return [(number, unit) for number, unit in QUANTITY.findall(without_code(text)) if unit or "." in number]
 
 
 def known_numbers(path):
@@ -141,17 +156,29 @@ class Checker(Violations):
     def check_table(self, path, marker, table):
         if marker is None:
             for number, line in table:
-                for found in numbers(line):
-                    if "." in found:
-                        self.report(path, number, f"a figure ({found}) without a results file or a decision record")
-                        return
+                for found, _ in figures(line):
+                    self.report(path, number, f"a figure ({found}) without a results file or a decision record")
+                    return
             return
         sources = [path.parent / name for name in marker.group(1).split()]
-        missing = [source for source in sources if not source.is_file()]
-        for source in missing:
-            self.report(path, table[0][0], f"figures of {source.name}, which is not there")
-        if not missing:
+        if all(source.is_file() for source in sources):
             self.check_numbers(path, table, sources)
+
+    def check_prose(self, path, text):
+        """Whether each figure of the prose occurs in what this README names as its sources."""
+        named = [path.parent / name for line in text.splitlines() if (marker := FIGURES.match(line))
+                 for name in marker.group(1).split()]
+        for source in named:
+            if not source.is_file():
+                self.report(path, 1, f"figures of {source.name}, which is not there")
+        sources = [source for source in [*named, *(path.parent / name for name in SOURCE.findall(text))] if source.is_file()]
+        known = set().union(*(known_numbers(source) for source in sources))
+        for line, paragraph in paragraphs(text):
+            for found, unit in figures(paragraph):
+                values = {float(found), round(float(found) / 100, 9)} if unit == "%" else {float(found)}
+                if not values & known:
+                    self.report(path, line, f"a figure ({found}{unit}) that is in no results file, decision record or other "
+                                            "source that this README names")
 
     def check_results(self, path, text):
         if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):
@@ -180,6 +207,7 @@ class Checker(Violations):
             if path.name != "README.md":
                 continue
             self.check_sentences(path, text)
+            self.check_prose(path, text)
             if path.parent == self.root:
                 if (count := len(text.splitlines())) > MAX_LINES:
                     self.report(path, count, f"{count} lines, {MAX_LINES} are allowed")

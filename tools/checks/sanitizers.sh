@@ -19,11 +19,14 @@ if [ "${1:-}" = -L ]; then
   shift 2
 fi
 programs=()
+cuda=AUTO
 if [ "$#" -gt 0 ]; then
   programs=(--target "${@/#/test_}")
+  # No sanitizer looks at the GPU's code.
+  cuda=OFF
   # What starts the program itself is no unit test.
   tests+=(-R "^($(IFS='|'; echo "$*"))/" -E '^tools/(benchmarks|manual)$')
 fi
-cmake --preset "$preset" > /dev/null
+cmake --preset "$preset" -DHAUSTRA_CUDA="$cuda" > /dev/null
 cmake --build --preset "$preset" "${programs[@]}"
 ctest --preset "$preset" -j "$(nproc)" "${tests[@]}"

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/exit_codes.h"
 
 namespace haustra {
@@ -14,9 +15,9 @@ void AddOverwriteFlag(CLI::App& command, bool& overwrite) {
 
 void AddFrameRangeOptions(CLI::App& command, SequenceOptions& options) {
   command.add_option("--first-frame", options.first_frame, "First frame of the sequence to use, counted from 0")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NonNegativeNumber());
   command.add_option("--last-frame", options.last_frame, "Last frame of the sequence to use")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NonNegativeNumber());
   command.add_option("--every-nth", options.every_nth, "Use only every n-th frame")
       ->check(CLI::Range(1u, 1000u))
       ->capture_default_str();

@@ -7,6 +7,7 @@
 
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/evaluate/evaluate_run.h"
 #include "tools/evaluate/paper_tables.h"
@@ -105,11 +106,11 @@ void AddEvaluateCommand(CLI::App& app, std::function<int()>& action) {
   command
       ->add_option("--scene-depth", arguments->options.scene_depth,
                    "Typical distance of the scene in ground-truth units (default: from the maps' points)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   command
       ->add_option("--deadline-ms", arguments->options.deadline_ms,
                    "Deadline of a frame (default: the frame period at the pace of the run)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   command->add_flag("--positions-only", arguments->options.joins.positions_only,
                     "The true orientations are not to be trusted: do not use them");
   command->callback([arguments, &action] { action = [arguments] { return RunEvaluate(*arguments); }; });

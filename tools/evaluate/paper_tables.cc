@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <utility>
 
 #include "tools/evaluate/number_text.h"
 
@@ -98,8 +99,9 @@ TextTable MakePaperTable(std::span<const Evaluation> evaluations) {
   table.header = {"run"};
   const std::string unit = evaluations.empty() ? std::string() : evaluations[0].unit;
   for (const PaperColumn& column : kPaperColumns) {
-    const std::string name = column.name;
-    table.header.push_back(name == "RMS ATE" ? name + " " + unit : name);
+    std::string name = column.name;
+    if (name == "RMS ATE") name.append(" ").append(unit);
+    table.header.push_back(std::move(name));
   }
   for (const Evaluation& evaluation : evaluations) {
     std::vector<std::string> row{ShortName(evaluation.name)};

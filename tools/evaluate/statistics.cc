@@ -5,7 +5,7 @@
 #include <numeric>
 #include <span>
 
-#include "tools/statistics/percentile.h"
+#include "hal/core/percentile.h"
 
 namespace haustra::evaluate {
 

@@ -8,6 +8,7 @@
 
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/progress_line.h"
 #include "tools/exit_codes.h"
 #include "tools/render/render_sequence.h"
@@ -100,7 +101,7 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--size", arguments->size, "Picture size, like 720x540; by default the preset's");
   command->add_option("--seed", arguments->seed, "Colon, mucosa and path")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(NonNegativeNumber());
   command->add_option(
       "--events", arguments->events,
       "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "

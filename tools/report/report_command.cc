@@ -6,6 +6,7 @@
 
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/exit_codes.h"
 #include "tools/report/run_report.h"
@@ -55,7 +56,7 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
       command->add_option("--sequence", request.pictures.sequence,
                           "The sequence of the run, for pictures of the frames where maps were joined");
   command->add_option("--first-frame", request.pictures.options.first_frame, "As in the run")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NonNegativeNumber())
       ->needs(sequence);
   command->add_option("--every-nth", request.pictures.options.every_nth, "As in the run: it used only every n-th frame")
       ->check(CLI::Range(1u, 1000u))
@@ -69,11 +70,11 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
   command
       ->add_option("--deadline-ms", request.options.deadline_ms,
                    "Deadline of a frame (default: the frame period at the pace of the run)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   command
       ->add_option("--scene-depth", request.options.scene_depth,
                    "Typical distance of the scene in ground-truth units (default: from the maps' points)")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
   command->add_flag("--positions-only", request.options.joins.positions_only,
                     "The true orientations are not to be trusted: do not use them");
   command->callback([arguments, &action] { action = [arguments] { return RunReport(*arguments); }; });

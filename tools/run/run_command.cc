@@ -29,6 +29,7 @@
 #include "tools/command/configuration_options.h"
 #include "tools/command/console.h"
 #include "tools/command/missing_calibration.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
@@ -242,10 +243,6 @@ int Run(const RunArguments& arguments) {
   if (const Status status = MakeResultFolders(arguments.out); !status.ok()) {
     return console::FailWriting(kRunCommand, status);
   }
-  if (estimated) {
-    const Status status = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);
-    if (!status.ok()) return console::FailWriting(kRunCommand, status);
-  }
   console::Note(kRunCommand, "%s, %u frames %dx%d, %s mode, device %s", arguments.sequence.c_str(),
                 (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
                 std::string((*device)->name()).c_str());
@@ -261,6 +258,15 @@ int Run(const RunArguments& arguments) {
                                              ? RunRealTime(**source, engine, clock, options, record, stop_requested)
                                              : RunSequential(**source, engine, clock, record, stop_requested);
   progress.Finish(record);
+  // How long a recording is shows only when it has been read: of it, too, a part that is empty is a mistake.
+  if (session.ok() && !stop_requested && record.frames().empty()) {
+    return console::Fail(kRunCommand, InvalidArgument(arguments.sequence + ": the sequence is empty from frame " +
+                                                      std::to_string(arguments.part.first_frame) + " on"));
+  }
+  if (estimated) {
+    const Status status = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);
+    if (!status.ok()) return console::FailWriting(kRunCommand, status);
+  }
 
   Status atlas_saved;
   if (!arguments.save_atlas.empty()) atlas_saved = SaveAtlasFile(engine, arguments.save_atlas);
@@ -325,10 +331,11 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::IsMember({"sequential", "realtime"}))
       ->capture_default_str();
   command->add_option("--rate", arguments->rate, "Pace of real-time mode relative to the camera (0.5: half as fast)")
+      ->check(PositiveNumber())
       ->check(CLI::Range(0.01, 100.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NonNegativeNumber());
   AddConfigurationOptions(*command, *arguments);
   AddFrameRangeOptions(*command, arguments->part);
   command->add_option("--calibration", arguments->part.calibration_path,

@@ -10,7 +10,7 @@
 #include <set>
 #include <span>
 
-#include "tools/statistics/percentile.h"
+#include "hal/core/percentile.h"
 
 namespace haustra {
 namespace {

@@ -24,6 +24,7 @@
 #include "tools/command/configuration_options.h"
 #include "tools/command/console.h"
 #include "tools/command/missing_calibration.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/command/progress_line.h"
 #include "tools/command/stop_signal.h"
@@ -278,7 +279,7 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
-      ->check(CLI::NonNegativeNumber);
+      ->check(NonNegativeNumber());
   AddConfigurationOptions(*command, *arguments);
   command->callback([arguments, &action] { action = [arguments] { return Soak(*arguments); }; });
 }

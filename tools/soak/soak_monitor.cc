@@ -8,7 +8,7 @@
 #include <numeric>
 #include <span>
 
-#include "tools/statistics/percentile.h"
+#include "hal/core/percentile.h"
 
 namespace haustra {
 namespace {

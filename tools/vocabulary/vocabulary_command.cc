@@ -12,6 +12,7 @@
 #include "platform/file_sink.h"
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/exit_codes.h"
 #include "tools/vocabulary/rendered_pictures.h"
@@ -115,7 +116,7 @@ void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(1, Vocabulary::kMaxDepth))
       ->capture_default_str();
   command->add_option("--seed", arguments->options.seed, "Seed of the clustering")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NonNegativeNumber())
       ->capture_default_str();
   command->add_option("--config", arguments->config, "Configuration file (YAML): its features are those of the words");
   command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value")

@@ -217,7 +217,7 @@ std::unique_ptr<VisionDevice> CreateDevice(const std::string& name, const Vision
   if (name == "cuda") {
     auto device = CreateCudaVisionDevice(plan, options);
     if (device.ok()) return std::move(device).value();
-    std::fprintf(stderr, "%s\n", device.status().ToString().c_str());
+    std::fprintf(stderr, "%s\n", device.status().message().c_str());
     return nullptr;
   }
 #endif
@@ -239,7 +239,7 @@ class Contest {
     if (device_ == nullptr) return;
     const Status status = device_->SetStaticMask(
         {mask_.data, mask_.cols, mask_.rows, static_cast<std::ptrdiff_t>(mask_.step), PixelFormat::kGrey8});
-    if (!status.ok()) std::fprintf(stderr, "%s\n", status.ToString().c_str());
+    if (!status.ok()) std::fprintf(stderr, "%s\n", status.message().c_str());
   }
 
   cv::Mat Read(int frame) const {
@@ -261,7 +261,7 @@ class Contest {
                         &count});
     cv::Mat bytes(count, kDescriptorBytes, CV_8U);
     if (!status.ok() || !device_->ReadDescriptors(set, {bytes.data, bytes.total()}).ok()) {
-      std::fprintf(stderr, "extraction failed: %s\n", status.ToString().c_str());
+      std::fprintf(stderr, "extraction failed: %s\n", status.message().c_str());
     }
     device_->ReleaseFeatureSet(set);
     bytes.convertTo(features.descriptors, CV_32F);

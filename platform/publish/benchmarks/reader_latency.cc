@@ -17,10 +17,12 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "hal/core/percentile.h"
 #include "platform/publish/pose_ring_writer.h"
 
 namespace haustra {
@@ -91,9 +93,10 @@ class Readers {
 void Print(const char* name, std::vector<double> values, const char* unit) {
   if (values.empty()) return;
   std::sort(values.begin(), values.end());
-  const auto quantile = [&](double q) { return values[static_cast<std::size_t>(q * (values.size() - 1.0))]; };
+  const std::span<const double> sorted(values);
   std::printf("%-24s %8zu  median %8.3f  p90 %8.3f  p99 %8.3f  p99.9 %8.3f  max %8.3f %s\n", name, values.size(),
-              quantile(0.5), quantile(0.9), quantile(0.99), quantile(0.999), values.back(), unit);
+              Percentile(sorted, 500), Percentile(sorted, 900), Percentile(sorted, 990), Percentile(sorted, 999),
+              values.back(), unit);
 }
 
 void PrintAll(const Measured& measured, const char* unit) {
@@ -102,8 +105,8 @@ void PrintAll(const Measured& measured, const char* unit) {
     std::vector<double> values = measured[company];
     Print(kCompanyNames[company], values, unit);
     if (values.empty()) return;
-    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
-    medians[company] = values[values.size() / 2];
+    std::sort(values.begin(), values.end());
+    medians[company] = Percentile(std::span<const double>(values), 500);
   }
   for (const Company company : {kHastyReaders, kReaders}) {
     std::printf("%-24s wake up %.0f times a second and take %.2f %% of a processor, together\n", kCompanyNames[company],

@@ -60,6 +60,24 @@ TEST_F(CommandLineTest, EveryCommandThatWritesHasOverwrite) {
   EXPECT_GE(num_writing, 8);
 }
 
+TEST_F(CommandLineTest, NumbersThatAreNotAllowedAreNamedWithWhatIs) {
+  const auto answer = [this](std::vector<std::string> reversed) -> std::string {
+    try {
+      app_.parse(std::move(reversed));
+    } catch (const CLI::ParseError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(answer({"-1", "--first-frame", "a", "run"}), "--first-frame: '-1' is not a number from 0 on");
+  EXPECT_EQ(answer({"nan", "--rate", "a", "run"}).find("accepted"), std::string::npos);
+  for (const char* bad : {"0", "-2", "nan", "inf", "long"}) {
+    EXPECT_EQ(answer({bad, "--seconds", "cam", "capture"}),
+              std::string("--seconds: '") + bad + "' is not a number above 0");
+  }
+  EXPECT_EQ(answer({"2.5", "--seconds", "cam", "capture"}), "accepted");
+}
+
 TEST_F(CommandLineTest, DeviceIsChosenUnlessItIsNamed) {
   for (const char* name : {"run", "plan", "latency", "soak", "calibrate"}) {
     EXPECT_EQ(app_.get_subcommand(name)->get_option("--device")->get_default_str(), "auto") << name;

@@ -1,0 +1,78 @@
+#include "tools/capture/sequence_recorder.h"
+
+#include <gtest/gtest.h>
+
+#include "capture/calibration_reader.h"
+#include "capture/open_sequence.h"
+#include "tests/capture/temp_folder.h"
+
+namespace haustra {
+namespace {
+
+using std::chrono::milliseconds;
+
+class SequenceRecorderTest : public testing::Test {
+ protected:
+  // Two frames, of which the first comes from the camera as a JPEG file; between them one was lost.
+  Status Record(const SequenceRecorder::Options& options) const {
+    HAUSTRA_ASSIGN(const std::unique_ptr<SequenceRecorder> recorder, SequenceRecorder::Create(out_, options));
+    const Image pixels = FlatImage(64, 48, PixelFormat::kGrey8, 200);
+    const std::string jpeg = folder_.Read("camera.jpg");
+    const std::vector<std::uint8_t> encoded(jpeg.begin(), jpeg.end());
+    EXPECT_TRUE(recorder->Add({4, TimePoint(milliseconds(5000)), pixels.view()}, encoded));
+    EXPECT_TRUE(recorder->Add({6, TimePoint(milliseconds(5080)), pixels.view()}, {}));
+    const Result<CameraCalibration> calibration = ReadCalibration(folder_.Path("calib.yaml"));
+    EXPECT_TRUE(calibration.ok());
+    HAUSTRA_ASSIGN(const SequenceRecorder::Summary summary, recorder->Finish(&*calibration, {}));
+    EXPECT_EQ(summary.num_written, 2u);
+    return Status::Ok();
+  }
+  void SetUp() override {
+    folder_.Write("calib.yaml", kSmallCalibration);
+    folder_.WriteImage("camera.jpg", FlatImage(64, 48, PixelFormat::kGrey8, 90));
+  }
+
+  TempFolder folder_;
+  const std::string out_ = folder_.Path("recording");
+};
+
+TEST_F(SequenceRecorderTest, WhatIsRecordedIsASequenceWithTheFramesOfTheCamera) {
+  const Status status = Record({});
+  ASSERT_TRUE(status.ok()) << status.message();
+  EXPECT_EQ(folder_.Read("recording/times.txt"), "0.000000000\n0.080000000\n");
+  EXPECT_EQ(folder_.Read("recording/frames/000004.jpg"), folder_.Read("camera.jpg"));
+
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(out_, {});
+  ASSERT_TRUE(source.ok()) << source.status().message();
+  ASSERT_EQ((*source)->num_frames(), 2u);
+  EXPECT_EQ((*source)->FrameName(1), "000006.png");
+  ASSERT_TRUE((*source)->Next(kNoDeadline).ok());
+  const Result<Frame> second = (*source)->Next(kNoDeadline);
+  ASSERT_TRUE(second.ok());
+  EXPECT_EQ(second->image.row(0)[0], 200);
+}
+
+TEST_F(SequenceRecorderTest, EarlierRecordingIsKeptUnlessOverwriteIsSaid) {
+  folder_.Write("recording/times.txt", "of before\n");
+  EXPECT_EQ(Record({}).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(folder_.Read("recording/times.txt"), "of before\n");
+  SequenceRecorder::Options options;
+  options.overwrite = true;
+  const Status status = Record(options);
+  EXPECT_TRUE(status.ok()) << status.message();
+  EXPECT_NE(folder_.Read("recording/times.txt"), "of before\n");
+}
+
+TEST_F(SequenceRecorderTest, FrameThatCannotBeWrittenIsNamed) {
+  Result<std::unique_ptr<SequenceRecorder>> recorder = SequenceRecorder::Create(out_, {});
+  ASSERT_TRUE(recorder.ok());
+  std::filesystem::remove_all(out_ + "/frames");
+  const std::vector<std::uint8_t> encoded(3, 1);
+  EXPECT_TRUE((*recorder)->Add({0, TimePoint{}, {}}, encoded));
+  const Result<SequenceRecorder::Summary> summary = (*recorder)->Finish(nullptr, {});
+  EXPECT_EQ(summary.code(), StatusCode::kUnavailable);
+  EXPECT_NE(summary.status().message().find("frames/000000.jpg"), std::string::npos) << summary.status().message();
+}
+
+}  // namespace
+}  // namespace haustra

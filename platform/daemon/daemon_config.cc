@@ -66,10 +66,12 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::watchdog, &WatchdogConfig::mapping_limit_ms>("watchdog.mapping_limit_ms", {1000, 600000}, "ms",
                                                                  "in one step: the mapping or the merging thread hangs",
                                                                  kLive));
+  add(BindField<&C::watchdog, &WatchdogConfig::worker_limit_ms>(
+      "watchdog.worker_limit_ms", {100, 600000}, "ms", "without a sign of life: the worker is replaced", kLive));
   add(BindField<&C::watchdog, &WatchdogConfig::stop_limit_ms>("watchdog.stop_limit_ms", {100, 600000}, "ms",
-                                                              "until threads that do not end are given up", kLive));
+                                                              "until a worker that does not end is killed", kLive));
   add(BindField<&C::watchdog, &WatchdogConfig::work_limit_ms>("watchdog.work_limit_ms", {1000, 600000}, "ms",
-                                                              "of one begin or end, while the watchdog is fed", kLive));
+                                                              "of one job of the worker or the disk", kLive));
 
   add(BindText<&C::files, &FilesConfig::state_folder>(
       "files.state_folder", "for checkpoints and saved maps; empty: $STATE_DIRECTORY", kRestart));
@@ -88,6 +90,11 @@ Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
   for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
   HAUSTRA_TRY(CheckEngineConfig(store.config().engine));
   return store;
+}
+
+std::string PrintDaemonConfig(const DaemonConfig& config) {
+  const ConfigTable table(DaemonConfigFields());
+  return table.Print(&config, std::vector<ConfigOrigin>(table.fields().size()));
 }
 
 ConfigChange ApplyLive(const DaemonConfig& running, const DaemonConfig& loaded) {

@@ -1,4 +1,5 @@
-// haustrad: the service (daemon.h). One foreground process; systemd's unit is config/service/haustrad.service.
+// haustrad: the service (daemon.h), and its worker (worker.h). One foreground process with one child; systemd's unit is
+// config/service/haustrad.service.
 #include <sys/stat.h>
 
 #include <CLI/CLI.hpp>
@@ -13,7 +14,8 @@
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/daemon_options.h"
 #include "platform/daemon/no_dumps.h"
-#include "platform/daemon/wipe_memory.h"
+#include "platform/daemon/worker.h"
+#include "platform/daemon/worker_process.h"
 #include "platform/exit_codes.h"
 #include "platform/realtime/one_heap.h"
 
@@ -45,21 +47,30 @@ int Run(int argc, char** argv) {
     std::fprintf(stderr, "haustrad: the system refuses to forbid core dumps\n");
     return kExitSystem;
   }
-  OverwriteFreedMemory();
-  UseOneHeap();
   Daemon::BlockSignals();
   const SystemClock clock;
-  Daemon daemon(loaded->config(), {arguments.config, assignments}, clock, SystemParts());
-  const int code = daemon.Run();
-  if (daemon.is_given_up()) std::_Exit(code);
-  return code;
+  Daemon daemon(loaded->config(), {arguments.config, assignments}, clock,
+                StarterOf({"/proc/self/exe", kWorkerOption, std::to_string(kWorkerChannel)}));
+  return daemon.Run();
+}
+
+// The supervisor's own way to start it; not among the options that people have.
+int RunAsWorker(const std::string& channel) {
+  using namespace haustra;
+  if (channel != std::to_string(kWorkerChannel)) return kExitUsage;
+  ::umask(0077);
+  if (!BecomeWorker()) return kExitSystem;
+  UseOneHeap();
+  PrepareVisionDevices();
+  return RunWorker(kWorkerChannel, SystemWorkerParts());
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   try {
-    haustra::PrepareVisionDevices();
+    // Its threads may still run: nothing is destroyed under them.
+    if (argc == 3 && argv[1] == std::string(haustra::kWorkerOption)) std::_Exit(RunAsWorker(argv[2]));
     return Run(argc, argv);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "haustrad: %s\n", error.what());

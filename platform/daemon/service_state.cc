@@ -129,13 +129,18 @@ ServiceStep InStartingOrWaiting(ServiceState state, const ServiceEvent& event) {
     }
     case Event::kFault:
     case Event::kWorkerGone: {
+      if (state.phase == Phase::kWaiting) return WithoutWorker(state, event.kind == Event::kWorkerGone);
+      if (event.kind == Event::kWorkerGone && !state.has_gone_on) {
+        state.has_gone_on = true;
+        return Renewed(state);
+      }
       // One that cannot even start is the service manager's to try again, later.
-      const bool is_starting = state.phase == Phase::kStarting;
-      if (!is_starting) return WithoutWorker(state, event.kind == Event::kWorkerGone);
       const Action answer = IsEnd(state.purpose) ? Action::kSayDone : Action::kSayFailed;
       state.purpose = Purpose::kFail;
       state.exit_code = kExitUnavailable;
-      return Answered(event.kind == Event::kFault ? Kill(state) : AfterWorker(state), answer);
+      if (event.kind == Event::kFault) return Answered(Kill(state), answer);
+      state.has_worker = false;
+      return Answered(To(state, Phase::kOver, {Action::kLeave}), answer);
     }
     case Event::kEndKeep:
     case Event::kEndWipe:

@@ -191,6 +191,20 @@ TEST(ServiceState, WorkerThatCannotStartEndsTheServiceWithItsReason) {
   EXPECT_EQ(walk.state().exit_code, kExitNoInput);
 }
 
+TEST(ServiceState, WorkerThatDiesWhileItStartsIsTriedOnceMore) {
+  RecordProperty("req", "DMN-010");
+  Walk walk;
+  walk.Running()
+      .Takes(E::kEndWipe, P::kStopping, {A::kStopWorker})
+      .Takes(E::kStoppedWithMaps, P::kReaping, {A::kKillWorker})
+      .Takes(E::kWorkerGone, P::kWiping, {A::kWipe})
+      .Takes(E::kWiped, P::kStarting, {A::kStartWorker})
+      .Takes(E::kWorkerGone, P::kStarting, {A::kStartWorker});
+  Walk(walk).Takes(E::kWorkerReady, P::kReady, {A::kSayDone});
+  walk.Takes(E::kWorkerGone, P::kOver, {A::kSayDone, A::kLeave});
+  EXPECT_EQ(walk.state().exit_code, kExitUnavailable);
+}
+
 // --- All states.
 
 struct Less {
@@ -265,6 +279,11 @@ TEST(ServiceState, WhatHoldsInEveryStateThatCanBeReached) {
       const auto num_answers = std::count_if(step.actions.begin(), step.actions.end(),
                                              [](A action) { return action == A::kSayDone || action == A::kSayFailed; });
       EXPECT_LE(num_answers, 1) << text;
+      // What has been wiped has been ended.
+      if (state.procedure == ProcedurePhase::kNone && state.owes_answer && Has(step.actions, A::kSayFailed)) {
+        EXPECT_NE(state.purpose, ServicePurpose::kEndWipe) << text;
+        EXPECT_NE(state.purpose, ServicePurpose::kEndKeep) << text;
+      }
       EXPECT_EQ(num_answers == 1, state.owes_answer && !step.state.owes_answer) << text;
     }
   }

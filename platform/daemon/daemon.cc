@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <utility>
 
 #include "platform/daemon/log.h"
@@ -22,13 +21,6 @@ using std::chrono::seconds;
 
 constexpr mode_t kSharedMode = 0660;    // sockets
 constexpr mode_t kReadableMode = 0640;  // poses
-
-std::string FolderFrom(const std::string& configured, const char* variable) {
-  if (!configured.empty()) return configured;
-  const char* value = std::getenv(variable);
-  // systemd gives a list when the unit names several.
-  return value == nullptr ? std::string() : std::string(value).substr(0, std::string(value).find(':'));
-}
 
 Result<gid_t> GroupOf(const char* key, const std::string& name) {
   if (name.empty()) return static_cast<gid_t>(-1);
@@ -89,8 +81,8 @@ int Daemon::Run() {
 
 int Daemon::SetUp() {
   SetLogLevel(LogLevelFrom(config_.log.level));
-  const std::string state_folder = FolderFrom(config_.files.state_folder, "STATE_DIRECTORY");
-  config_.files.runtime_folder = FolderFrom(config_.files.runtime_folder, "RUNTIME_DIRECTORY");
+  FillFolders(&config_.files);
+  const std::string& state_folder = config_.files.state_folder;
   if (state_folder.empty() || config_.files.runtime_folder.empty()) {
     return FailStart(FailedPrecondition("files.state_folder and files.runtime_folder must be set (systemd does it by "
                                         "StateDirectory= and RuntimeDirectory=)"),
@@ -323,8 +315,7 @@ void Daemon::Reload() {
     Log(LogLevel::kError, "reload_refused", {{"what", loaded.status().message()}});
   } else {
     DaemonConfig wanted = loaded->config();
-    // Where the environment says it.
-    if (wanted.files.runtime_folder.empty()) wanted.files.runtime_folder = config_.files.runtime_folder;
+    FillFolders(&wanted.files);
     const ConfigChange change = ApplyLive(config_, wanted);
     config_ = change.config;
     needs_restart_ = Joined(change.needs_restart);

@@ -1,6 +1,7 @@
 #include "platform/daemon/daemon_config.h"
 
 #include <cstddef>
+#include <cstdlib>
 #include <type_traits>
 #include <utility>
 
@@ -10,6 +11,12 @@ namespace haustra {
 namespace {
 
 static_assert(std::is_standard_layout_v<DaemonConfig>, "a pointer to it is one to its first member");
+
+std::string FolderOf(const char* variable) {
+  const char* value = std::getenv(variable);
+  // systemd gives a list when the unit names several.
+  return value == nullptr ? std::string() : std::string(value).substr(0, std::string(value).find(':'));
+}
 
 constexpr ConfigReload kLive = ConfigReload::kLive;
 constexpr ConfigReload kRestart = ConfigReload::kRestart;
@@ -90,6 +97,11 @@ Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
   for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
   HAUSTRA_TRY(CheckEngineConfig(store.config().engine));
   return store;
+}
+
+void FillFolders(FilesConfig* files) {
+  if (files->state_folder.empty()) files->state_folder = FolderOf("STATE_DIRECTORY");
+  if (files->runtime_folder.empty()) files->runtime_folder = FolderOf("RUNTIME_DIRECTORY");
 }
 
 std::string PrintDaemonConfig(const DaemonConfig& config) {

@@ -96,6 +96,9 @@ std::vector<ConfigField> DaemonConfigFields();
 Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
                                                    const std::vector<std::string>& assignments);
 
+// Folders that the configuration leaves open are those of the service manager, from the environment.
+void FillFolders(FilesConfig* files);
+
 // Every key with its value, as a file that gives the same configuration.
 std::string PrintDaemonConfig(const DaemonConfig& config);
 

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -13,9 +14,11 @@
 #include "platform/clock/system_clock.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/daemon_options.h"
+#include "platform/daemon/log.h"
 #include "platform/daemon/no_dumps.h"
+#include "platform/daemon/rights.h"
 #include "platform/daemon/worker.h"
-#include "platform/daemon/worker_process.h"
+#include "platform/daemon/worker_starter.h"
 #include "platform/exit_codes.h"
 #include "platform/realtime/one_heap.h"
 
@@ -48,9 +51,21 @@ int Run(int argc, char** argv) {
     return kExitSystem;
   }
   Daemon::BlockSignals();
+  // The workers' rights are those of the process until here; its own are fewer from here on.
+  const Result<std::unique_ptr<ForkedStarter>> starter =
+      ForkedStarter::Fork({"/proc/self/exe", kWorkerOption, std::to_string(kWorkerChannel)});
+  if (!starter.ok()) {
+    std::fprintf(stderr, "haustrad: %s\n", starter.status().message().c_str());
+    return kExitSystem;
+  }
+  DaemonConfig config = loaded->config();
+  FillFolders(&config.files);
+  const RightsTaken taken = TakeRightsAway({config.files.state_folder, config.files.runtime_folder});
+  SetLogLevel(LogLevelFrom(config.log.level));
+  Log(LogLevel::kInfo, "own_rights", {{"system_calls", taken.system_calls}, {"files", taken.files}});
   const SystemClock clock;
-  Daemon daemon(loaded->config(), {arguments.config, assignments}, clock,
-                StarterOf({"/proc/self/exe", kWorkerOption, std::to_string(kWorkerChannel)}));
+  Daemon daemon(config, {arguments.config, assignments}, clock,
+                [&starter](int channel) { return (*starter)->Start(channel); });
   return daemon.Run();
 }
 

@@ -128,6 +128,28 @@ TEST_F(Daemon, WorkerWhoseTrackingHangsIsReplacedAndTheServiceLives) {
   EXPECT_EQ(StopAndWait(), 0);
 }
 
+// Value of a line of /proc/PID/status.
+std::string ProcessValue(pid_t pid, const std::string& key) {
+  const std::string text = "\n" + ReadBytes("/proc/" + std::to_string(pid) + "/status");
+  const std::size_t at = text.find("\n" + key + ":\t");
+  if (at == std::string::npos) return "";
+  const std::size_t begin = at + key.size() + 3;
+  return text.substr(begin, text.find('\n', begin) - begin);
+}
+
+TEST_F(Daemon, SupervisorHasFewerRightsThanItsWorker) {
+  RecordProperty("req", "DMN-011");
+  ASSERT_NO_FATAL_FAILURE(StartReady());
+  const pid_t worker = service_.worker_pid();
+  EXPECT_EQ(ProcessValue(worker, "PPid"), std::to_string(service_.pid())) << "which reaps it";
+  EXPECT_EQ(ProcessValue(service_.pid(), "Seccomp"), "2");
+  EXPECT_EQ(ProcessValue(worker, "Seccomp"), ProcessValue(getpid(), "Seccomp")) << "what this test has";
+  service_.command().Signal(SIGTERM);
+  const CommandResult result = service_.Wait();
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_NE(result.err.find("own_rights system_calls=taken"), std::string::npos) << result.err;
+}
+
 TEST_F(Daemon, WorkerEndsWithAServiceThatIsKilled) {
   RecordProperty("req", "DMN-006");
   ASSERT_NO_FATAL_FAILURE(StartReady());

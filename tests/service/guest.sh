@@ -39,6 +39,7 @@ check "active, status says idle" test "$(show StatusText)" = "idle: no procedure
 check "runs as the user haustra" test "$(stat -c %U "/proc/$(show MainPID)")" = haustra
 check "so does its worker" test "$(stat -c %U "/proc/$(worker)")" = haustra
 check "no capability is left" grep -q "^CapEff:.0000000000000000$" "/proc/$(show MainPID)/status"
+check "the supervisor has given rights away" bash -c "journalctl -u haustrad --no-pager | grep -q 'own_rights system_calls=taken'"
 check "poses are readable by the group" test "$(stat -c '%a %G' /run/haustra/poses)" = "640 haustra"
 check "nobody else enters" test "$(stat -c '%a' /run/haustra) $(stat -c '%a' /var/lib/haustra/)" = "750 700"
 check "a procedure begins" ask begin case-1

@@ -32,6 +32,9 @@ class FileSink final : public ByteSink {
 
   // kUnavailable: disk full, I/O error. After the first error nothing more is written and Commit fails.
   Status Write(std::string_view bytes) override;
+  // Of the temporary file, for another process that writes the bytes in place of Write; -1 after an error or Commit.
+  int descriptor() const { return descriptor_; }
+
   // To the disk and into place, with the folder's entry. kUnavailable as for Write; kFailedPrecondition when called
   // twice.
   Status Commit();

@@ -7,15 +7,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdlib>
 #include <utility>
 
-#include "platform/assemble.h"
 #include "platform/daemon/log.h"
-#include "platform/daemon/open_source.h"
 #include "platform/daemon/status_text.h"
-#include "platform/daemon/wipe_memory.h"
 #include "platform/exit_codes.h"
 
 namespace haustra {
@@ -26,13 +21,6 @@ using std::chrono::seconds;
 
 constexpr mode_t kSharedMode = 0660;    // sockets
 constexpr mode_t kReadableMode = 0640;  // poses
-
-std::string FolderFrom(const std::string& configured, const char* variable) {
-  if (!configured.empty()) return configured;
-  const char* value = std::getenv(variable);
-  // systemd gives a list when the unit names several.
-  return value == nullptr ? std::string() : std::string(value).substr(0, std::string(value).find(':'));
-}
 
 Result<gid_t> GroupOf(const char* key, const std::string& name) {
   if (name.empty()) return static_cast<gid_t>(-1);
@@ -54,22 +42,16 @@ std::string Joined(const std::vector<std::string>& texts) {
 
 }  // namespace
 
-DaemonParts SystemParts() {
-  return {OpenSource, [](const DaemonConfig& config, const CameraCalibration& calibration) {
-            return CreateVisionDevice(config.vision.device, config.engine, calibration, config.vision.threads);
-          }};
-}
-
-Daemon::Daemon(const DaemonConfig& config, ConfigSource config_source, const Clock& clock, DaemonParts parts)
+Daemon::Daemon(const DaemonConfig& config, ConfigSource config_source, const Clock& clock, WorkerStarter start_worker)
     : config_(config),
       config_source_(std::move(config_source)),
       clock_(clock),
-      parts_(std::move(parts)),
+      start_worker_(std::move(start_worker)),
       wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)),
       started_(clock.Now()) {}
 
 Daemon::~Daemon() {
-  procedure_.reset();
+  worker_.reset();
   files_.Finish();
   if (wake_ >= 0) ::close(wake_);
 }
@@ -99,9 +81,9 @@ int Daemon::Run() {
 
 int Daemon::SetUp() {
   SetLogLevel(LogLevelFrom(config_.log.level));
-  const std::string state_folder = FolderFrom(config_.files.state_folder, "STATE_DIRECTORY");
-  const std::string runtime_folder = FolderFrom(config_.files.runtime_folder, "RUNTIME_DIRECTORY");
-  if (state_folder.empty() || runtime_folder.empty()) {
+  FillFolders(&config_.files);
+  const std::string& state_folder = config_.files.state_folder;
+  if (state_folder.empty() || config_.files.runtime_folder.empty()) {
     return FailStart(FailedPrecondition("files.state_folder and files.runtime_folder must be set (systemd does it by "
                                         "StateDirectory= and RuntimeDirectory=)"),
                      kExitConfig);
@@ -109,9 +91,9 @@ int Daemon::SetUp() {
   if (config_.source.path.empty()) return FailStart(FailedPrecondition("source.path is not set"), kExitConfig);
   const Result<gid_t> group = GroupOf("publish.group", config_.publish.group);
   if (!group.ok()) return FailStart(group.status(), kExitConfig);
-  const Result<gid_t> control_group =
-      config_.control.group.empty() ? group : GroupOf("control.group", config_.control.group);
-  if (!control_group.ok()) return FailStart(control_group.status(), kExitConfig);
+  if (const Result<gid_t> control = GroupOf("control.group", config_.control.group); !control.ok()) {
+    return FailStart(control.status(), kExitConfig);
+  }
 
   Result<std::unique_ptr<ProcedureStore>> store = ProcedureStore::Open(state_folder);
   if (!store.ok()) {
@@ -119,31 +101,29 @@ int Daemon::SetUp() {
   }
   store_ = std::move(*store);
   Result<std::unique_ptr<PoseRingWriter>> ring =
-      PoseRingWriter::Create(runtime_folder + "/poses", kReadableMode, *group);
+      PoseRingWriter::Create(config_.files.runtime_folder + "/poses", kReadableMode, *group);
   if (!ring.ok()) return FailStart(ring.status(), kExitIo);
   ring_ = std::move(*ring);
 
-  if (const Status status = PrepareProcedure(); !status.ok()) return FailStart(status, ExitCodeFor(status.code()));
-
   if (const std::optional<ProcedureRecord>& record = store_->interrupted()) {
-    is_interrupted_ = true;
-    interrupted_label_ = record->label;
+    state_.procedure = ProcedurePhase::kInterrupted;
+    label_ = record->label;
     const bool may_resume = store_->MayResume(seconds(config_.procedure.resume_limit_s));
     Log(LogLevel::kWarning, "procedure_was_interrupted",
         {{"label", record->label}, {"resumes", may_resume ? "yes" : "no, waits to be told"}});
-    if (may_resume && state_ == State::kIdle) {
-      if (const Status status = Begin(record->label, true); !status.ok()) {
-        trouble_ = "the interrupted procedure cannot go on: " + status.message();
-        Log(LogLevel::kError, "cannot_resume", {{"what", status.message()}});
-      }
-    }
-  } else if (config_.procedure.begin_at_start && state_ == State::kIdle) {
-    if (const Status status = Begin("", false); !status.ok()) return FailStart(status, kExitInternal);
   }
+  return kExitOk;
+}
 
-  // Last: who can connect finds everything ready.
+int Daemon::Open() {
+  // Known since SetUp.
+  const Result<gid_t> group = GroupOf("publish.group", config_.publish.group);
+  const Result<gid_t> control_group =
+      config_.control.group.empty() ? group : GroupOf("control.group", config_.control.group);
+  if (!group.ok() || !control_group.ok())
+    return FailStart(group.ok() ? control_group.status() : group.status(), kExitConfig);
   const auto serve = [&](std::string_view name, gid_t owners, const ControlLimits& limits) {
-    return ControlServer::Create(runtime_folder + "/" + std::string(name), kSharedMode, owners, limits,
+    return ControlServer::Create(config_.files.runtime_folder + "/" + std::string(name), kSharedMode, owners, limits,
                                  [this](auto client, const ControlPeer& peer, const ControlRequest& request) {
                                    return Handle(client, peer, request);
                                  });
@@ -162,27 +142,58 @@ int Daemon::SetUp() {
   return kExitOk;
 }
 
-int Daemon::Loop(int signals) {
-  while (true) {
-    std::array<pollfd, 4> events{{{signals, POLLIN, 0},
-                                  {wake_, POLLIN, 0},
-                                  {lookout_->descriptor(), POLLIN, 0},
-                                  {control_->descriptor(), POLLIN, 0}}};
-    ::poll(events.data(), events.size(), 50);
-    std::uint64_t count = 0;
-    [[maybe_unused]] const ssize_t read = ::read(wake_, &count, sizeof count);
-    TakeSaved();
-    if (!HandleSignals(signals)) break;
-    lookout_->Serve(clock_.Now());
-    control_->Serve(clock_.Now());
-    Tick(clock_.Now());
-    if (exit_code_ != kExitOk) break;
-  }
-  Stop();
-  return exit_code_;
+void Daemon::WaitForSomething(int signals) const {
+  std::array<pollfd, 6> events;
+  std::size_t num = 0;
+  const auto add = [&](int descriptor) { events[num++] = {descriptor, POLLIN, 0}; };
+  add(signals);
+  add(wake_);
+  if (control_ != nullptr) add(lookout_->descriptor());
+  if (control_ != nullptr) add(control_->descriptor());
+  if (worker_ != nullptr) add(worker_->channel());
+  if (worker_ != nullptr) add(worker_->process_descriptor());
+  ::poll(events.data(), num, 50);
+  std::uint64_t count = 0;
+  [[maybe_unused]] const ssize_t read = ::read(wake_, &count, sizeof count);
 }
 
-bool Daemon::HandleSignals(int signals) {
+int Daemon::Loop(int signals) {
+  Tell(ServiceEventKind::kStart);
+  while (true) {
+    TakePosts();
+    HearWorker();
+    HandleSignals(signals);
+    if (state_.phase == ServicePhase::kReady && may_begin_by_itself_) {
+      may_begin_by_itself_ = false;
+      asker_.reset();
+      if (is_interrupted() && store_->MayResume(seconds(config_.procedure.resume_limit_s))) {
+        asked_ = {ControlCommand::kResume, "", {}};
+        Tell(ServiceEventKind::kResume);
+      } else if (!is_interrupted() && config_.procedure.begin_at_start) {
+        asked_ = {ControlCommand::kBegin, "", {}};
+        label_.clear();
+        Tell(ServiceEventKind::kBegin);
+      }
+    }
+    // Last: who can connect finds everything ready.
+    if (control_ == nullptr && TakesRequests(state_.phase)) {
+      if (const int code = Open(); code != kExitOk) return code;
+    }
+    if (control_ != nullptr) {
+      lookout_->Serve(clock_.Now());
+      control_->Serve(clock_.Now());
+      HandleHeld();
+    }
+    Tick(clock_.Now());
+    if (is_to_end_ && TakesTerminate(state_.phase)) Tell(ServiceEventKind::kTerminate);
+    if (state_.phase == ServicePhase::kOver) break;
+    WaitForSomething(signals);
+  }
+  Leave();
+  return state_.exit_code;
+}
+
+void Daemon::HandleSignals(int signals) {
   signalfd_siginfo info{};
   while (::read(signals, &info, sizeof info) == static_cast<ssize_t>(sizeof info)) {
     switch (info.ssi_signo) {
@@ -195,55 +206,106 @@ bool Daemon::HandleSignals(int signals) {
         }
         break;
       }
-      default: Log(LogLevel::kInfo, "stopping"); return false;
+      default:
+        if (is_to_end_) break;
+        is_to_end_ = true;
+        Log(LogLevel::kInfo, "stopping");
+        notifier_.Stopping("stopping");
     }
   }
-  return true;
+}
+
+void Daemon::Tell(ServiceEvent event) {
+  events_.push_back(event);
+  if (is_telling_) return;
+  is_telling_ = true;
+  while (!events_.empty()) {
+    const ServiceEvent next = events_.front();
+    events_.pop_front();
+    const ServiceStep step = Next(state_, next);
+    const ServicePhase before = std::exchange(state_, step.state).phase;
+    if (state_.phase != before) Enter(state_.phase);
+    Log(LogLevel::kDebug, "state",
+        {{"event", std::string(ToString(next.kind))}, {"state", std::string(ToString(state_.phase))}});
+    for (const ServiceAction action : step.actions) Do(action);
+  }
+  is_telling_ = false;
+}
+
+std::optional<Duration> Daemon::LimitOf(ServicePhase phase) const {
+  switch (phase) {
+    case ServicePhase::kStarting:
+    case ServicePhase::kLoading:
+    case ServicePhase::kBeginning: return milliseconds(config_.watchdog.work_limit_ms);
+    case ServicePhase::kKeeping:
+      if (!state_.has_worker) return std::nullopt;
+      return milliseconds(config_.watchdog.work_limit_ms);
+    case ServicePhase::kStopping:
+    case ServicePhase::kReaping: return milliseconds(config_.watchdog.stop_limit_ms);
+    default: return std::nullopt;
+  }
+}
+
+void Daemon::Enter(ServicePhase phase) {
+  const std::optional<Duration> limit = LimitOf(phase);
+  phase_limit_.reset();
+  if (limit) phase_limit_ = clock_.Now() + *limit;
+  if (phase == ServicePhase::kRunning) {
+    has_signs_ = false;
+    next_checkpoint_ = clock_.Now() + seconds(config_.checkpoint.interval_s);
+    Log(LogLevel::kInfo, is_resumed_ ? "procedure_resumed" : "procedure_begun",
+        {{"procedure", std::to_string(number_)}, {"label", label_}});
+  }
+}
+
+void Daemon::Do(ServiceAction action) {
+  switch (action) {
+    case ServiceAction::kStartWorker: return StartNextWorker();
+    case ServiceAction::kLoad: return LoadCheckpoint();
+    case ServiceAction::kRecordOpen: return RecordOpen();
+    case ServiceAction::kBeginWorker: return BeginWorker();
+    case ServiceAction::kStopWorker: return SendToWorker({.command = WorkerCommand::kStop});
+    case ServiceAction::kKeepMaps: return KeepMaps();
+    case ServiceAction::kKeepCheckpoint: return KeepCheckpoint();
+    case ServiceAction::kSaveCheckpoint: return StartSave(SaveKind::kFinal, store_->checkpoint_path());
+    case ServiceAction::kKillWorker:
+      is_worker_given_up_ = true;
+      if (worker_ != nullptr) worker_->Kill();
+      return;
+    case ServiceAction::kWipe: return Wipe();
+    case ServiceAction::kRecordStopped: return RecordStopped();
+    case ServiceAction::kSayDone: return Answer(true);
+    case ServiceAction::kSayFailed: return Answer(false);
+    case ServiceAction::kLeave: return;
+  }
 }
 
 void Daemon::Tick(TimePoint now) {
-  if (exit_code_ != kExitOk) return;
   ring_->Beat();
   ring_->SetService(Service());
-  if (state_ == State::kWaitingForSource && now >= next_source_try_) {
-    if (const Status status = PrepareProcedure(); !status.ok()) {
-      Log(LogLevel::kError, "cannot_prepare", {{"what", status.ToString()}});
-      exit_code_ = ExitCodeFor(status.code());
-      return;
+  if (phase_limit_ && now >= *phase_limit_) {
+    phase_limit_.reset();
+    const std::string what = "not done in time: " + std::string(ToString(state_.phase));
+    Log(LogLevel::kError, "time_is_up", {{"what", what}});
+    failure_ = Unavailable("the worker has " + what);
+    last_fault_ = what;
+    if (state_.phase == ServicePhase::kReaping && worker_ != nullptr) {
+      worker_->LetGo();
+      TakeLeaveOfWorker("");
     }
-    if (state_ == State::kIdle) {
-      trouble_.clear();
-      Log(LogLevel::kInfo, "source_found", {{"source", config_.source.path}});
-      const bool may_resume =
-          is_interrupted_ && (is_device_recreated_ || store_->MayResume(seconds(config_.procedure.resume_limit_s)));
-      if (may_resume || (!is_interrupted_ && config_.procedure.begin_at_start && number_ == 0)) {
-        if (const Status status = Begin(interrupted_label_, may_resume); !status.ok()) trouble_ = status.message();
-      }
-    }
+    Tell(ServiceEventKind::kTimeUp);
   }
-  std::string hang;
-  if (state_ == State::kRunning) {
-    if (const std::optional<Status> ended = procedure_->ended()) {
-      Log(LogLevel::kError, "session_ended", {{"what", ended->ToString()}});
-      const bool may_go_on =
-          procedure_->fault() == WatchedVisionDevice::Fault::kLost && !is_device_recreated_ && RecreateDevice().ok();
-      if (!may_go_on) exit_code_ = ExitCodeFor(ended->code());
-      return;
-    }
-    hang = FindHang(procedure_->signs(), now, config_.watchdog);
-    ConsiderCheckpoint(now);
-  }
-  if (hang.empty() != hang_.empty()) {
-    Log(hang.empty() ? LogLevel::kInfo : LogLevel::kError, hang.empty() ? "goes_on" : "hang", {{"what", hang}});
-  }
-  hang_ = hang;
-  if (hang_.empty() && now >= next_feed_) {
+  WatchWorker(now);
+  if (state_.phase == ServicePhase::kRunning) ConsiderCheckpoint(now);
+  const bool disk_hangs =
+      num_file_jobs_ > 0 && now - file_job_since_ > Duration(milliseconds(config_.watchdog.work_limit_ms));
+  if (!disk_hangs && now >= next_feed_) {
     // Four times in the limit; a service nobody watches says it every second, to nobody.
     const Duration limit = notifier_.watchdog_limit();
     next_feed_ = now + (limit.count() > 0 ? limit / 4 : Duration(seconds(1)));
     notifier_.FeedWatchdog();
   }
-  notifier_.Status(OneLine());
+  if (control_ != nullptr && !is_to_end_) notifier_.Status(OneLine());
 }
 
 void Daemon::Reload() {
@@ -252,52 +314,126 @@ void Daemon::Reload() {
   if (!loaded.ok()) {
     Log(LogLevel::kError, "reload_refused", {{"what", loaded.status().message()}});
   } else {
-    const ConfigChange change = ApplyLive(config_, loaded->config());
+    DaemonConfig wanted = loaded->config();
+    FillFolders(&wanted.files);
+    const ConfigChange change = ApplyLive(config_, wanted);
     config_ = change.config;
     needs_restart_ = Joined(change.needs_restart);
     SetLogLevel(LogLevelFrom(config_.log.level));
-    if (procedure_ != nullptr) procedure_->SetSnapshotInterval(milliseconds(config_.publish.snapshot_interval_ms));
+    SendSettings();
     next_checkpoint_ = std::min(next_checkpoint_, clock_.Now() + seconds(config_.checkpoint.interval_s));
     Log(LogLevel::kInfo, "reloaded", {{"changed", Joined(change.applied)}, {"needs_restart", needs_restart_}});
   }
-  notifier_.Ready(OneLine());
+  if (control_ != nullptr) notifier_.Ready(OneLine());
+}
+
+void Daemon::Leave() {
+  // What it still writes is not reported any more.
+  worker_.reset();
+  files_.Finish();
+  TakePosts();
+  if (is_open()) {
+    Log(final_checkpoint_ == "written" ? LogLevel::kInfo : LogLevel::kError, "procedure_stopped",
+        {{"label", label_}, {"checkpoint", final_checkpoint_}});
+  }
+  control_.reset();
+  lookout_.reset();
+  ring_.reset();
+  Log(LogLevel::kInfo, "stopped");
+}
+
+void Daemon::DoFile(std::function<std::function<void()>()> job) {
+  if (num_file_jobs_++ == 0) file_job_since_ = clock_.Now();
+  files_.Do([this, job = std::move(job)] {
+    std::function<void()> then = job();
+    {
+      const std::lock_guard lock(posts_mutex_);
+      posts_.push_back(std::move(then));
+    }
+    Wake();
+  });
+}
+
+void Daemon::TakePosts() {
+  std::vector<std::function<void()>> posts;
+  {
+    const std::lock_guard lock(posts_mutex_);
+    posts.swap(posts_);
+  }
+  for (const std::function<void()>& post : posts) {
+    --num_file_jobs_;
+    file_job_since_ = clock_.Now();
+    if (post) post();
+  }
 }
 
 std::optional<Result<std::string>> Daemon::Handle(ControlServer::ClientId client, const ControlPeer& peer,
                                                   const ControlRequest& request) {
-  if (request.command == ControlCommand::kStatus) return frozen_ ? frozen_->status : StatusText(clock_.Now());
-  if (request.command == ControlCommand::kMetrics) return frozen_ ? frozen_->metrics : MetricsText(clock_.Now());
+  if (request.command == ControlCommand::kStatus) return StatusText(clock_.Now());
+  if (request.command == ControlCommand::kMetrics) return MetricsText(clock_.Now());
   Log(LogLevel::kInfo, "request",
       {{"what", ToText(request)}, {"uid", std::to_string(peer.uid)}, {"pid", std::to_string(peer.pid)}});
+  held_.push_back({client, request});
+  return std::nullopt;
+}
+
+Status Daemon::Refusal(const ControlRequest& request) const {
   switch (request.command) {
     case ControlCommand::kBegin:
     case ControlCommand::kResume: {
       const bool is_resume = request.command == ControlCommand::kResume;
       if (is_open()) return FailedPrecondition("a procedure is open: end it first");
-      if (is_resume && !is_interrupted_) return FailedPrecondition("no procedure was interrupted");
-      if (!is_resume && is_interrupted_) {
-        return FailedPrecondition("an interrupted procedure" +
-                                  (interrupted_label_.empty() ? "" : " '" + interrupted_label_ + "'") +
+      if (is_resume && !is_interrupted()) return FailedPrecondition("no procedure was interrupted");
+      if (!is_resume && is_interrupted()) {
+        return FailedPrecondition("an interrupted procedure" + (label_.empty() ? "" : " '" + label_ + "'") +
                                   " is on the disk: resume or end it first");
       }
-      if (state_ == State::kWaitingForSource) return Unavailable("there is no camera: " + trouble_);
-      if (const Status status = Begin(is_resume ? interrupted_label_ : request.name, is_resume); !status.ok()) {
-        return status;
-      }
-      return "procedure " + std::to_string(number_) + "\n";
+      if (state_.phase == ServicePhase::kWaiting) return Unavailable("there is no camera: " + trouble_);
+      return Status::Ok();
     }
     case ControlCommand::kEnd:
-      if (!is_open() && !is_interrupted_) return FailedPrecondition("no procedure is open");
-      return End(request.keep.value_or(config_.procedure.keep_data));
+      if (!is_open() && !is_interrupted()) return FailedPrecondition("no procedure is open");
+      return Status::Ok();
     case ControlCommand::kSave:
       if (!is_open()) return FailedPrecondition("no procedure is open");
+      if (state_.phase != ServicePhase::kRunning && !state_.has_maps) {
+        return Unavailable("the maps cannot be read now; the last checkpoint stands");
+      }
       if (store_->has_saved(request.name) || saves_under_way_.contains(store_->saved_path(request.name))) {
         return FailedPrecondition("there is a save of that name");
       }
-      saves_under_way_.insert(store_->saved_path(request.name));
-      StartSave(store_->saved_path(request.name), client);
-      return std::nullopt;
+      return Status::Ok();
     default: return Internal("not handled");
+  }
+}
+
+void Daemon::HandleHeld() {
+  while (!held_.empty() && TakesRequests(state_.phase)) {
+    const Held held = held_.front();
+    held_.pop_front();
+    if (const Status refusal = Refusal(held.request); !refusal.ok()) {
+      control_->Reply(held.client, refusal, clock_.Now());
+      continue;
+    }
+    if (held.request.command == ControlCommand::kSave) {
+      const std::string path = store_->saved_path(held.request.name);
+      saves_under_way_.insert(path);
+      StartSave(SaveKind::kNamed, path, held.client);
+      continue;
+    }
+    asker_ = held.client;
+    asked_ = held.request;
+    failure_ = Status::Ok();
+    switch (held.request.command) {
+      case ControlCommand::kBegin:
+        label_ = held.request.name;
+        Tell(ServiceEventKind::kBegin);
+        break;
+      case ControlCommand::kResume: Tell(ServiceEventKind::kResume); break;
+      default:
+        asked_.keep = held.request.keep.value_or(config_.procedure.keep_data);
+        Tell(*asked_.keep ? ServiceEventKind::kEndKeep : ServiceEventKind::kEndWipe);
+    }
   }
 }
 

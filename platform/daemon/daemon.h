@@ -1,20 +1,17 @@
-// haustrad: one process, one procedure at a time.
+// haustrad: the supervisor. It has the two sockets, the state folder, the pose ring's header and the word with the
+// service manager, and opens neither camera nor GPU. A worker (worker.h), a process of its own for each procedure, does
+// the rest. service_state.h says what follows what; here is the input and the output.
 //
-//   waiting_for_source  there is no camera yet; it is looked for every second
-//   idle                an engine stands ready, empty; nothing is looked at
-//   running             a procedure
-//   stopped             a procedure was to end with its data kept, and that failed: `end` again, or `end wipe`
-//
-// A vision device that is lost is made anew, once a procedure, and the procedure goes on from its last checkpoint. The
-// second time, and when the device hangs, the service ends with kExitUnavailable; the last checkpoint stands.
-//
-// Threads: the service thread (this class; signals, control socket, watchdog), the session's (platform/session), the
-// file worker, and one on which engines are made and a procedure's end is worked off. The service thread waits for none
-// of them without showing that it lives.
+// Threads: the service thread (this class) and one for what may wait for the disk. The service thread waits for neither
+// disk nor worker.
 #pragma once
 
+#include <array>
 #include <csignal>
+#include <cstdint>
+#include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -26,9 +23,12 @@
 #include "platform/control/control_server.h"
 #include "platform/daemon/daemon_config.h"
 #include "platform/daemon/file_worker.h"
-#include "platform/daemon/procedure.h"
+#include "platform/daemon/procedure_counts.h"
 #include "platform/daemon/procedure_store.h"
 #include "platform/daemon/service_notifier.h"
+#include "platform/daemon/service_state.h"
+#include "platform/daemon/worker_process.h"
+#include "platform/file_sink.h"
 #include "platform/publish/pose_ring_writer.h"
 
 namespace haustra {
@@ -39,85 +39,98 @@ struct ConfigSource {
   std::vector<std::string> assignments;
 };
 
-// What a test puts something else in the place of.
-struct DaemonParts {
-  std::function<Result<std::unique_ptr<FrameSource>>(const SourceConfig&)> open_source;
-  MakeVisionDevice make_device;
-};
-// Those that the configuration names.
-DaemonParts SystemParts();
-
 class Daemon {
  public:
-  Daemon(const DaemonConfig& config, ConfigSource config_source, const Clock& clock, DaemonParts parts);
+  // `start_worker` makes a process that runs RunWorker; a test puts one with scripted parts in its place.
+  Daemon(const DaemonConfig& config, ConfigSource config_source, const Clock& clock, WorkerStarter start_worker);
+  // Kills a worker that there still is.
   ~Daemon();
   Daemon(const Daemon&) = delete;
   Daemon& operator=(const Daemon&) = delete;
 
   // From start to stop; the exit code (platform/exit_codes.h). Signals that mean something to it must be blocked in all
-  // threads (BlockSignals) before any other thread was made.
+  // threads (BlockSignals) before any other thread was made. The worker ends with the calling thread.
   int Run();
-  // After Run. A thread is stuck in a driver, or waits for a device that hangs: the destructor would wait for it, too.
-  // The process is to end without one (std::_Exit); the kernel takes back its memory.
-  bool is_given_up() const { return is_given_up_; }
 
   // SIGTERM and SIGINT stop, SIGHUP reloads, SIGUSR1 writes the metrics to the log.
   static sigset_t BlockSignals();
 
  private:
-  enum class State { kWaitingForSource, kIdle, kRunning, kStopped };
-  struct SaveDone {
-    Status status;
+  struct Held {
+    ControlServer::ClientId client = 0;
+    ControlRequest request;
+  };
+  enum class SaveKind { kCheckpoint, kNamed, kKeep, kFinal };
+  struct Save {
+    SaveKind kind = SaveKind::kCheckpoint;
     std::string path;
-    std::optional<ControlServer::ClientId> client;  // none: a checkpoint
-    TimePoint at;
+    std::optional<ControlServer::ClientId> client;
+    std::shared_ptr<FileSink> sink;
   };
 
-  // Everything before READY; kExitOk, or the code to end with.
+  // Everything before the worker; kExitOk, or the code to end with.
   int SetUp();
   int Loop(int signals);
-  // False: stop.
-  bool HandleSignals(int signals);
+  void WaitForSomething(int signals) const;
+  void HandleSignals(int signals);
+  // Sockets, and word to the manager, when the first worker is ready or waits. kExitOk, or the code to end with.
+  int Open();
   void Tick(TimePoint now);
   void Reload();
-  void Stop();
-  // Does it on a thread of its own, and shows meanwhile that the service lives, up to watchdog.work_limit_ms: what
-  // waits for a disk or takes memory must not starve the watchdog. Meanwhile the socket that only looks is served, with
-  // what held when the work began; nothing else is.
-  void Aside(const std::function<void()>& job);
-  void ShowLife();
-  // False: a thread did not end in time, and the process is given up.
-  bool StopThreads();
-  // The maps can be read.
-  bool has_maps() const;
-  // A new device and a new engine, which goes on from the last checkpoint.
-  Status RecreateDevice();
+  void Leave();
 
-  // Makes an engine ready; kWaitingForSource when the camera is not there. Errors that waiting does not mend.
-  Status PrepareProcedure();
-  Status OpenAndPrepare();
-  Status Begin(const std::string& label, bool is_resumed);
-  Result<std::string> End(bool keep);
-  // The maps of the stopped procedure, to saved/.
-  Status Keep(const std::string& name);
+  // The table, and what it asks for.
+  void Tell(ServiceEvent event);
+  void Tell(ServiceEventKind kind) { Tell(ServiceEvent{kind}); }
+  void Do(ServiceAction action);
+  void Enter(ServicePhase phase);
+  std::optional<Duration> LimitOf(ServicePhase phase) const;
+
+  // The worker. daemon_procedure.cc has these and the actions.
+  void StartNextWorker();
+  void SendToWorker(const WorkerRequest& request, std::initializer_list<int> files = {});
+  void SendSettings();
+  void HearWorker();
+  void Hear(const WorkerReport& report);
+  void Fault(const std::string& what);
+  void TakeLeaveOfWorker(const std::string& how);
+  void WatchWorker(TimePoint now);
+
+  void LoadCheckpoint();
+  void RecordOpen();
+  void BeginWorker();
+  void KeepMaps();
+  void KeepCheckpoint();
+  void Wipe();
+  void RecordStopped();
+  void Answer(bool is_done);
   void ConsiderCheckpoint(TimePoint now);
-  void TakeSaved();
-  void StartSave(const std::string& path, std::optional<ControlServer::ClientId> client);
+  void StartSave(SaveKind kind, const std::string& path, std::optional<ControlServer::ClientId> client = {});
+  void Commit(const WorkerReport& report);
+  void EndSave(const Save& save, const Status& status);
+
+  // `job` runs where it may wait for the disk; what it returns runs here.
+  void DoFile(std::function<std::function<void()>()> job);
+  void TakePosts();
+  void Wake() const;
 
   std::optional<Result<std::string>> Handle(ControlServer::ClientId client, const ControlPeer& peer,
                                             const ControlRequest& request);
+  void HandleHeld();
+  // Why a request cannot be now.
+  Status Refusal(const ControlRequest& request) const;
   std::string StatusText(TimePoint now) const;
   std::string MetricsText(TimePoint now) const;
   std::string OneLine() const;
   ProcedureCounts counts() const;
   haustra_service Service() const;
-  void Wake() const;
-  bool is_open() const { return state_ == State::kRunning || state_ == State::kStopped; }
+  bool is_open() const { return state_.procedure == ProcedurePhase::kOpen; }
+  bool is_interrupted() const { return state_.procedure == ProcedurePhase::kInterrupted; }
 
   DaemonConfig config_;
   ConfigSource config_source_;
   const Clock& clock_;
-  const DaemonParts parts_;
+  const WorkerStarter start_worker_;
   ServiceNotifier notifier_;
   int wake_ = -1;
   TimePoint started_;
@@ -126,37 +139,52 @@ class Daemon {
   std::unique_ptr<PoseRingWriter> ring_;
   std::unique_ptr<ControlServer> lookout_;  // answers status and metrics
   std::unique_ptr<ControlServer> control_;
-  FileWorker files_;
-  FileWorker aside_;
-  struct Answers {
-    std::string status;
-    std::string metrics;
-  };
-  std::optional<Answers> frozen_;  // while the job of Aside has hold of everything else
-  std::unique_ptr<Procedure> procedure_;
 
-  State state_ = State::kWaitingForSource;
-  bool is_interrupted_ = false;  // an earlier procedure waits on the disk
-  std::string interrupted_label_;
-  std::string label_;
+  ServiceState state_;
+  std::deque<ServiceEvent> events_;
+  bool is_telling_ = false;
+  std::optional<TimePoint> phase_limit_;
+  bool may_begin_by_itself_ = true;  // once, when the first worker is ready
+  bool is_to_end_ = false;
+
+  std::unique_ptr<WorkerProcess> worker_;
+  std::uint64_t num_workers_ = 0;
+  bool is_worker_given_up_ = false;
+  TimePoint last_heard_;
+  WorkerReport report_;     // the last one
+  bool has_signs_ = false;  // of the running procedure, in report_
+  std::uint64_t num_faults_ = 0;
+  std::string last_fault_;
+
+  std::deque<Held> held_;                         // requests that wait their turn
+  std::optional<ControlServer::ClientId> asker_;  // of what is under way
+  ControlRequest asked_;
+  Status failure_;  // why it failed
+  Status wiped_;
+  std::string kept_as_;
+
+  std::string label_;  // of the open or interrupted procedure
   std::uint64_t number_ = 0;
-  ProcedureCounts earlier_;  // of the procedures that have ended
-  std::string trouble_;      // what somebody should look at; empty: nothing
-  std::string hang_;
+  bool is_resumed_ = false;
+  ProcedureCounts earlier_;    // of the workers that have gone
+  std::string trouble_;        // what somebody should look at; empty: nothing
   std::string needs_restart_;  // keys, with commas
-  TimePoint next_source_try_;
   TimePoint next_feed_;
   TimePoint next_checkpoint_;
   std::optional<TimePoint> last_checkpoint_;
   std::string checkpoint_error_;
+  std::string final_checkpoint_ = "an earlier one stands";
   bool is_checkpoint_under_way_ = false;
+  bool must_save_ = false;               // a checkpoint did not come to the disk
+  std::map<std::uint64_t, Save> saves_;  // that the worker writes
+  std::uint64_t num_saves_ = 0;
   std::set<std::string> saves_under_way_;  // paths that somebody asked for
-  bool is_device_recreated_ = false;       // in this procedure
-  bool is_given_up_ = false;
-  int exit_code_ = 0;
 
-  std::mutex saved_mutex_;
-  std::vector<SaveDone> saved_;
+  int num_file_jobs_ = 0;
+  TimePoint file_job_since_;
+  std::mutex posts_mutex_;
+  std::vector<std::function<void()>> posts_;
+  FileWorker files_;  // last: its jobs use the others
 };
 
 }  // namespace haustra

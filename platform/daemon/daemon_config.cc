@@ -1,6 +1,7 @@
 #include "platform/daemon/daemon_config.h"
 
 #include <cstddef>
+#include <cstdlib>
 #include <type_traits>
 #include <utility>
 
@@ -10,6 +11,12 @@ namespace haustra {
 namespace {
 
 static_assert(std::is_standard_layout_v<DaemonConfig>, "a pointer to it is one to its first member");
+
+std::string FolderOf(const char* variable) {
+  const char* value = std::getenv(variable);
+  // systemd gives a list when the unit names several.
+  return value == nullptr ? std::string() : std::string(value).substr(0, std::string(value).find(':'));
+}
 
 constexpr ConfigReload kLive = ConfigReload::kLive;
 constexpr ConfigReload kRestart = ConfigReload::kRestart;
@@ -69,10 +76,12 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::watchdog, &WatchdogConfig::mapping_limit_ms>("watchdog.mapping_limit_ms", {1000, 600000}, "ms",
                                                                  "in one step: the mapping or the merging thread hangs",
                                                                  kLive));
+  add(BindField<&C::watchdog, &WatchdogConfig::worker_limit_ms>(
+      "watchdog.worker_limit_ms", {100, 600000}, "ms", "without a sign of life: the worker is replaced", kLive));
   add(BindField<&C::watchdog, &WatchdogConfig::stop_limit_ms>("watchdog.stop_limit_ms", {100, 600000}, "ms",
-                                                              "until threads that do not end are given up", kLive));
+                                                              "until a worker that does not end is killed", kLive));
   add(BindField<&C::watchdog, &WatchdogConfig::work_limit_ms>("watchdog.work_limit_ms", {1000, 600000}, "ms",
-                                                              "of one begin or end, while the watchdog is fed", kLive));
+                                                              "of one job of the worker or the disk", kLive));
 
   add(BindText<&C::files, &FilesConfig::state_folder>(
       "files.state_folder", "for checkpoints and saved maps; empty: $STATE_DIRECTORY", kRestart));
@@ -91,6 +100,16 @@ Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
   for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
   HAUSTRA_TRY(CheckEngineConfig(store.config().engine));
   return store;
+}
+
+void FillFolders(FilesConfig* files) {
+  if (files->state_folder.empty()) files->state_folder = FolderOf("STATE_DIRECTORY");
+  if (files->runtime_folder.empty()) files->runtime_folder = FolderOf("RUNTIME_DIRECTORY");
+}
+
+std::string PrintDaemonConfig(const DaemonConfig& config) {
+  const ConfigTable table(DaemonConfigFields());
+  return table.Print(&config, std::vector<ConfigOrigin>(table.fields().size()));
 }
 
 ConfigChange ApplyLive(const DaemonConfig& running, const DaemonConfig& loaded) {

@@ -58,10 +58,12 @@ struct WatchdogConfig {
   int tracking_limit_ms = 1000;  // [100, 600000]
   int capture_limit_ms = 3000;   // [100, 600000]
   int mapping_limit_ms = 30000;  // [1000, 600000]
-  // Threads that have not ended by then are given up, and the process with them. Below TimeoutStopSec of the unit.
+  // The worker as a whole, which says many times a second that it is there [100, 600000]
+  int worker_limit_ms = 5000;
+  // A worker whose threads have not ended by then is killed. Below TimeoutStopSec of the unit.
   int stop_limit_ms = 4000;  // [100, 600000]
-  // Making an engine, loading maps, keeping and wiping them: the watchdog is fed meanwhile, up to this. A CUDA context
-  // and a full atlas take seconds; a disk that hangs takes for ever.
+  // Making an engine, loading maps, keeping them: what a worker may take for it. A job of the disk: the watchdog is fed
+  // meanwhile, up to this. A CUDA context and a full atlas take seconds; a disk that hangs takes for ever.
   int work_limit_ms = 30000;  // [1000, 600000]
 };
 
@@ -94,6 +96,12 @@ std::vector<ConfigField> DaemonConfigFields();
 // no device and no file but `path`. Errors: as ConfigStore's.
 Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
                                                    const std::vector<std::string>& assignments);
+
+// Folders that the configuration leaves open are those of the service manager, from the environment.
+void FillFolders(FilesConfig* files);
+
+// Every key with its value, as a file that gives the same configuration.
+std::string PrintDaemonConfig(const DaemonConfig& config);
 
 // What a reload does.
 struct ConfigChange {

@@ -1,15 +1,13 @@
-// How haustrad begins and ends a procedure, and what it does when its threads or its device fail (daemon.h).
-#include <poll.h>
+// What haustrad does with its worker and its files (daemon.h).
+#include <fcntl.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
-#include <atomic>
-#include <exception>
 #include <utility>
 
 #include "platform/daemon/daemon.h"
+#include "platform/daemon/health.h"
 #include "platform/daemon/log.h"
-#include "platform/daemon/open_source.h"
-#include "platform/daemon/wipe_memory.h"
 #include "platform/exit_codes.h"
 
 namespace haustra {
@@ -18,7 +16,8 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr Duration kSourceRetry = seconds(1);
+// A worker that talks without end does not keep the service from the rest.
+constexpr int kMaxReportsAtATime = 100;
 
 haustra_event ProcedureEvent(haustra_event_kind kind, std::uint64_t number) {
   haustra_event event{};
@@ -29,266 +28,356 @@ haustra_event ProcedureEvent(haustra_event_kind kind, std::uint64_t number) {
   return event;
 }
 
+Status WithPath(const std::string& path, const Status& status) {
+  return status.ok() ? status : Status(status.code(), path + ": " + status.message());
+}
+
+// Closed when it goes out of scope.
+struct Descriptor {
+  int value = -1;
+  ~Descriptor() {
+    if (value >= 0) ::close(value);
+  }
+};
+
 }  // namespace
 
-Status Daemon::PrepareProcedure() {
-  Status status;
-  Aside([&] { status = OpenAndPrepare(); });
-  return status;
-}
+// --- The worker.
 
-Status Daemon::OpenAndPrepare() {
-  state_ = State::kWaitingForSource;
-  next_source_try_ = clock_.Now() + kSourceRetry;
-  Result<std::unique_ptr<FrameSource>> source = parts_.open_source(config_.source);
-  if (!source.ok()) {
-    const bool may_come = source.code() == StatusCode::kNotFound || source.code() == StatusCode::kUnavailable;
-    if (!IsCamera(config_.source) || !may_come) return source.status();
-    trouble_ = source.status().message();
-    return Status::Ok();
+void Daemon::StartNextWorker() {
+  report_ = {};
+  is_worker_given_up_ = has_signs_ = false;
+  last_heard_ = clock_.Now();
+  ++num_workers_;
+  Result<std::unique_ptr<WorkerProcess>> started = WorkerProcess::Start(start_worker_);
+  const Descriptor configuration{::memfd_create("haustra configuration", MFD_CLOEXEC)};
+  // Files come to it open: it is not told where they lie.
+  DaemonConfig of_worker = config_;
+  of_worker.files = {};
+  const std::string text = PrintDaemonConfig(of_worker);
+  const bool is_written = configuration.value >= 0 &&
+                          ::write(configuration.value, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+  if (!started.ok() || !is_written) {
+    Log(LogLevel::kError, "no_worker", {{"what", started.ok() ? "no memory file" : started.status().message()}});
+    return Tell(ServiceEventKind::kWorkerGone);
   }
-  Result<std::unique_ptr<Procedure>> procedure =
-      Procedure::Prepare(config_, std::move(*source), {clock_, *ring_, files_, parts_.make_device, [this] { Wake(); }});
-  if (!procedure.ok()) return procedure.status();
-  procedure_ = std::move(*procedure);
-  state_ = State::kIdle;
-  return Status::Ok();
+  worker_ = std::move(*started);
+  Log(LogLevel::kInfo, "worker_started", {{"pid", std::to_string(worker_->pid())}});
+  SendToWorker({.command = WorkerCommand::kPrepare}, {configuration.value, ring_->descriptor()});
+  SendSettings();
 }
 
-Status Daemon::Begin(const std::string& label, bool is_resumed) {
-  Status loaded, recorded;
-  Aside([&] {
-    if (is_resumed && store_->has_checkpoint()) loaded = procedure_->Load(store_->checkpoint_path());
-    if (loaded.ok()) recorded = store_->WriteOpen(label, RecordedState::kRunning);
+void Daemon::SendSettings() {
+  if (worker_ == nullptr) return;
+  WorkerRequest settings{.command = WorkerCommand::kSettings};
+  settings.log_level = static_cast<std::uint32_t>(LogLevelFrom(config_.log.level));
+  settings.snapshot_interval_ns = Duration(milliseconds(config_.publish.snapshot_interval_ms)).count();
+  SendToWorker(settings);
+}
+
+void Daemon::SendToWorker(const WorkerRequest& request, std::initializer_list<int> files) {
+  // When it has gone, that is heard by itself.
+  if (worker_ != nullptr) (void)worker_->Send(request, {files.begin(), files.size()});
+}
+
+void Daemon::HearWorker() {
+  if (worker_ == nullptr) return;
+  // Before its last words are read: they are there by then.
+  const std::optional<std::string> how = worker_->Reap();
+  for (int i = 0; i < kMaxReportsAtATime || how; ++i) {
+    const Result<WorkerReport> report = worker_->Receive();
+    if (report.ok()) {
+      last_heard_ = clock_.Now();
+      Hear(*report);
+    } else if (report.code() == StatusCode::kDataLoss) {
+      if (!is_worker_given_up_) Fault(report.status().message());
+    } else {
+      break;
+    }
+    if (worker_ == nullptr) return;
+  }
+  if (!how) return;
+  TakeLeaveOfWorker(*how);
+  Tell(ServiceEventKind::kWorkerGone);
+}
+
+void Daemon::TakeLeaveOfWorker(const std::string& how) {
+  if (!is_worker_given_up_) {
+    ++num_faults_;
+    last_fault_ = "the worker ended: " + how;
+    failure_ = Unavailable(last_fault_);
+    Log(LogLevel::kError, "worker_ended", {{"how", how}, {"pid", std::to_string(worker_->pid())}});
+  }
+  worker_.reset();
+  earlier_ = WithoutProcedure(Sum(earlier_, report_.counts));
+  report_ = {};
+  std::map<std::uint64_t, Save> saves;
+  saves.swap(saves_);
+  for (auto& [number, save] : saves) {
+    // That file is of no use. The disk is waited for elsewhere.
+    DoFile([sink = std::exchange(save.sink, nullptr)]() mutable {
+      sink.reset();
+      return nullptr;
+    });
+    // Of what is under way the end of the worker is the news.
+    if (save.kind != SaveKind::kKeep && save.kind != SaveKind::kFinal) {
+      EndSave(save, Unavailable(save.path + ": the worker ended"));
+    }
+  }
+}
+
+void Daemon::Fault(const std::string& what) {
+  ++num_faults_;
+  last_fault_ = what;
+  failure_ = Unavailable(what);
+  is_worker_given_up_ = true;
+  Log(LogLevel::kError, "worker_fails", {{"what", what}, {"during", std::string(ToString(state_.phase))}});
+  Tell(ServiceEventKind::kFault);
+}
+
+void Daemon::Hear(const WorkerReport& report) {
+  switch (report.news) {
+    case WorkerNews::kAlive:
+      report_ = report;
+      has_signs_ = true;
+      return;
+    case WorkerNews::kWaits: trouble_ = report.text.data(); return Tell(ServiceEventKind::kWorkerWaits);
+    case WorkerNews::kReady:
+      if (state_.phase == ServicePhase::kWaiting) {
+        trouble_.clear();
+        Log(LogLevel::kInfo, "source_found", {{"source", config_.source.path}});
+      }
+      return Tell(ServiceEventKind::kWorkerReady);
+    case WorkerNews::kFails:
+      failure_ = report.status();
+      Log(LogLevel::kError, control_ == nullptr ? "cannot_start" : "cannot_prepare", {{"what", failure_.message()}});
+      return Tell({ServiceEventKind::kWorkerFails, ExitCodeFor(failure_.code())});
+    case WorkerNews::kLoaded:
+      if (report.code == 0) return Tell(ServiceEventKind::kLoaded);
+      failure_ = WithPath(store_->checkpoint_path(), report.status());
+      return Tell(ServiceEventKind::kNotLoaded);
+    case WorkerNews::kBegun: return Tell(ServiceEventKind::kBegun);
+    case WorkerNews::kStopped:
+      report_ = report;
+      if (report.fault == WorkerFault::kNone) return Tell(ServiceEventKind::kStoppedWithMaps);
+      Log(LogLevel::kError, "maps_lost", {{"what", "the vision device has failed"}});
+      return Tell(ServiceEventKind::kStoppedWithoutMaps);
+    case WorkerNews::kSaved: return Commit(report);
+    case WorkerNews::kSessionEnds:
+      if (is_worker_given_up_) return;
+      report_ = report;
+      if (report.fault == WorkerFault::kLost) return Fault("the vision device is lost");
+      if (report.fault == WorkerFault::kHung) return Fault("the vision device hangs");
+      Log(LogLevel::kError, "session_ended", {{"what", report.status().ToString()}});
+      return Tell(
+          {ServiceEventKind::kSessionEnds, report.code == 0 ? kExitInternal : ExitCodeFor(report.status().code())});
+  }
+}
+
+void Daemon::WatchWorker(TimePoint now) {
+  if (worker_ == nullptr || is_worker_given_up_) return;
+  // The start has a limit of its own.
+  if (state_.phase == ServicePhase::kStarting) return;
+  if (now - last_heard_ > Duration(milliseconds(config_.watchdog.worker_limit_ms))) {
+    return Fault("the worker gives no sign of life");
+  }
+  if (state_.phase != ServicePhase::kRunning || !has_signs_) return;
+  const auto last = [&](int i) { return last_heard_ - Duration(report_.silence_ns[static_cast<std::size_t>(i)]); };
+  const std::string hang = FindHang({last(0), last(1), last(2), last(3)}, last_heard_, config_.watchdog);
+  if (!hang.empty()) Fault(hang);
+}
+
+// --- The procedure.
+
+void Daemon::LoadCheckpoint() {
+  is_resumed_ = true;
+  if (!store_->has_checkpoint()) return Tell(ServiceEventKind::kLoaded);
+  const std::string path = store_->checkpoint_path();
+  const Descriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
+  if (file.value < 0) {
+    failure_ = Unavailable(path + ": cannot be read");
+    return Tell(ServiceEventKind::kNotLoaded);
+  }
+  SendToWorker({.command = WorkerCommand::kLoad}, {file.value});
+}
+
+void Daemon::RecordOpen() {
+  if (asked_.command == ControlCommand::kBegin && state_.purpose == ServicePurpose::kBegin) is_resumed_ = false;
+  DoFile([this, label = label_]() -> std::function<void()> {
+    return [this, recorded = store_->WriteOpen(label, RecordedState::kRunning)] {
+      // A disk that is full costs what a crash would lose, not the procedure.
+      checkpoint_error_ = recorded.message();
+      if (!recorded.ok()) Log(LogLevel::kWarning, "procedure_not_recorded", {{"what", recorded.message()}});
+      Tell(ServiceEventKind::kRecorded);
+    };
   });
-  HAUSTRA_TRY(loaded);
-  label_ = label;
-  // A disk that is full costs what a crash would lose, not the procedure.
-  checkpoint_error_ = recorded.message();
-  if (!recorded.ok()) Log(LogLevel::kWarning, "procedure_not_recorded", {{"what", recorded.message()}});
-  is_interrupted_ = false;
+}
+
+void Daemon::BeginWorker() {
   last_checkpoint_.reset();
+  is_checkpoint_under_way_ = must_save_ = false;
   ring_->SetProcedure(++number_);
   ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_BEGUN, number_));
-  procedure_->Start(number_, earlier_);
-  state_ = State::kRunning;
-  next_checkpoint_ = clock_.Now() + seconds(config_.checkpoint.interval_s);
-  Log(LogLevel::kInfo, is_resumed ? "procedure_resumed" : "procedure_begun",
-      {{"procedure", std::to_string(number_)}, {"label", label_}});
-  return Status::Ok();
+  SendToWorker({.command = WorkerCommand::kBegin, .number = number_});
 }
 
-Result<std::string> Daemon::End(bool keep) {
-  std::string kept_as;
-  if (state_ == State::kRunning) {
-    StopThreads();
-    state_ = State::kStopped;
-  }
-  if (keep) {
-    const std::string base = label_.empty() ? "procedure" : label_;
-    kept_as = base;
-    for (int i = 2; store_->has_saved(kept_as); ++i) kept_as = base + "-" + std::to_string(i);
-    Status status;
-    Aside([&] { status = Keep(kept_as); });
-    if (!status.ok()) {
-      trouble_ = "data not kept: " + status.message();
-      return Unavailable(trouble_ + "; nothing was wiped: end again, or `end wipe`");
-    }
-  }
-  const bool was_open = is_open();
-  if (was_open) earlier_ = WithoutProcedure(counts());
-  Aside([&] {
-    if (was_open && !is_given_up_) procedure_.reset();
-    files_.Do(WipeThisThread);
-    files_.Finish();
-  });
-  TakeSaved();
-  WipeThisThread();
-  Status wiped;
-  Aside([&] {
-    WipeThisThread();
-    ReturnFreeMemory();
-    wiped = store_->Close();
-  });
-  ring_->Wipe();
-  ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number_));
-  Log(LogLevel::kInfo, "procedure_ended",
-      {{"procedure", std::to_string(number_)}, {"label", label_}, {"kept_as", kept_as}});
-  label_.clear();
-  interrupted_label_.clear();
-  is_interrupted_ = is_device_recreated_ = false;
-  trouble_ = wiped.ok() ? "" : wiped.message();
-  if (is_given_up_) {
-    // What it still holds of the procedure goes with the process.
-    state_ = State::kIdle;
-    exit_code_ = kExitUnavailable;
-  } else if (was_open) {
-    if (const Status status = PrepareProcedure(); !status.ok()) {
-      Log(LogLevel::kError, "cannot_prepare", {{"what", status.ToString()}});
-      exit_code_ = ExitCodeFor(status.code());
-    }
-  }
-  if (!wiped.ok()) return Unavailable("the procedure has ended, but " + wiped.message());
-  return keep ? "kept as " + kept_as + "\n" : std::string("wiped\n");
+void Daemon::KeepMaps() {
+  const std::string base = label_.empty() ? "procedure" : label_;
+  kept_as_ = base;
+  for (int i = 2; store_->has_saved(kept_as_); ++i) kept_as_ = base + "-" + std::to_string(i);
+  StartSave(SaveKind::kKeep, store_->saved_path(kept_as_));
 }
 
-Status Daemon::Keep(const std::string& name) {
-  if (is_interrupted_ || !has_maps()) {
-    return store_->has_checkpoint() ? store_->KeepCheckpoint(name) : NotFound("there is no checkpoint to keep");
-  }
-  Status status;
-  procedure_->Save(store_->saved_path(name), [&status](const Status& saved) { status = saved; });
-  files_.Finish();
-  return status;
+void Daemon::KeepCheckpoint() {
+  const std::string base = label_.empty() ? "procedure" : label_;
+  kept_as_ = base;
+  for (int i = 2; store_->has_saved(kept_as_); ++i) kept_as_ = base + "-" + std::to_string(i);
+  DoFile([this, name = kept_as_]() -> std::function<void()> {
+    const Status status =
+        store_->has_checkpoint() ? store_->KeepCheckpoint(name) : NotFound("there is no checkpoint to keep");
+    return [this, status] {
+      failure_ = status;
+      Tell(status.ok() ? ServiceEventKind::kKept : ServiceEventKind::kNotKept);
+    };
+  });
 }
+
+void Daemon::Wipe() {
+  DoFile([this]() -> std::function<void()> {
+    return [this, wiped = store_->Close()] {
+      wiped_ = wiped;
+      ring_->Wipe();
+      ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number_));
+      Log(LogLevel::kInfo, "procedure_ended",
+          {{"procedure", std::to_string(number_)},
+           {"label", label_},
+           {"kept_as", asked_.keep.value_or(false) ? kept_as_ : ""}});
+      label_.clear();
+      trouble_ = wiped.message();
+      checkpoint_error_.clear();
+      last_checkpoint_.reset();
+      Tell(ServiceEventKind::kWiped);
+    };
+  });
+}
+
+void Daemon::RecordStopped() {
+  DoFile([this, label = label_]() -> std::function<void()> {
+    // Somebody stopped it in order, and somebody is to say what becomes of the procedure.
+    (void)store_->WriteOpen(label, RecordedState::kStopped);
+    return [this] { Tell(ServiceEventKind::kRecorded); };
+  });
+}
+
+void Daemon::Answer(bool is_done) {
+  Result<std::string> answer = std::string();
+  if (asked_.command == ControlCommand::kEnd) {
+    if (is_done) {
+      answer = *asked_.keep ? "kept as " + kept_as_ + "\n" : std::string("wiped\n");
+      if (!wiped_.ok()) answer = Unavailable("the procedure has ended, but " + wiped_.message());
+    } else {
+      trouble_ = "data not kept: " + failure_.message();
+      answer = Unavailable(trouble_ + "; nothing was wiped: end again, or `end wipe`");
+    }
+  } else if (is_done) {
+    answer = "procedure " + std::to_string(number_) + "\n";
+  } else {
+    answer = failure_.ok() ? Unavailable("no worker could do it") : failure_;
+    if (!asker_) {
+      trouble_ = "the interrupted procedure cannot go on: " + answer.status().message();
+      Log(LogLevel::kError, "cannot_resume", {{"what", answer.status().message()}});
+    }
+  }
+  if (asker_ && control_ != nullptr) control_->Reply(*asker_, answer, clock_.Now());
+  asker_.reset();
+}
+
+// --- Files that the worker writes.
 
 void Daemon::ConsiderCheckpoint(TimePoint now) {
   if (config_.checkpoint.interval_s == 0 || now < next_checkpoint_ || is_checkpoint_under_way_) return;
   next_checkpoint_ = now + seconds(config_.checkpoint.interval_s);
-  if (procedure_->has_changed()) {
+  if (report_.has_changed != 0 || must_save_) {
     is_checkpoint_under_way_ = true;
-    StartSave(store_->checkpoint_path(), std::nullopt);
+    StartSave(SaveKind::kCheckpoint, store_->checkpoint_path());
     return;
   }
   // Nothing new, but the procedure goes on: that is what decides whether it may resume by itself.
-  files_.Do([this, label = label_] { (void)store_->WriteOpen(label, RecordedState::kRunning); });
-}
-
-void Daemon::StartSave(const std::string& path, std::optional<ControlServer::ClientId> client) {
-  procedure_->Save(path, [this, path, client, label = label_](Status status) {
-    if (status.ok() && !client) status = store_->WriteOpen(label, RecordedState::kRunning);
-    {
-      const std::lock_guard lock(saved_mutex_);
-      saved_.push_back({std::move(status), path, client, clock_.Now()});
-    }
-    Wake();
+  DoFile([this, label = label_] {
+    (void)store_->WriteOpen(label, RecordedState::kRunning);
+    return nullptr;
   });
 }
 
-void Daemon::TakeSaved() {
-  std::vector<SaveDone> saved;
-  {
-    const std::lock_guard lock(saved_mutex_);
-    saved.swap(saved_);
-  }
-  for (const SaveDone& done : saved) {
-    if (done.client) {
-      saves_under_way_.erase(done.path);
-      Log(done.status.ok() ? LogLevel::kInfo : LogLevel::kWarning, done.status.ok() ? "maps_saved" : "maps_not_saved",
-          {{"file", done.path}, {"what", done.status.message()}});
-      control_->Reply(
-          *done.client,
-          done.status.ok() ? Result<std::string>("saved " + done.path + "\n") : Result<std::string>(done.status),
-          clock_.Now());
-      continue;
-    }
-    is_checkpoint_under_way_ = false;
-    if (done.status.ok()) {
-      ++earlier_.checkpoints;
-      last_checkpoint_ = done.at;
-    } else {
-      ++earlier_.checkpoints_failed;
-      // Once for each reason: a full disk stays full for a while.
-      if (checkpoint_error_ != done.status.message()) {
-        Log(LogLevel::kWarning, "checkpoint_failed", {{"what", done.status.message()}});
+void Daemon::StartSave(SaveKind kind, const std::string& path, std::optional<ControlServer::ClientId> client) {
+  Save save{kind, path, client, nullptr};
+  DoFile([this, save, worker = num_workers_]() mutable -> std::function<void()> {
+    Result<FileSink> created = FileSink::Create(save.path, FormerFile::kWiped);
+    const Status status = created.status();
+    if (created.ok()) save.sink = std::make_shared<FileSink>(std::move(*created));
+    return [this, save, status, worker]() mutable {
+      if (!status.ok()) return EndSave(save, status);
+      // One that has gone meanwhile is nobody's news: saves end with their worker.
+      if (worker_ == nullptr || worker != num_workers_) {
+        if (save.kind == SaveKind::kNamed || save.kind == SaveKind::kCheckpoint) {
+          EndSave(save, Unavailable(save.path + ": the worker ended"));
+        }
+        return;
       }
-    }
-    checkpoint_error_ = done.status.message();
-  }
-}
-
-bool Daemon::has_maps() const {
-  return procedure_ != nullptr && !is_given_up_ && procedure_->fault() == WatchedVisionDevice::Fault::kNone;
-}
-
-void Daemon::ShowLife() {
-  pollfd wake{wake_, POLLIN, 0};
-  ::poll(&wake, 1, 10);
-  std::uint64_t count = 0;
-  [[maybe_unused]] const ssize_t read = ::read(wake_, &count, sizeof count);
-  ring_->Beat();
-  notifier_.FeedWatchdog();
-  if (lookout_ != nullptr) lookout_->Serve(clock_.Now());
-}
-
-void Daemon::Aside(const std::function<void()>& job) {
-  std::atomic<bool> is_done{false};
-  std::exception_ptr thrown;
-  if (lookout_ != nullptr) frozen_ = {StatusText(clock_.Now()) + "busy yes\n", MetricsText(clock_.Now())};
-  aside_.Do([&] {
-    try {
-      job();
-    } catch (...) {
-      thrown = std::current_exception();
-    }
-    is_done.store(true, std::memory_order_release);
+      const std::uint64_t number = ++num_saves_;
+      const int file = save.sink->descriptor();
+      saves_.emplace(number, std::move(save));
+      SendToWorker({.command = WorkerCommand::kSave, .number = number}, {file});
+    };
   });
-  const TimePoint limit = clock_.Now() + milliseconds(config_.watchdog.work_limit_ms);
-  while (!is_done.load(std::memory_order_acquire) && clock_.Now() < limit) ShowLife();
-  aside_.Finish();
-  frozen_.reset();
-  if (thrown) std::rethrow_exception(thrown);
 }
 
-bool Daemon::StopThreads() {
-  const TimePoint limit = clock_.Now() + milliseconds(config_.watchdog.stop_limit_ms);
-  procedure_->RequestStop();
-  while (!procedure_->has_stopped() && clock_.Now() < limit) ShowLife();
-  const bool has_stopped = procedure_->has_stopped();
-  if (has_stopped) procedure_->Stop();
-  // To destroy a device that hangs is to wait for it.
-  is_given_up_ = !has_stopped || procedure_->fault() == WatchedVisionDevice::Fault::kHung;
-  if (is_given_up_) {
-    Log(LogLevel::kError, "given_up", {{"what", has_stopped ? "the vision device hangs" : "a thread does not end"}});
-  }
-  return has_stopped;
+void Daemon::Commit(const WorkerReport& report) {
+  const auto it = saves_.find(report.number);
+  if (it == saves_.end()) return;
+  Save save = std::move(it->second);
+  saves_.erase(it);
+  const Status written = WithPath(save.path, report.status());
+  DoFile([this, save, written, label = label_]() mutable -> std::function<void()> {
+    Status status = written;
+    if (status.ok()) status = save.sink->Commit();
+    save.sink.reset();
+    if (status.ok() && save.kind == SaveKind::kCheckpoint) status = store_->WriteOpen(label, RecordedState::kRunning);
+    return [this, save, status] { EndSave(save, status); };
+  });
 }
 
-Status Daemon::RecreateDevice() {
-  is_device_recreated_ = true;
-  procedure_->Stop();
-  earlier_ = WithoutProcedure(counts());
-  Aside([this] { procedure_.reset(); });
-  is_interrupted_ = true;
-  interrupted_label_ = label_;
-  if (const Status status = PrepareProcedure(); !status.ok()) {
-    Log(LogLevel::kError, "cannot_prepare", {{"what", status.ToString()}});
-    return status;
+void Daemon::EndSave(const Save& save, const Status& status) {
+  if (save.kind == SaveKind::kNamed) {
+    saves_under_way_.erase(save.path);
+    Log(status.ok() ? LogLevel::kInfo : LogLevel::kWarning, status.ok() ? "maps_saved" : "maps_not_saved",
+        {{"file", save.path}, {"what", status.message()}});
+    if (control_ == nullptr) return;
+    control_->Reply(*save.client,
+                    status.ok() ? Result<std::string>("saved " + save.path + "\n") : Result<std::string>(status),
+                    clock_.Now());
+    return;
   }
-  Log(LogLevel::kWarning, "device_recreated", {{"label", label_}});
-  // Without a camera it goes on when that is back.
-  return state_ == State::kIdle ? Begin(label_, true) : Status::Ok();
-}
-
-void Daemon::Stop() {
-  notifier_.Stopping("stopping");
-  // In kStopped, too: its data were to be kept.
-  if (is_open()) {
-    if (state_ == State::kRunning) StopThreads();
-    Aside([this] {
-      files_.Finish();
-      if (has_maps()) StartSave(store_->checkpoint_path(), std::nullopt);
-      files_.Finish();
-      // Somebody stopped it in order, and somebody is to say what becomes of the procedure.
-      if (exit_code_ == kExitOk && !is_given_up_) (void)store_->WriteOpen(label_, RecordedState::kStopped);
-    });
-    TakeSaved();
-    if (!has_maps()) {
-      checkpoint_error_ = "the vision device does not give the maps; an earlier checkpoint stands";
-    }
-    Log(checkpoint_error_.empty() ? LogLevel::kInfo : LogLevel::kError, "procedure_stopped",
-        {{"label", label_}, {"checkpoint", checkpoint_error_.empty() ? "written" : checkpoint_error_}});
-    if (!checkpoint_error_.empty() && exit_code_ == kExitOk) exit_code_ = has_maps() ? kExitIo : kExitUnavailable;
+  if (save.kind == SaveKind::kKeep) {
+    failure_ = status;
+    return Tell(status.ok() ? ServiceEventKind::kKept : ServiceEventKind::kNotKept);
   }
-  control_.reset();
-  lookout_.reset();
-  if (is_given_up_) {
-    ring_->Close();
+  is_checkpoint_under_way_ = false;
+  must_save_ = !status.ok();
+  if (status.ok()) {
+    ++earlier_.checkpoints;
+    last_checkpoint_ = clock_.Now();
   } else {
-    Aside([this] { procedure_.reset(); });
-    ring_.reset();
+    ++earlier_.checkpoints_failed;
+    // Once for each reason: a full disk stays full for a while.
+    if (checkpoint_error_ != status.message()) {
+      Log(LogLevel::kWarning, "checkpoint_failed", {{"what", status.message()}});
+    }
   }
-  Log(LogLevel::kInfo, "stopped");
+  checkpoint_error_ = status.message();
+  if (save.kind != SaveKind::kFinal) return;
+  final_checkpoint_ = status.ok() ? "written" : status.message();
+  Tell(status.ok() ? ServiceEventKind::kKept : ServiceEventKind::kNotKept);
 }
 
 }  // namespace haustra

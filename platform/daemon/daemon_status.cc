@@ -1,20 +1,22 @@
 // What haustrad says of itself (daemon.h).
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/status_text.h"
+#include "platform/daemon/supervised_source.h"
 
 namespace haustra {
 
 ProcedureCounts Daemon::counts() const {
-  ProcedureCounts counts = procedure_ != nullptr && is_open() ? procedure_->counts() : earlier_;
-  counts.checkpoints = earlier_.checkpoints;
-  counts.checkpoints_failed = earlier_.checkpoints_failed;
-  return counts;
+  const ProcedureCounts all = Sum(earlier_, report_.counts);
+  return is_open() ? all : WithoutProcedure(all);
 }
 
 haustra_service Daemon::Service() const {
-  if (state_ != State::kRunning) return HAUSTRA_SERVICE_IDLE;
-  if (procedure_ == nullptr) return HAUSTRA_SERVICE_NO_SIGNAL;  // while its device is made anew
-  switch (procedure_->signal()) {
+  if (control_ == nullptr && !TakesRequests(state_.phase)) return HAUSTRA_SERVICE_STARTING;
+  const bool is_beginning = state_.purpose == ServicePurpose::kBegin || state_.purpose == ServicePurpose::kResume;
+  if (!is_open() || is_beginning || state_.phase == ServicePhase::kStopped) return HAUSTRA_SERVICE_IDLE;
+  // While another worker takes its place.
+  if (state_.phase != ServicePhase::kRunning) return HAUSTRA_SERVICE_NO_SIGNAL;
+  switch (static_cast<SignalState>(report_.signal)) {
     case SignalState::kFrames: return HAUSTRA_SERVICE_RUNNING;
     case SignalState::kOver: return HAUSTRA_SERVICE_SOURCE_OVER;
     case SignalState::kWaiting:
@@ -25,18 +27,23 @@ haustra_service Daemon::Service() const {
 
 std::string Daemon::OneLine() const {
   std::string text;
-  switch (state_) {
-    case State::kWaitingForSource: text = "waiting for the camera"; break;
-    case State::kIdle: text = is_interrupted_ ? "idle: an interrupted procedure waits" : "idle: no procedure"; break;
-    case State::kStopped: text = "stopped: data not kept yet"; break;
-    case State::kRunning: {
-      text = Service() == HAUSTRA_SERVICE_NO_SIGNAL ? "procedure " + std::to_string(number_) + ": waiting for signal"
-             : Service() == HAUSTRA_SERVICE_SOURCE_OVER
-                 ? "procedure " + std::to_string(number_) + ": the recording is over"
-                 : "procedure " + std::to_string(number_) + ": running";
-    }
+  if (state_.phase == ServicePhase::kWaiting) {
+    text = "waiting for the camera";
+  } else if (state_.phase == ServicePhase::kStopped) {
+    text = "stopped: data not kept yet";
+  } else if (is_open() && state_.phase == ServicePhase::kRunning) {
+    const haustra_service service = Service();
+    text = "procedure " + std::to_string(number_) +
+           (service == HAUSTRA_SERVICE_NO_SIGNAL     ? ": waiting for signal"
+            : service == HAUSTRA_SERVICE_SOURCE_OVER ? ": the recording is over"
+                                                     : ": running");
+  } else if (is_open()) {
+    text = "procedure " + std::to_string(number_) + ": " + std::string(ToString(state_.phase));
+  } else if (state_.phase == ServicePhase::kReady) {
+    text = is_interrupted() ? "idle: an interrupted procedure waits" : "idle: no procedure";
+  } else {
+    text = std::string(ToString(state_.phase));
   }
-  if (!hang_.empty()) text += "; a thread hangs";
   if (!checkpoint_error_.empty()) text += "; checkpoints fail";
   return text;
 }
@@ -45,16 +52,19 @@ std::string Daemon::StatusText(TimePoint now) const {
   ServiceStatus status;
   status.summary = OneLine();
   status.service = Service();
-  status.is_waiting_for_source = state_ == State::kWaitingForSource;
-  status.is_stopped = state_ == State::kStopped;
+  status.is_waiting_for_source = state_.phase == ServicePhase::kWaiting;
+  status.is_stopped = state_.phase == ServicePhase::kStopped;
   status.is_open = is_open();
+  status.is_busy = !TakesRequests(state_.phase) || !held_.empty();
   status.procedure = number_;
-  status.label = is_open() ? label_ : interrupted_label_;
-  status.is_interrupted = is_interrupted_;
+  status.label = label_;
+  status.is_interrupted = is_interrupted();
   status.uptime = now - started_;
   if (last_checkpoint_) status.checkpoint_age = now - *last_checkpoint_;
   status.checkpoint_error = checkpoint_error_;
-  status.hang = hang_;
+  status.worker_pid = worker_ != nullptr ? worker_->pid() : 0;
+  status.worker_faults = num_faults_;
+  status.last_fault = last_fault_;
   status.trouble = trouble_;
   status.needs_restart = needs_restart_;
   return ToStatusText(status, counts());
@@ -66,7 +76,6 @@ std::string Daemon::MetricsText(TimePoint now) const {
   metrics.uptime = now - started_;
   metrics.procedures = number_;
   metrics.is_open = is_open();
-  metrics.is_hanging = !hang_.empty();
   if (last_checkpoint_) metrics.checkpoint_age = now - *last_checkpoint_;
   for (const ControlServer* server : {lookout_.get(), control_.get()}) {
     if (server == nullptr) continue;
@@ -75,6 +84,9 @@ std::string Daemon::MetricsText(TimePoint now) const {
     metrics.requests_malformed += server->num_malformed();
   }
   metrics.capacity = config_.engine.memory;
+  metrics.workers = num_workers_;
+  metrics.worker_faults = num_faults_;
+  metrics.worker_bytes = report_.resident_bytes;
   return ToMetricsText(metrics, counts());
 }
 

@@ -1,5 +1,5 @@
-// Whether the threads of a session live, from when each was last heard of. The watchdog is fed only then, so a service
-// whose tracking hangs is restarted although its other threads are well.
+// Whether the threads of a session live, from when each was last heard of. A worker whose tracking hangs is replaced
+// although its other threads are well.
 #pragma once
 
 #include <string>

@@ -4,10 +4,8 @@
 #include <utility>
 
 #include "platform/assemble.h"
-#include "platform/atlas_file.h"
 #include "platform/daemon/log.h"
 #include "platform/daemon/no_dumps.h"
-#include "platform/file_sink.h"
 #include "platform/memory_plan.h"
 #include "platform/publish/published_records.h"
 #include "platform/session/warm_up.h"
@@ -59,26 +57,17 @@ Procedure::Procedure(const DaemonConfig& config, const Context& context)
   snapshot_points_.reserve(static_cast<std::size_t>(config.engine.memory.max_map_points));
 }
 
-Procedure::~Procedure() {
-  Stop();
-  // Jobs of the worker hold no part of this, but sinks of files that this one wrote.
-  context_.files.Finish();
-}
+Procedure::~Procedure() { Stop(); }
 
-Status Procedure::Load(const std::string& path) { return LoadAtlasFile(path, engine_.get()); }
-
-void Procedure::Start(std::uint64_t number, const ProcedureCounts& counts) {
+void Procedure::Start(std::uint64_t number) {
   number_ = number;
-  counts_ = WithoutProcedure(counts);
   source_->Begin();
   const TimePoint now = context_.clock.Now();
   tracking_beat_.Beat(now);
   mapping_beat_.Beat(now);
   merging_beat_.Beat(now);
-  has_stopped_.store(false);
   thread_ = std::thread([this] {
     Run();
-    has_stopped_.store(true, std::memory_order_release);
     context_.wake();
   });
 }
@@ -133,9 +122,9 @@ ProcedureCounts Procedure::counts() const {
   return counts_;
 }
 
-void Procedure::Save(const std::string& path, Saved saved) {
-  SaveRequest request{path, std::move(saved)};
-  if (!is_running() || ended()) return WriteMaps(std::move(request));
+void Procedure::Save(std::unique_ptr<DescriptorSink> sink, Saved saved) {
+  SaveRequest request{std::move(sink), std::move(saved)};
+  if (!thread_.joinable() || ended()) return WriteMaps(std::move(request));
   {
     const std::lock_guard lock(mutex_);
     if (!save_request_) {
@@ -143,31 +132,23 @@ void Procedure::Save(const std::string& path, Saved saved) {
       return;
     }
   }
-  request.saved(Unavailable(path + ": another save has not finished"));
+  request.saved(Unavailable("another save has not finished"));
 }
 
-// Mapping thread, or the service thread when that has ended. The mapper waits only until the bytes are handed to the
-// system; that they are on the disk is the worker's business.
+// Mapping thread, or when that has ended the thread that stopped it. The mapper waits only until the bytes are handed
+// to the system; that they are on the disk is the supervisor's business.
 void Procedure::WriteMaps(SaveRequest request) {
   const TimePoint begin = context_.clock.Now();
   has_changed_.store(false, std::memory_order_relaxed);
-  const auto failed = [&](Status status) {
-    has_changed_.store(true, std::memory_order_relaxed);
-    context_.files.Do([saved = std::move(request.saved), status = std::move(status)] { saved(status); });
-  };
-  Result<FileSink> created = FileSink::Create(request.path, FormerFile::kWiped);
-  if (!created.ok()) return failed(created.status());
-  const auto sink = std::make_shared<FileSink>(std::move(*created));
-  if (const Status status = engine_->SaveAtlas(*sink); !status.ok()) return failed(status);
+  Status status = engine_->SaveAtlas(*request.sink);
+  if (status.ok()) status = request.sink->Finish();
+  request.sink.reset();
+  if (!status.ok()) has_changed_.store(true, std::memory_order_relaxed);
   {
     const std::lock_guard lock(mutex_);
     counts_.checkpoint_pause = context_.clock.Now() - begin;
   }
-  context_.files.Do([sink, saved = std::move(request.saved), this] {
-    const Status status = sink->Commit();
-    if (!status.ok()) has_changed_.store(true, std::memory_order_relaxed);
-    saved(status);
-  });
+  request.saved(status);
 }
 
 void Procedure::OnTracked(const FrameOutcome& outcome) {
@@ -227,8 +208,11 @@ void Procedure::OnFrame(const FrameOutcome& outcome) {
   const auto bucket = std::lower_bound(kLatencyBounds_s.begin(), kLatencyBounds_s.end(), latency_s);
   ++counts_.latency_buckets[static_cast<std::size_t>(bucket - kLatencyBounds_s.begin())];
   counts_.latency_sum_s += latency_s;
-  counts_.has_frame = true;
-  counts_.last = outcome.result;
+  counts_.has_frame = 1;
+  counts_.last_frame_index = outcome.result.frame_index;
+  counts_.last_state = outcome.result.state;
+  counts_.last_reason = outcome.result.reason;
+  counts_.last_map_id = outcome.result.map_id;
   counts_.last_latency = outcome.latency;
 }
 

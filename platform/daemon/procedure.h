@@ -1,6 +1,6 @@
 // One procedure: an engine with its device and source, and the threads that run them. Made empty, with all its memory
-// taken, before the tower says begin; thrown away as a whole at the end, so that nothing of one patient can reach the
-// next.
+// taken, before the tower says begin. It is a worker's (worker.h), and goes with that process: nothing of one patient
+// can reach the next.
 #pragma once
 
 #include <atomic>
@@ -8,6 +8,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -15,7 +16,7 @@
 #include "engine/engine.h"
 #include "hal/clock.h"
 #include "platform/daemon/daemon_config.h"
-#include "platform/daemon/file_worker.h"
+#include "platform/daemon/descriptor_sink.h"
 #include "platform/daemon/health.h"
 #include "platform/daemon/procedure_counts.h"
 #include "platform/daemon/supervised_source.h"
@@ -27,14 +28,13 @@ namespace haustra {
 using MakeVisionDevice =
     std::function<Result<std::unique_ptr<VisionDevice>>(const DaemonConfig&, const CameraCalibration&)>;
 
-// Everything but what is marked is thread-bound(the service thread).
+// Everything but what is marked is thread-bound(one thread of the worker).
 class Procedure final : private SessionObserver, private SessionHooks {
  public:
   // What it works with; all outlive it.
   struct Context {
     const Clock& clock;
     PoseRingWriter& ring;
-    FileWorker& files;
     MakeVisionDevice make_device;
     std::function<void()> wake;  // something has come to an end: look again. Called on any thread.
   };
@@ -43,40 +43,38 @@ class Procedure final : private SessionObserver, private SessionHooks {
   // the camera model, the device, the vocabulary.
   static Result<std::unique_ptr<Procedure>> Prepare(const DaemonConfig& config, std::unique_ptr<FrameSource> source,
                                                     const Context& context);
-  // Stops. Memory is overwritten as it is freed (wipe_memory.h).
+  // Stops. A device that hangs is waited for: let the process end without.
   ~Procedure() override;
 
-  // Before Start: the maps of a file become stored maps.
-  Status Load(const std::string& path);
+  // Before Start: the maps of a file become stored maps. Errors of Engine::LoadAtlas.
+  Status Load(std::span<const std::uint8_t> file) { return engine_->LoadAtlas(file); }
   // Frames are looked at from now on; they are published under this number.
-  void Start(std::uint64_t number, const ProcedureCounts& counts);
-  // Ends the threads; the maps stay, nothing more is published. RequestStop only says so, has_stopped tells when Stop
-  // will not wait any more: for a thread that is stuck in a driver Stop waits for ever, and so does the destructor.
-  void RequestStop();
-  bool has_stopped() const { return has_stopped_.load(std::memory_order_acquire); }
+  void Start(std::uint64_t number);
+  // Ends the threads; the maps stay, nothing more is published. Waits for ever for a thread that is stuck in a driver.
   void Stop();
-  // Of the vision device. One that hangs must not be destroyed, nor this. One with a fault gives no maps to save.
-  WatchedVisionDevice::Fault fault() const { return watched_->fault(); }
-  bool is_running() const { return thread_.joinable(); }
-  // What ended the session by itself; nothing while it runs or when it was stopped.
-  std::optional<Status> ended() const;
 
   using Saved = std::function<void(const Status&)>;
-  // All maps into a file, while the session runs or after it. `saved` is called on the file worker's thread when they
-  // are on the disk, or when that failed. A request that finds another one waiting fails at once (kUnavailable).
-  void Save(const std::string& path, Saved saved);
+  // All maps, while the session runs or after it. `saved` is called on the mapping thread or this one when they are
+  // handed to the system, or when that failed. A request that finds another one waiting fails at once (kUnavailable).
+  void Save(std::unique_ptr<DescriptorSink> sink, Saved saved);
 
-  // Whether there is something new since the last save, and how long ago that was.
+  // From here on thread-safe.
+  // Says that the threads are to end.
+  void RequestStop();
+  // Of the vision device. One with a fault gives no maps to save.
+  WatchedVisionDevice::Fault fault() const { return watched_->fault(); }
+  // What ended the session by itself; nothing while it runs or when it was stopped.
+  std::optional<Status> ended() const;
+  // Whether there is something new since the last save.
   bool has_changed() const { return has_changed_.load(std::memory_order_relaxed); }
   SignsOfLife signs() const;
   SignalState signal() const { return source_->signal(); }
   ProcedureCounts counts() const;
-  const Engine& engine() const { return *engine_; }
   void SetSnapshotInterval(Duration interval) { snapshot_interval_ns_.store(interval.count()); }
 
  private:
   struct SaveRequest {
-    std::string path;
+    std::unique_ptr<DescriptorSink> sink;
     Saved saved;
   };
 
@@ -109,7 +107,6 @@ class Procedure final : private SessionObserver, private SessionHooks {
 
   std::thread thread_;
   std::atomic<bool> stop_{false};
-  std::atomic<bool> has_stopped_{true};
   Heartbeat tracking_beat_;
   Heartbeat mapping_beat_;
   Heartbeat merging_beat_;  // by the mapping thread, which waits for its answers

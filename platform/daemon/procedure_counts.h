@@ -1,9 +1,11 @@
-// What has happened in the procedures so far, for status and metrics. Plain data; counters never go back.
+// What has happened in the procedures so far, for status and metrics. Plain data, also between two processes; counters
+// never go back.
 #pragma once
 
 #include <array>
 #include <cstdint>
 
+#include "engine/atlas/handles.h"
 #include "engine/mapping/map_event.h"
 #include "engine/tracking/frame_result.h"
 #include "hal/core/time.h"
@@ -26,8 +28,11 @@ struct ProcedureCounts {
   std::array<std::uint64_t, kNumEventKinds> events{};  // by MapEventKind
 
   // Of the last frame that was answered.
-  bool has_frame = false;
-  FrameResult last;
+  std::uint32_t has_frame = 0;  // 1: there was one
+  std::uint32_t last_frame_index = 0;
+  TrackingState last_state = TrackingState::kInitialising;
+  TrackingReason last_reason = TrackingReason::kNoReference;
+  MapId last_map_id = kNoId;
   Duration last_latency{0};
 
   // Of the running procedure.
@@ -42,11 +47,34 @@ struct ProcedureCounts {
 
 // Without what is of one procedure only.
 inline ProcedureCounts WithoutProcedure(ProcedureCounts counts) {
-  counts.has_frame = false;
-  counts.last = FrameResult{};
-  counts.last_latency = Duration{0};
+  const ProcedureCounts none;
+  counts.has_frame = none.has_frame;
+  counts.last_frame_index = none.last_frame_index;
+  counts.last_state = none.last_state;
+  counts.last_reason = none.last_reason;
+  counts.last_map_id = none.last_map_id;
+  counts.last_latency = none.last_latency;
   counts.maps = counts.keyframes = counts.points = 0;
   return counts;
+}
+
+// What is of one procedure only is that of `later`.
+inline ProcedureCounts Sum(const ProcedureCounts& earlier, const ProcedureCounts& later) {
+  ProcedureCounts sum = later;
+  const auto add = [](auto& into, const auto& values) {
+    for (std::size_t i = 0; i < into.size(); ++i) into[i] += values[i];
+  };
+  add(sum.frames, earlier.frames);
+  add(sum.reasons, earlier.reasons);
+  add(sum.latency_buckets, earlier.latency_buckets);
+  add(sum.events, earlier.events);
+  sum.frames_dropped += earlier.frames_dropped;
+  sum.frames_damaged += earlier.frames_damaged;
+  sum.latency_sum_s += earlier.latency_sum_s;
+  sum.checkpoints += earlier.checkpoints;
+  sum.checkpoints_failed += earlier.checkpoints_failed;
+  if (sum.checkpoint_pause.count() == 0) sum.checkpoint_pause = earlier.checkpoint_pause;
+  return sum;
 }
 
 }  // namespace haustra

@@ -71,15 +71,14 @@ std::uint64_t Sum(const std::array<std::uint64_t, kNumStates>& values) {
   return sum;
 }
 
-double ResidentBytes() {
-  std::ifstream file("/proc/self/statm");
-  double size_pages = 0.0;
-  double resident_pages = 0.0;
-  file >> size_pages >> resident_pages;
-  return resident_pages * static_cast<double>(::sysconf(_SC_PAGESIZE));
-}
-
 }  // namespace
+
+std::uint64_t ResidentBytes() {
+  std::ifstream file("/proc/self/statm");
+  std::uint64_t size_pages = 0, resident_pages = 0;
+  if (!(file >> size_pages >> resident_pages)) return 0;
+  return resident_pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+}
 
 std::string ToStatusText(const ServiceStatus& status, const ProcedureCounts& counts) {
   StatusLines lines;
@@ -93,11 +92,11 @@ std::string ToStatusText(const ServiceStatus& status, const ProcedureCounts& cou
   lines.Add("label", status.label);
   lines.Add("interrupted", status.is_interrupted ? "yes" : "");
   lines.Add("uptime_s", Number(ToSeconds(status.uptime)));
-  if (counts.has_frame && status.is_open) {
-    lines.Add("tracking", std::string(ToString(counts.last.state)));
-    lines.Add("reason", std::string(ToString(counts.last.reason)));
-    lines.Add("frame", counts.last.frame_index);
-    if (counts.last.map_id != kNoId) lines.Add("map", counts.last.map_id);
+  if (counts.has_frame != 0 && status.is_open) {
+    lines.Add("tracking", std::string(ToString(counts.last_state)));
+    lines.Add("reason", std::string(ToString(counts.last_reason)));
+    lines.Add("frame", counts.last_frame_index);
+    if (counts.last_map_id != kNoId) lines.Add("map", counts.last_map_id);
     lines.Add("latency_ms", Number(ToMilliseconds(counts.last_latency)));
   }
   if (status.is_open) {
@@ -111,9 +110,12 @@ std::string ToStatusText(const ServiceStatus& status, const ProcedureCounts& cou
   lines.Add("checkpoints", counts.checkpoints);
   if (status.checkpoint_age) lines.Add("checkpoint_age_s", Number(ToSeconds(*status.checkpoint_age)));
   lines.Add("checkpoint_error", status.checkpoint_error);
-  lines.Add("hang", status.hang);
+  if (status.worker_pid > 0) lines.Add("worker", static_cast<std::uint64_t>(status.worker_pid));
+  if (status.worker_faults > 0) lines.Add("worker_faults", status.worker_faults);
+  lines.Add("last_fault", status.last_fault);
   lines.Add("trouble", status.trouble);
   lines.Add("needs_restart", status.needs_restart);
+  lines.Add("busy", status.is_busy ? "yes" : "");
   return lines.text();
 }
 
@@ -128,8 +130,9 @@ std::string ToMetricsText(const ServiceMetrics& metrics, const ProcedureCounts& 
   out.Single("haustra_procedures_total", "counter", "procedures begun or resumed",
              static_cast<double>(metrics.procedures));
   out.Single("haustra_procedure_open", "gauge", "1 while a procedure is open", metrics.is_open ? 1 : 0);
-  out.Single("haustra_thread_hangs", "gauge", "1 while a thread of the engine gives no sign of life",
-             metrics.is_hanging ? 1 : 0);
+  out.Single("haustra_workers_total", "counter", "workers that were started", static_cast<double>(metrics.workers));
+  out.Single("haustra_worker_faults_total", "counter", "workers that hung or died or lost their device",
+             static_cast<double>(metrics.worker_faults));
 
   out.Begin("haustra_frames_total", "counter", "frames answered, by tracking state");
   for (std::size_t i = 0; i < kNumStates; ++i) {
@@ -187,7 +190,8 @@ std::string ToMetricsText(const ServiceMetrics& metrics, const ProcedureCounts& 
              static_cast<double>(metrics.clients_refused));
   out.Single("haustra_control_requests_malformed_total", "counter", "requests that could not be understood",
              static_cast<double>(metrics.requests_malformed));
-  out.Single("haustra_resident_memory_bytes", "gauge", "memory of the process", ResidentBytes());
+  out.Single("haustra_resident_memory_bytes", "gauge", "memory of the service and its worker",
+             static_cast<double>(ResidentBytes() + metrics.worker_bytes));
   return out.text();
 }
 

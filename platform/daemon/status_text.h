@@ -19,12 +19,15 @@ struct ServiceStatus {
   bool is_open = false;
   bool is_stopped = false;
   bool is_interrupted = false;
+  bool is_busy = false;  // a request waits its turn
   std::uint64_t procedure = 0;
   std::string label;
   Duration uptime{0};
   std::optional<Duration> checkpoint_age;
   std::string checkpoint_error;
-  std::string hang;
+  std::int64_t worker_pid = 0;  // 0: none
+  std::uint64_t worker_faults = 0;
+  std::string last_fault;
   std::string trouble;
   std::string needs_restart;
 };
@@ -37,7 +40,9 @@ struct ServiceMetrics {
   Duration uptime{0};
   std::uint64_t procedures = 0;
   bool is_open = false;
-  bool is_hanging = false;
+  std::uint64_t workers = 0;        // started
+  std::uint64_t worker_faults = 0;  // that had to be replaced
+  std::uint64_t worker_bytes = 0;   // resident
   std::optional<Duration> checkpoint_age;
   int clients = 0;
   std::uint64_t clients_refused = 0;
@@ -47,5 +52,8 @@ struct ServiceMetrics {
 
 // Prometheus text format 0.0.4.
 std::string ToMetricsText(const ServiceMetrics& metrics, const ProcedureCounts& counts);
+
+// Memory that this process has now; 0 when the system does not say.
+std::uint64_t ResidentBytes();
 
 }  // namespace haustra

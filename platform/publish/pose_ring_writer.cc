@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 #include <system_error>
+#include <utility>
 
 namespace haustra {
 namespace {
@@ -80,7 +81,7 @@ void CloseFormerFile(const std::string& path) {
 Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string& path, mode_t mode, gid_t group) {
   const std::string temporary_path = path + ".new";
   ::unlink(temporary_path.c_str());
-  const Descriptor file{::open(temporary_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600)};
+  Descriptor file{::open(temporary_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600)};
   if (file.value < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
@@ -118,18 +119,32 @@ Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string
     ::munmap(memory, sizeof *memory);
     return fail(error);
   }
-  return std::unique_ptr<PoseRingWriter>(new PoseRingWriter(path, memory));
+  return std::unique_ptr<PoseRingWriter>(new PoseRingWriter(path, std::exchange(file.value, -1), memory));
+}
+
+Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Attach(int descriptor) {
+  struct stat info {};
+  if (::fstat(descriptor, &info) != 0 || !S_ISREG(info.st_mode) ||
+      info.st_size != static_cast<off_t>(sizeof(haustra_ring_file))) {
+    return DataLoss("the pose ring has another size");
+  }
+  haustra_ring_file* memory = MapRing(descriptor);
+  if (memory == nullptr) return Unavailable("the pose ring cannot be mapped: " + ErrorText(errno));
+  std::unique_ptr<PoseRingWriter> writer(new PoseRingWriter("", -1, memory));
+  if (memory->header.magic != HAUSTRA_RING_MAGIC || memory->header.version != HAUSTRA_RING_VERSION) {
+    return DataLoss("the pose ring has another layout");
+  }
+  return writer;
 }
 
 PoseRingWriter::~PoseRingWriter() {
-  Close();
+  if (descriptor_ >= 0) {
+    Wipe();
+    SetService(HAUSTRA_SERVICE_CLOSED);
+    ::unlink(path_.c_str());
+    ::close(descriptor_);
+  }
   ::munmap(file_, sizeof *file_);
-}
-
-void PoseRingWriter::Close() {
-  Wipe();
-  SetService(HAUSTRA_SERVICE_CLOSED);
-  ::unlink(path_.c_str());
 }
 
 void PoseRingWriter::PublishPose(const haustra_pose& pose) {

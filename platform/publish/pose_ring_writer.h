@@ -12,8 +12,11 @@
 
 namespace haustra {
 
-// Three writers at most, one a kind of record: PublishPose is for the tracking thread, PublishSnapshot for the mapping
-// thread, PublishEvent and the rest for the thread that looks after the service. Sequence numbers are filled in here.
+// Three writers at most at a time, one a kind of record: PublishPose is for the tracking thread, PublishSnapshot for
+// the mapping thread, PublishEvent and the rest for the thread that looks after the service. They may be of two
+// processes: who makes the file has its header, and the records while no other process works for it. Sequence numbers
+// are filled in here. A process that dies in the middle of a record leaves one that no reader takes, and the next
+// writer overwrites it.
 class PoseRingWriter {
  public:
   // Makes the file in one step: a reader finds the former one or the new one, whole. What a dead daemon left under the
@@ -21,7 +24,11 @@ class PoseRingWriter {
   // the caller's. kNotFound: no such folder; kUnavailable: cannot be made (rights, no room).
   static Result<std::unique_ptr<PoseRingWriter>> Create(const std::string& path, mode_t mode, gid_t group);
 
-  // Closes the file for its readers and removes the name.
+  // The same file in another process, for records only. `descriptor` is that of the one who made it, and stays the
+  // caller's. kDataLoss: not such a file; kUnavailable: cannot be mapped.
+  static Result<std::unique_ptr<PoseRingWriter>> Attach(int descriptor);
+
+  // Who made the file closes it for its readers and removes the name.
   ~PoseRingWriter();
   PoseRingWriter(const PoseRingWriter&) = delete;
   PoseRingWriter& operator=(const PoseRingWriter&) = delete;
@@ -41,15 +48,17 @@ class PoseRingWriter {
 
   // Forgets every pose, event and snapshot. Only while nobody publishes.
   void Wipe();
-  // As the destructor, but the memory stays: for a process that ends while a thread may still publish.
-  void Close();
 
   const std::string& path() const { return path_; }
+  // For Attach; stays this one's. -1: this one is attached.
+  int descriptor() const { return descriptor_; }
 
  private:
-  PoseRingWriter(std::string path, haustra_ring_file* file) : path_(std::move(path)), file_(file) {}
+  PoseRingWriter(std::string path, int descriptor, haustra_ring_file* file)
+      : path_(std::move(path)), descriptor_(descriptor), file_(file) {}
 
-  std::string path_;
+  std::string path_;  // empty: attached
+  int descriptor_;
   haustra_ring_file* file_;
 };
 

@@ -1,6 +1,7 @@
 #include "platform/realtime/one_heap.h"
 
 #include <malloc.h>
+#include <pthread.h>
 
 #include <cstdlib>
 
@@ -12,10 +13,25 @@ constexpr int kNever = -1;  // as a size: the largest there is
 // What glibc begins with.
 constexpr int kDefaultMaxMapped = 65536;
 constexpr int kDefaultTrimBytes = 128 * 1024;
+// glibc keeps stacks until they are more than 40 MB together.
+constexpr std::size_t kMoreThanAllStacks = std::size_t{64} << 20;
 
 void MapLargeBlocksAlone(bool alone) {
   ::mallopt(M_MMAP_MAX, alone ? kDefaultMaxMapped : 0);
   ::mallopt(M_TRIM_THRESHOLD, alone ? kDefaultTrimBytes : kNever);
+}
+
+// The oldest stacks go when one more does not fit: one that fits by no means drives out all, and then itself.
+void ReleaseStacks() {
+  pthread_attr_t attributes;
+  if (::pthread_attr_init(&attributes) != 0) return;
+  pthread_t thread;
+  if (::pthread_attr_setstacksize(&attributes, kMoreThanAllStacks) == 0 &&
+      ::pthread_create(
+          &thread, &attributes, [](void*) -> void* { return nullptr; }, nullptr) == 0) {
+    ::pthread_join(thread, nullptr);
+  }
+  ::pthread_attr_destroy(&attributes);
 }
 
 }  // namespace
@@ -39,6 +55,11 @@ bool HoldHeap(std::size_t num_free_bytes) {
 
 void ReleaseHeap() {
   MapLargeBlocksAlone(true);
+  ::malloc_trim(0);
+}
+
+void ReturnFreeMemory() {
+  ReleaseStacks();
   ::malloc_trim(0);
 }
 

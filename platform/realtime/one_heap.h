@@ -21,6 +21,10 @@ bool HoldHeap(std::size_t num_free_bytes);
 // As before; free pages go back to the system.
 void ReleaseHeap();
 
+// Between two sessions of one process, so that they can be compared: unmaps the stacks of threads that have ended,
+// which are kept for new ones, and gives free pages back.
+void ReturnFreeMemory();
+
 // Of the heap, in use or free. Grows when what is free does not suffice.
 std::size_t HeapBytes();
 

@@ -57,9 +57,9 @@ void ServiceProcess::Start(const std::vector<std::string>& arguments, const std:
   words.insert(words.end(),
                {"--set", "files.state_folder=" + state_folder(), "--set", "files.runtime_folder=" + runtime_folder()});
   // A machine under load is no hang, and the pools need not be those of a real procedure.
-  for (const char* setting :
-       {"watchdog.tracking_limit_ms=5000", "watchdog.stop_limit_ms=60000", "watchdog.capture_limit_ms=60000",
-        "watchdog.mapping_limit_ms=300000", "memory.max_keyframes=300", "features.max=800"}) {
+  for (const char* setting : {"watchdog.tracking_limit_ms=5000", "watchdog.stop_limit_ms=60000",
+                              "watchdog.worker_limit_ms=60000", "watchdog.capture_limit_ms=60000",
+                              "watchdog.mapping_limit_ms=300000", "memory.max_keyframes=300", "features.max=800"}) {
     words.insert(words.end(), {"--set", setting});
   }
   words.insert(words.end(), arguments.begin(), arguments.end());
@@ -131,5 +131,10 @@ std::string ServiceProcess::StatusValue(const std::string& key) {
 }
 
 pid_t ServiceProcess::pid() { return command_->pid(); }
+
+pid_t ServiceProcess::worker_pid() {
+  const std::string text = StatusValue("worker");
+  return text.empty() ? 0 : std::stoi(text);
+}
 
 }  // namespace haustra::end_to_end

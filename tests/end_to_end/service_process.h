@@ -41,6 +41,8 @@ class ServiceProcess {
   std::string StatusValue(const std::string& key);
 
   pid_t pid();
+  // Of its worker, which does the work of one procedure; 0: none now.
+  pid_t worker_pid();
   std::string state_folder() const { return folder_ + "/state"; }
   std::string runtime_folder() const { return runtime_folder_; }
 

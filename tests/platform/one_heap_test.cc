@@ -1,6 +1,7 @@
 // Seen from the C library's own figures: how large the heap is, and how many blocks are mapped beside it.
 #include "platform/realtime/one_heap.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <malloc.h>
 #include <unistd.h>
@@ -91,6 +92,26 @@ TEST_F(OneHeap, LargeBlocksAreMappedAloneButDuringASessionHoweverLargeAnEarlierO
 TEST_F(OneHeap, MemoryThatIsNotThereIsRefusedAndNothingIsChanged) {
   EXPECT_FALSE(HoldHeap(std::size_t{1} << 60));
   EXPECT_TRUE(IsMappedAlone(TooLargeBy(2 * kLargeBlockBytes)));
+}
+
+// Whether memory is mapped there.
+bool IsMapped(std::uintptr_t address) {
+  char byte = 0;
+  const int memory = open("/proc/self/mem", O_RDONLY | O_CLOEXEC);
+  const ssize_t count = pread(memory, &byte, 1, static_cast<off_t>(address));
+  close(memory);
+  return count == 1;
+}
+
+TEST_F(OneHeap, StacksOfThreadsThatHaveEndedAreUnmapped) {
+  std::uintptr_t address = 0;
+  std::thread([&address] {
+    volatile char on_the_stack = 1;
+    address = reinterpret_cast<std::uintptr_t>(&on_the_stack);
+  }).join();
+  EXPECT_TRUE(IsMapped(address));
+  ReturnFreeMemory();
+  EXPECT_FALSE(IsMapped(address));
 }
 
 }  // namespace

@@ -24,6 +24,9 @@ wait_for() {  # wait_for SECONDS COMMAND...
 restarts_above() { [ "$(show NRestarts)" -gt "$1" ]; }
 is_active() { [ "$(show ActiveState)" = active ]; }
 is_new_main() { is_active && [ "$(show MainPID)" != "$1" ]; }
+worker() { ask status | sed -n 's/^worker //p'; }
+has_other_worker() { local now; now=$(worker); [ -n "$now" ] && [ "$now" != "$1" ]; }
+is_gone() { [ ! -e "/proc/$1" ]; }
 seconds_of() { local begin end; begin=$(date +%s%N); "$@" > /dev/null 2>&1; end=$(date +%s%N); awk "BEGIN { printf \"%.2f\", ($end - $begin) / 1e9 }"; }
 at_most() { awk "BEGIN { exit !($1 <= $2) }"; }
 
@@ -34,14 +37,16 @@ echo "== ready"
 check "start returns when the service is ready" systemctl start haustrad
 check "active, status says idle" test "$(show StatusText)" = "idle: no procedure"
 check "runs as the user haustra" test "$(stat -c %U "/proc/$(show MainPID)")" = haustra
+check "so does its worker" test "$(stat -c %U "/proc/$(worker)")" = haustra
 check "no capability is left" grep -q "^CapEff:.0000000000000000$" "/proc/$(show MainPID)/status"
+check "the supervisor has given rights away" bash -c "journalctl -u haustrad --no-pager | grep -q 'own_rights system_calls=taken'"
 check "poses are readable by the group" test "$(stat -c '%a %G' /run/haustra/poses)" = "640 haustra"
 check "nobody else enters" test "$(stat -c '%a' /run/haustra) $(stat -c '%a' /var/lib/haustra/)" = "750 700"
 check "a procedure begins" ask begin case-1
 check "and is mapped" wait_for 90 status_has "maps 1"
 check "the procedure was not interrupted meanwhile" test "$(show NRestarts)" = 0
 if prlimit --rtprio=80:80 true 2> /dev/null; then
-  check "the real-time limit is granted" grep -q "^Max realtime priority *80 " "/proc/$(show MainPID)/limits"
+  check "the real-time limit is granted" grep -q "^Max realtime priority *80 " "/proc/$(worker)/limits"
 else
   echo "skipped: this machine lets nobody raise the real-time limit"
 fi
@@ -54,25 +59,47 @@ check "active" is_active
 
 echo "== hang of the tracking thread"
 main=$(show MainPID)
+first=$(worker)
 before=$(show NRestarts)
-/opt/haustra/hold_thread "$main" tracking &
-check "restarted by the watchdog" wait_for 60 restarts_above "$before"
-check "by the watchdog indeed" bash -c "journalctl -u haustrad --no-pager | grep -q 'Watchdog timeout'"
+/opt/haustra/hold_thread "$first" tracking &
+check "another worker takes its place" wait_for 60 has_other_worker "$first"
+check "because of that thread" status_has "last_fault tracking thread hangs"
+check "the procedure goes on" wait_for 30 status_has "label case-1"
+check "in its map" wait_for 60 status_has "tracking tracking"
+check "the service lives on" test "$(show MainPID) $(show NRestarts)" = "$main $before"
+
+echo "== hang of the capture thread, the second one of the procedure"
+/opt/haustra/hold_thread "$(worker)" capture &
+check "restarted" wait_for 60 restarts_above "$before"
+check "with its exit code" bash -c "journalctl -u haustrad --no-pager | grep -q 'status=69'"
 check "active again" wait_for 30 is_new_main "$main"
 check "the procedure goes on" wait_for 30 status_has "label case-1"
 check "in its map" wait_for 60 status_has "tracking tracking"
 
-echo "== hang of the capture thread"
-main=$(show MainPID)
-before=$(show NRestarts)
-/opt/haustra/hold_thread "$main" capture &
-check "restarted" wait_for 60 restarts_above "$before"
-check "active again" wait_for 30 is_new_main "$main"
-
-echo "== kill -9"
+echo "== kill -9 of the worker"
 check "a checkpoint comes" wait_for 60 status_has checkpoint_age_s
 main=$(show MainPID)
-systemctl kill -s KILL haustrad
+before=$(show NRestarts)
+first=$(worker)
+kill -s KILL "$first"
+check "another worker takes its place" wait_for 60 has_other_worker "$first"
+check "the procedure goes on" wait_for 30 status_has "label case-1"
+check "in its map" wait_for 60 status_has "tracking tracking"
+check "the service lives on" test "$(show MainPID) $(show NRestarts)" = "$main $before"
+
+echo "== the service itself hangs"
+kill -s STOP "$main"
+check "restarted by the watchdog" wait_for 60 restarts_above "$before"
+check "by the watchdog indeed" bash -c "journalctl -u haustrad --no-pager | grep -q 'Watchdog timeout'"
+check "active again" wait_for 30 is_new_main "$main"
+check "the procedure goes on" wait_for 30 status_has "label case-1"
+
+echo "== kill -9 of the service"
+check "a checkpoint comes" wait_for 60 status_has checkpoint_age_s
+main=$(show MainPID)
+first=$(worker)
+kill -s KILL "$main"
+check "its worker goes, too" wait_for 10 is_gone "$first"
 check "active again" wait_for 30 is_new_main "$main"
 check "the procedure goes on" wait_for 30 status_has "label case-1"
 check "in its map" wait_for 60 status_has "tracking tracking"

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # The service under a real systemd, in a container of this machine's own /usr (systemd-nspawn): ready, reload, hang and
-# restart, kill -9, stop in time, end of a procedure, clock jumps, full disk, wrong configuration. About two minutes.
+# kill -9 of the worker and of the service, stop in time, end of a procedure, clock jumps, full disk, wrong
+# configuration. About two minutes.
 #
 #     sudo tests/service/run.sh BUILD [SEQUENCE]      BUILD: build/release; SEQUENCE: a folder of frames, default: it renders one
 #
@@ -11,7 +12,7 @@ skip() {
   echo "skipped: $1"
   exit 77
 }
-[ "$#" -eq 1 ] || [ "$#" -eq 2 ] || { sed -n 2,8p "$0"; exit 64; }
+[ "$#" -eq 1 ] || [ "$#" -eq 2 ] || { sed -n 2,9p "$0"; exit 64; }
 build=$(realpath "$1")
 here=$(cd "$(dirname "$0")" && pwd)
 root_of_tree=$(cd "$here/../.." && pwd)
@@ -73,6 +74,7 @@ checkpoint:
 watchdog:
   tracking_limit_ms: 8000
   capture_limit_ms: 8000
+  worker_limit_ms: 8000
 YAML
 cat > "$root/etc/systemd/system/test.service" << UNIT
 [Unit]

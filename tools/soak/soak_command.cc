@@ -15,7 +15,6 @@
 #include "platform/assemble.h"
 #include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
-#include "platform/daemon/wipe_memory.h"
 #include "platform/memory_plan.h"
 #include "platform/realtime/one_heap.h"
 #include "platform/trap/allocation_trap.h"

@@ -1,4 +1,5 @@
-// haustrad in this process, with a scripted camera and a vision device that may fail; no time is asserted.
+// haustrad in this process and its worker in another, with a scripted camera and a vision device that may fail
+// (scripted_worker.cc); no time is asserted.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
@@ -7,19 +8,17 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <mutex>
-#include <optional>
 #include <string>
 #include <thread>
-#include <vector>
 
-#include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
 #include "platform/control/control_client.h"
 #include "platform/daemon/daemon.h"
+#include "platform/daemon/worker.h"
 #include "platform/exit_codes.h"
 #include "platform/publish/haustra_pose_ring.h"
-#include "tests/tools/run/scripted_colon.h"
+#include "tests/engine/system/small_config.h"
+#include "tests/platform/daemon/scripted_worker.h"
 
 namespace haustra {
 namespace {
@@ -29,77 +28,6 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 
 constexpr Duration kHangLimit = seconds(60);
-
-// Hands on to a device, unless it is to hang. Each engine gets one of its own.
-struct Faults {
-  std::atomic<bool> is_lost{false};    // each call is answered so
-  std::atomic<bool> is_silent{false};  // a wait is never over
-  std::atomic<bool> is_stuck{false};   // a call does not return
-  std::atomic<int> num_stuck{0};
-  std::atomic<int> num_extractions{0};
-};
-
-class FaultyDevice final : public ForwardingVisionDevice {
- public:
-  FaultyDevice(std::unique_ptr<VisionDevice> device, Faults& faults)
-      : ForwardingVisionDevice(*device), device_(std::move(device)), faults_(faults) {}
-
-  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
-    if (faults_.is_lost) return Status(StatusCode::kUnavailable);
-    ++faults_.num_extractions;
-    return ForwardingVisionDevice::EnqueueExtract(lane, request);
-  }
-  bool is_accelerator() const override { return true; }
-  Status Wait(Ticket ticket, TimePoint deadline) override {
-    for (; faults_.is_stuck; std::this_thread::sleep_for(milliseconds(1))) faults_.num_stuck = 1;
-    while (faults_.is_silent) {
-      if (SystemClock().Now() >= deadline) return Status(StatusCode::kDeadlineExceeded);
-      std::this_thread::sleep_for(milliseconds(1));
-    }
-    return ForwardingVisionDevice::Wait(ticket, deadline);
-  }
-
- private:
-  std::unique_ptr<VisionDevice> device_;
-  Faults& faults_;
-};
-
-// The same frames again for each engine.
-class ColonSource : public FrameSource {
- public:
-  ColonSource() { colon_.Move(0.0, 6.0, 150), colon_.Occlude(10000); }
-  const CameraCalibration& calibration() const override { return colon_.source().calibration(); }
-  std::uint32_t num_frames() const override { return colon_.source().num_frames(); }
-  std::optional<PixelFormat> pixel_format() const override { return PixelFormat::kGrey8; }
-  ImageView static_mask() const override { return {}; }
-  Result<Frame> Next(TimePoint deadline) override { return colon_.source().Next(deadline); }
-  test::ScriptedColon& colon() { return colon_; }
-
- private:
-  mutable test::ScriptedColon colon_;
-};
-
-// A camera, which stamps its frames and remembers the stamps.
-class LiveColonSource final : public ColonSource {
- public:
-  LiveColonSource(std::mutex& mutex, std::vector<TimePoint>& stamps) : mutex_(mutex), stamps_(stamps) {}
-  std::uint32_t num_frames() const override { return 0; }
-  bool is_live() const override { return true; }
-  Result<Frame> Next(TimePoint deadline) override {
-    std::this_thread::sleep_for(milliseconds(10));
-    Result<Frame> frame = ColonSource::Next(deadline);
-    if (!frame.ok()) return frame;
-    frame->timestamp = SystemClock().Now();
-    const std::lock_guard lock(mutex_);
-    stamps_.resize(frame->index + 1);
-    stamps_[frame->index] = frame->timestamp;
-    return frame;
-  }
-
- private:
-  std::mutex& mutex_;
-  std::vector<TimePoint>& stamps_;
-};
 
 class DaemonDevice : public testing::Test {
  protected:
@@ -112,41 +40,33 @@ class DaemonDevice : public testing::Test {
     config_.source.path = "scripted";
     config_.source.rate = 4.0;
     config_.vision.answer_limit_ms = 200;
-    config_.watchdog.stop_limit_ms = 60000;
+    config_.watchdog.stop_limit_ms = config_.watchdog.worker_limit_ms = 60000;
+    config_.watchdog.tracking_limit_ms = config_.watchdog.capture_limit_ms = 60000;
     config_.checkpoint.interval_s = 1;
     config_.files.state_folder = config_.files.runtime_folder = folder_;
     config_.log.level = "error";
+    script_ = new (test::MapScript(folder_ + "/script")) test::WorkerScript;
   }
   ~DaemonDevice() override {
-    faults_.is_lost = faults_.is_silent = faults_.is_stuck = false;
+    script_->is_making_held = false;
     Terminate();
     daemon_.reset();
+    munmap(script_, sizeof *script_);
     fs::remove_all(folder_);
   }
 
-  void Start() {
-    DaemonParts parts;
-    parts.open_source = [this](const SourceConfig&) -> Result<std::unique_ptr<FrameSource>> {
-      if (is_live_) return std::unique_ptr<FrameSource>(std::make_unique<LiveColonSource>(stamps_mutex_, stamps_));
-      return std::unique_ptr<FrameSource>(std::make_unique<ColonSource>());
-    };
-    parts.make_device = [this](const DaemonConfig& config, const CameraCalibration& calibration) {
-      ++num_devices_;
-      faults_.is_lost = false;  // a new one works
-      while (is_making_held_) std::this_thread::sleep_for(milliseconds(1));
-      auto device = std::make_unique<ScriptedVisionDevice>(Engine::PlanFor(config.engine, calibration),
-                                                           ScriptedVisionDevice::Options{});
-      device->CopyScript(script_.colon().device());
-      return Result<std::unique_ptr<VisionDevice>>(std::make_unique<FaultyDevice>(std::move(device), faults_));
-    };
+  void Start(bool awaits_idle = true) {
     has_ended_ = false;
     daemon_.reset();
-    daemon_ = std::make_unique<Daemon>(config_, ConfigSource{}, clock_, parts);
+    daemon_ = std::make_unique<Daemon>(
+        config_, ConfigSource{}, clock_,
+        StarterOf({HAUSTRA_SCRIPTED_WORKER, folder_ + "/script", kWorkerOption, std::to_string(kWorkerChannel)}));
     thread_ = std::thread([this] {
       exit_code_ = daemon_->Run();
       has_ended_ = true;
     });
-    ASSERT_TRUE(Until([&] { return StatusValue("state") == "idle"; }));
+    if (!awaits_idle) return;
+    ASSERT_TRUE(Until([&] { return StatusValue("state") == "idle"; })) << Ask("status");
   }
   // A procedure with a map and a checkpoint.
   void BeginAndMap() {
@@ -190,26 +110,24 @@ class DaemonDevice : public testing::Test {
   const SystemClock clock_;
   std::string folder_;
   DaemonConfig config_;
-  Faults faults_;
-  ColonSource script_;
-  bool is_live_ = false;
-  std::mutex stamps_mutex_;
-  std::vector<TimePoint> stamps_;  // of a live camera, by frame
-  std::atomic<int> num_devices_{0};
-  std::atomic<bool> is_making_held_{false};
+  test::WorkerScript* script_ = nullptr;
   std::unique_ptr<Daemon> daemon_;
   std::thread thread_;
   std::atomic<bool> has_ended_{false};
   int exit_code_ = -1;
 };
 
-TEST_F(DaemonDevice, LostDeviceIsMadeAnewOnceAndTheProcedureGoesOn) {
+TEST_F(DaemonDevice, LostDeviceCostsAWorkerAndTheProcedureGoesOn) {
   RecordProperty("req", "DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
-  faults_.is_lost = true;
+  const std::string first = StatusValue("worker");
+  script_->is_lost = true;
   ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
-  EXPECT_EQ(num_devices_, 2);
+  EXPECT_EQ(script_->num_devices, 2);
+  EXPECT_NE(StatusValue("worker"), first);
   EXPECT_EQ(StatusValue("label"), "case-1");
+  EXPECT_EQ(StatusValue("worker_faults"), "1");
+  EXPECT_EQ(StatusValue("last_fault"), "the vision device is lost");
   ASSERT_TRUE(Until([&] { return StatusValue("maps") == "1"; })) << "from the checkpoint";
   EXPECT_EQ(Ask("end wipe"), "wiped\n");
 }
@@ -217,53 +135,160 @@ TEST_F(DaemonDevice, LostDeviceIsMadeAnewOnceAndTheProcedureGoesOn) {
 TEST_F(DaemonDevice, DeviceThatIsLostAgainEndsTheServiceAndTheCheckpointStands) {
   RecordProperty("req", "DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
-  faults_.is_lost = true;
+  script_->is_lost = true;
   ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
-  faults_.is_lost = true;
+  script_->is_lost = true;
   ASSERT_TRUE(HasEnded());
   EXPECT_EQ(exit_code_, kExitUnavailable);
-  EXPECT_EQ(num_devices_, 2);
-  EXPECT_FALSE(daemon_->is_given_up());
+  EXPECT_EQ(script_->num_devices, 2);
   EXPECT_TRUE(Exists("checkpoint.atlas"));
   EXPECT_TRUE(Exists("procedure"));
 }
 
-TEST_F(DaemonDevice, DeviceThatHangsEndsTheServiceAndTheCheckpointStands) {
+TEST_F(DaemonDevice, DeviceThatHangsCostsAWorkerAndTheSecondOneEndsTheService) {
   RecordProperty("req", "DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
-  faults_.is_silent = true;
+  script_->is_silent = true;
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  EXPECT_EQ(StatusValue("last_fault"), "the vision device hangs");
+  script_->is_silent = true;
   ASSERT_TRUE(HasEnded());
   EXPECT_EQ(exit_code_, kExitUnavailable);
-  EXPECT_EQ(num_devices_, 1) << "one that hangs is not made anew in this process";
-  EXPECT_TRUE(daemon_->is_given_up());
+  EXPECT_EQ(script_->num_devices, 2);
   EXPECT_TRUE(Exists("checkpoint.atlas"));
+}
+
+TEST_F(DaemonDevice, DriverThatHangsCostsAWorker) {
+  RecordProperty("req", "DMN-002,DMN-010");
+  config_.watchdog.tracking_limit_ms = 2000;
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  script_->is_stuck = true;
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  EXPECT_TRUE(StatusValue("last_fault").starts_with("tracking thread hangs")) << Ask("status");
+  EXPECT_EQ(Ask("end wipe"), "wiped\n");
 }
 
 TEST_F(DaemonDevice, EndComesThroughWhileADriverHangs) {
   RecordProperty("req", "DMN-010");
   config_.watchdog.stop_limit_ms = 2000;
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
-  faults_.is_stuck = true;
-  ASSERT_TRUE(Until([&] { return faults_.num_stuck > 0; }));
+  script_->is_stuck = true;
+  ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
   EXPECT_EQ(Ask("end wipe"), "wiped\n");
-  ASSERT_TRUE(HasEnded());
-  EXPECT_EQ(exit_code_, kExitUnavailable);
-  EXPECT_TRUE(daemon_->is_given_up());
   EXPECT_FALSE(Exists("checkpoint.atlas"));
   EXPECT_FALSE(Exists("procedure"));
+  EXPECT_EQ(Ask("begin case-2"), "procedure 2\n") << "the next patient has a worker that works";
+}
+
+TEST_F(DaemonDevice, EndKeepsTheCheckpointWhenTheWorkerHangs) {
+  RecordProperty("req", "DMN-005,DMN-010");
+  config_.watchdog.stop_limit_ms = 2000;
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  script_->is_stuck = true;
+  ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
+  EXPECT_EQ(Ask("end keep"), "kept as case-1\n");
+  EXPECT_TRUE(Exists("saved/case-1.atlas"));
+  EXPECT_FALSE(Exists("checkpoint.atlas"));
 }
 
 TEST_F(DaemonDevice, StopComesThroughWhileADriverHangs) {
   RecordProperty("req", "DMN-010");
   config_.watchdog.stop_limit_ms = 2000;
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
-  faults_.is_stuck = true;
-  ASSERT_TRUE(Until([&] { return faults_.num_stuck > 0; }));
+  script_->is_stuck = true;
+  ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
   ::kill(::getpid(), SIGTERM);
   ASSERT_TRUE(HasEnded());
   EXPECT_EQ(exit_code_, kExitUnavailable);
-  EXPECT_TRUE(daemon_->is_given_up());
   EXPECT_TRUE(Exists("checkpoint.atlas"));
+}
+
+// While it is ready, while it begins, while it runs, while it ends; while a checkpoint is written, sooner or later.
+TEST_F(DaemonDevice, WorkerThatIsKilledAtAnyMomentCostsAWorker) {
+  RecordProperty("req", "DMN-005,DMN-010");
+  ASSERT_NO_FATAL_FAILURE(Start());
+  const auto kill_worker = [this] {
+    const std::string pid = StatusValue("worker");
+    if (!pid.empty()) ::kill(std::stoi(pid), SIGKILL);
+  };
+  kill_worker();
+  ASSERT_TRUE(Until([&] { return script_->num_devices == 2 && StatusValue("state") == "idle"; }));
+  for (int i = 0; i < 24; ++i) {
+    const std::string label = "case-" + std::to_string(i);
+    std::thread client([&] { EXPECT_TRUE(Ask("begin " + label).starts_with("procedure ")) << label; });
+    if (i % 3 == 0) {
+      // Two that die while nothing is asked of them end the service.
+      Until([&] { return StatusValue("state") != "idle"; });
+      std::this_thread::sleep_for(milliseconds(i));
+      kill_worker();
+    }
+    client.join();
+    if (i % 3 == 1) {
+      std::this_thread::sleep_for(milliseconds(37 * i));
+      kill_worker();
+    }
+    ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("busy").empty(); }))
+        << Ask("status");
+    EXPECT_EQ(StatusValue("label"), label);
+    ASSERT_TRUE(Until([&] { return StatusValue("maps") == "1"; })) << Ask("status");
+    std::thread end([&] {
+      const std::string answer = Ask(i % 2 == 0 ? "end wipe" : "end keep");
+      EXPECT_TRUE(answer == "wiped\n" || answer == "kept as " + label + "\n" ||
+                  answer.starts_with("error: data not kept"))
+          << answer;
+      if (answer.starts_with("error")) {
+        EXPECT_EQ(Ask("end wipe"), "wiped\n");
+      }
+    });
+    if (i % 3 == 2) {
+      std::this_thread::sleep_for(milliseconds(3 * i));
+      kill_worker();
+    }
+    end.join();
+    ASSERT_TRUE(Until([&] { return StatusValue("state") == "idle"; })) << Ask("status");
+    EXPECT_FALSE(Exists("checkpoint.atlas"));
+    EXPECT_FALSE(Exists("procedure"));
+    for (const auto& entry : fs::recursive_directory_iterator(folder_)) {
+      EXPECT_EQ(entry.path().string().find(".partial-"), std::string::npos) << entry.path();
+    }
+  }
+  Terminate();
+  EXPECT_EQ(exit_code_, kExitOk);
+}
+
+TEST_F(DaemonDevice, WorkerThatIsStoppedCostsAWorker) {
+  RecordProperty("req", "DMN-002,DMN-010");
+  config_.watchdog.worker_limit_ms = 3000;
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  ::kill(std::stoi(StatusValue("worker")), SIGSTOP);
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  EXPECT_EQ(StatusValue("last_fault"), "the worker gives no sign of life");
+}
+
+TEST_F(DaemonDevice, WorkerThatTalksNonsenseIsNotListenedTo) {
+  RecordProperty("req", "DMN-010");
+  script_->talks_nonsense = true;
+  ASSERT_NO_FATAL_FAILURE(Start(false));
+  ASSERT_TRUE(HasEnded());
+  EXPECT_EQ(exit_code_, kExitUnavailable);
+}
+
+TEST_F(DaemonDevice, WorkerThatDiesWhileItStartsEndsTheService) {
+  RecordProperty("req", "DMN-010");
+  script_->cannot_start = true;
+  ASSERT_NO_FATAL_FAILURE(Start(false));
+  ASSERT_TRUE(HasEnded());
+  EXPECT_EQ(script_->num_devices, 2) << "tried once more";
+  EXPECT_EQ(exit_code_, kExitUnavailable);
+}
+
+TEST_F(DaemonDevice, WorkerEndsWithTheService) {
+  RecordProperty("req", "DMN-006");
+  ASSERT_NO_FATAL_FAILURE(Start());
+  const pid_t worker = std::stoi(StatusValue("worker"));
+  EXPECT_EQ(::kill(worker, 0), 0);
+  Terminate();
+  EXPECT_NE(::kill(worker, 0), 0);
 }
 
 // "haustra_checkpoints_total{result=\"written\"} 3" gives 3.
@@ -297,20 +322,20 @@ TEST_F(DaemonDevice, WorkThatTakesLongDoesNotStopItsHeart) {
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   haustra_ring ring;
   ASSERT_EQ(haustra_ring_open(&ring, (folder_ + "/poses").c_str()), HAUSTRA_OK);
-  is_making_held_ = true;
+  script_->is_making_held = true;
   std::thread client([&] { EXPECT_EQ(Ask("end wipe"), "wiped\n"); });
-  const bool is_held = Until([&] { return num_devices_ == 2; });
+  const bool is_held = Until([&] { return script_->num_devices == 2; });
   const std::int64_t begin = haustra_now_ns();
   const bool beats =
       Until([&] { return __atomic_load_n(&ring.file->header.alive_ns, __ATOMIC_ACQUIRE) > begin; }, seconds(5));
-  is_making_held_ = false;
+  script_->is_making_held = false;
   client.join();
   haustra_ring_close(&ring);
   EXPECT_TRUE(is_held);
   EXPECT_TRUE(beats);
 }
 
-// Who only looks is answered while a procedure ends, with what held before.
+// Who only looks is answered while a procedure ends.
 TEST_F(DaemonDevice, StatusIsAnsweredWhileAProcedureEnds) {
   RecordProperty("req", "CTL-003");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
@@ -321,12 +346,12 @@ TEST_F(DaemonDevice, StatusIsAnsweredWhileAProcedureEnds) {
     return reply.ok() ? *reply : "error: " + reply.status().message();
   };
   EXPECT_EQ(look("status").find("busy yes"), std::string::npos);
-  is_making_held_ = true;
+  script_->is_making_held = true;
   std::thread client([&] { EXPECT_EQ(Ask("end wipe"), "wiped\n"); });
-  const bool is_held = Until([&] { return num_devices_ == 2; });
+  const bool is_held = Until([&] { return script_->num_devices == 2; });
   const std::string status = look("status");
   const std::string metrics = look("metrics");
-  is_making_held_ = false;
+  script_->is_making_held = false;
   client.join();
   EXPECT_TRUE(is_held);
   EXPECT_NE(status.find("busy yes"), std::string::npos) << status;
@@ -337,7 +362,7 @@ TEST_F(DaemonDevice, StatusIsAnsweredWhileAProcedureEnds) {
 TEST_F(DaemonDevice, IsWarmBeforeTheFirstProcedureBegins) {
   RecordProperty("req", "DMN-004");
   ASSERT_NO_FATAL_FAILURE(Start());
-  EXPECT_EQ(faults_.num_extractions, 1);
+  EXPECT_EQ(script_->num_extractions, 1);
 }
 
 TEST_F(DaemonDevice, SocketForStatusBeginsNothing) {
@@ -375,7 +400,7 @@ TEST_F(DaemonDevice, AfterAStopInOrderSomebodySaysThatTheProcedureGoesOn) {
 
 TEST_F(DaemonDevice, PoseBearsTheStampOfItsFrame) {
   RecordProperty("req", "TRK-002");
-  is_live_ = true;
+  script_->is_live = true;
   ASSERT_NO_FATAL_FAILURE(Start());
   ASSERT_EQ(Ask("begin"), "procedure 1\n");
   haustra_ring ring;
@@ -383,8 +408,7 @@ TEST_F(DaemonDevice, PoseBearsTheStampOfItsFrame) {
   haustra_pose pose{};
   ASSERT_TRUE(Until([&] { return haustra_ring_latest_pose(&ring, &pose) == HAUSTRA_OK && pose.frame_index >= 5; }));
   haustra_ring_close(&ring);
-  const std::lock_guard lock(stamps_mutex_);
-  EXPECT_EQ(static_cast<std::int64_t>(pose.captured_ns), stamps_.at(pose.frame_index).time_since_epoch().count());
+  EXPECT_EQ(static_cast<std::int64_t>(pose.captured_ns), script_->stamps_ns.at(pose.frame_index));
 }
 
 }  // namespace

@@ -100,6 +100,46 @@ ReaderOutcome ReadUntilClosed(const haustra_ring& ring) {
 
 // A camera at 25 Hz in a time of its own, a tracker that takes 5 to 13 ms and once in a while longer, frames that are
 // dropped; and a reader that sleeps as it is told.
+TEST_F(PoseRing, AnotherProcessWritesRecordsIntoTheSameFile) {
+  RecordProperty("req", "PUB-001,PUB-004");
+  const auto owner = MakeWriter();
+  const haustra_ring ring = OpenRing();
+  owner->SetService(HAUSTRA_SERVICE_RUNNING);
+  const pid_t child = fork();
+  if (child == 0) {
+    const auto attached = PoseRingWriter::Attach(owner->descriptor());
+    if (!attached.ok()) _exit(1);
+    for (std::uint64_t i = 1; i <= 3; ++i) (*attached)->PublishPose(UniformPose(i));
+    raise(SIGKILL);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  haustra_pose pose;
+  ASSERT_EQ(haustra_ring_latest_pose(&ring, &pose), HAUSTRA_OK);
+  EXPECT_EQ(pose.sequence, 3u);
+  EXPECT_TRUE(IsUniform(pose));
+  EXPECT_EQ(haustra_ring_service(&ring), HAUSTRA_SERVICE_RUNNING) << "its death closes nothing";
+  // The next one goes on where it was.
+  {
+    const auto attached = PoseRingWriter::Attach(owner->descriptor());
+    ASSERT_TRUE(attached.ok()) << attached.status().ToString();
+    (*attached)->PublishPose(UniformPose(4));
+  }
+  ASSERT_EQ(haustra_ring_latest_pose(&ring, &pose), HAUSTRA_OK);
+  EXPECT_EQ(pose.sequence, 4u);
+  EXPECT_EQ(haustra_ring_service(&ring), HAUSTRA_SERVICE_RUNNING);
+}
+
+TEST_F(PoseRing, OnlyAPoseRingIsAttachedTo) {
+  const int file = memfd_create("something", MFD_CLOEXEC);
+  EXPECT_EQ(PoseRingWriter::Attach(file).code(), StatusCode::kDataLoss);
+  ASSERT_EQ(ftruncate(file, sizeof(haustra_ring_file)), 0);
+  EXPECT_EQ(PoseRingWriter::Attach(file).code(), StatusCode::kDataLoss);
+  close(file);
+  EXPECT_EQ(PoseRingWriter::Attach(-1).code(), StatusCode::kDataLoss);
+}
+
 TEST_F(PoseRing, ReaderThatPausesSeesEveryPoseSoonAndLooksSeldom) {
   constexpr std::int64_t kMs = 1'000'000;
   constexpr std::int64_t kPeriod = 40 * kMs;

@@ -1,0 +1,126 @@
+// A worker of haustrad with a scripted camera and a vision device that fails when it is told to:
+//
+//     haustra_scripted_worker SCRIPT --worker 3
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "hal/forwarding_vision_device.h"
+#include "platform/clock/system_clock.h"
+#include "platform/daemon/worker.h"
+#include "platform/exit_codes.h"
+#include "tests/platform/daemon/scripted_worker.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra {
+namespace {
+
+using std::chrono::milliseconds;
+
+// Hands on to a device, unless it is to hang.
+class FaultyDevice final : public ForwardingVisionDevice {
+ public:
+  FaultyDevice(std::unique_ptr<VisionDevice> device, test::WorkerScript& script)
+      : ForwardingVisionDevice(*device), device_(std::move(device)), script_(script) {}
+
+  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    if (script_.is_lost) return Status(StatusCode::kUnavailable);
+    ++script_.num_extractions;
+    return ForwardingVisionDevice::EnqueueExtract(lane, request);
+  }
+  bool is_accelerator() const override { return true; }
+  Status Wait(Ticket ticket, TimePoint deadline) override {
+    for (; script_.is_stuck; std::this_thread::sleep_for(milliseconds(1))) script_.num_stuck = 1;
+    while (script_.is_silent) {
+      if (SystemClock().Now() >= deadline) return Status(StatusCode::kDeadlineExceeded);
+      std::this_thread::sleep_for(milliseconds(1));
+    }
+    return ForwardingVisionDevice::Wait(ticket, deadline);
+  }
+
+ private:
+  std::unique_ptr<VisionDevice> device_;
+  test::WorkerScript& script_;
+};
+
+// The same frames again for each worker.
+class ColonSource : public FrameSource {
+ public:
+  ColonSource() { colon_.Move(0.0, 6.0, 150), colon_.Occlude(4000); }
+  const CameraCalibration& calibration() const override { return colon_.source().calibration(); }
+  std::uint32_t num_frames() const override { return colon_.source().num_frames(); }
+  std::optional<PixelFormat> pixel_format() const override { return PixelFormat::kGrey8; }
+  ImageView static_mask() const override { return {}; }
+  Result<Frame> Next(TimePoint deadline) override { return colon_.source().Next(deadline); }
+  test::ScriptedColon& colon() { return colon_; }
+
+ private:
+  mutable test::ScriptedColon colon_;
+};
+
+// A camera, which stamps its frames and writes the stamps down.
+class LiveColonSource final : public ColonSource {
+ public:
+  explicit LiveColonSource(test::WorkerScript& script) : script_(script) {}
+  std::uint32_t num_frames() const override { return 0; }
+  bool is_live() const override { return true; }
+  Result<Frame> Next(TimePoint deadline) override {
+    std::this_thread::sleep_for(milliseconds(10));
+    Result<Frame> frame = ColonSource::Next(deadline);
+    if (!frame.ok()) return frame;
+    frame->timestamp = SystemClock().Now();
+    if (frame->index < script_.stamps_ns.size()) {
+      script_.stamps_ns[frame->index] = frame->timestamp.time_since_epoch().count();
+    }
+    return frame;
+  }
+
+ private:
+  test::WorkerScript& script_;
+};
+
+int Run(const std::string& path) {
+  if (!BecomeWorker()) return kExitSystem;
+  test::WorkerScript* script = test::MapScript(path);
+  if (script == nullptr) return kExitIo;
+  if (script->talks_nonsense) {
+    for (std::string bytes(100, 'x');; std::this_thread::sleep_for(milliseconds(10))) {
+      (void)send(kWorkerChannel, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    }
+  }
+  WorkerParts parts;
+  ColonSource* colon = nullptr;  // the source, which is opened before the device is made
+  parts.open_source = [script, &colon](const SourceConfig&) -> Result<std::unique_ptr<FrameSource>> {
+    std::unique_ptr<ColonSource> source =
+        script->is_live ? std::make_unique<LiveColonSource>(*script) : std::make_unique<ColonSource>();
+    colon = source.get();
+    return std::unique_ptr<FrameSource>(std::move(source));
+  };
+  parts.make_device = [script, &colon](const DaemonConfig& config, const CameraCalibration& calibration) {
+    ++script->num_devices;
+    script->is_lost = script->is_silent = script->is_stuck = false;  // a new one works
+    while (script->is_making_held) std::this_thread::sleep_for(milliseconds(1));
+    if (script->cannot_start) std::_Exit(9);
+    auto device = std::make_unique<ScriptedVisionDevice>(Engine::PlanFor(config.engine, calibration),
+                                                         ScriptedVisionDevice::Options{});
+    device->CopyScript(colon->colon().device());
+    return Result<std::unique_ptr<VisionDevice>>(std::make_unique<FaultyDevice>(std::move(device), *script));
+  };
+  return RunWorker(kWorkerChannel, parts);
+}
+
+}  // namespace
+}  // namespace haustra
+
+int main(int argc, char** argv) {
+  if (argc != 4 || argv[2] != std::string(haustra::kWorkerOption)) {
+    std::fprintf(stderr, "%s is started by a test\n", argv[0]);
+    return 64;
+  }
+  std::_Exit(haustra::Run(argv[1]));
+}

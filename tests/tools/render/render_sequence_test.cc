@@ -77,7 +77,9 @@ TEST_F(RenderSequenceTest, WidePicturesSurviveEveryEvent) {
     // Tissue on the lens shines up to the corners of the window.
     const Result<Image> image = ReadImage(Folder("wide") + "/frames/000007.jpg", ChannelChoice::kGrey);
     ASSERT_TRUE(image.ok()) << image.status().ToString();
-    if (kind == EventKind::kRedout) EXPECT_GT(int{image->row(72)[250]}, 20);
+    if (kind == EventKind::kRedout) {
+      EXPECT_GT(int{image->row(72)[250]}, 20);
+    }
   }
 }
 

@@ -71,7 +71,7 @@ int StaticOverlay::PartOf(const Eigen::Vector2f& px) const {
   return row * kPartColumns + column;
 }
 
-StaticOverlay::Surroundings StaticOverlay::Around(int part, int reach) {
+StaticOverlay::PartRange StaticOverlay::Around(int part, int reach) {
   const int column = part % kPartColumns, row = part / kPartColumns;
   return {std::max(column - reach, 0), std::min(column + reach, kPartColumns - 1), std::max(row - reach, 0),
           std::min(row + reach, kPartRows - 1)};
@@ -97,7 +97,7 @@ void StaticOverlay::SortIntoParts(std::span<const Motion> motions) {
 bool StaticOverlay::MovesTogether(std::span<const Motion> motions, std::size_t i) const {
   const Eigen::Vector2f motion = motions[i].to_px - motions[i].from_px;
   const float allowed = std::max(kTogetherSigmas * motions[i].sigma_px, kTogetherShare * motion.norm());
-  const Surroundings around = Around(PartOf(motions[i].to_px), 1);
+  const PartRange around = Around(PartOf(motions[i].to_px), 1);
   int companions = 0;
   for (int row = around.first_row; row <= around.last_row; ++row) {
     for (int column = around.first_column; column <= around.last_column; ++column) {
@@ -116,7 +116,7 @@ bool StaticOverlay::MovesTogether(std::span<const Motion> motions, std::size_t i
 // Whether what surrounds the part moves, in the narrowest surroundings that say anything.
 bool StaticOverlay::IsBeforeMotion(int part) const {
   for (const int reach : kReaches) {
-    const Surroundings around = Around(part, reach);
+    const PartRange around = Around(part, reach);
     int num_moving = 0, num_slow = 0, num_still = 0;
     for (int row = around.first_row; row <= around.last_row; ++row) {
       for (int column = around.first_column; column <= around.last_column; ++column) {

@@ -71,13 +71,13 @@ class StaticOverlay {
     int num_moving = 0;  // together
   };
   // Parts up to so many away, cut off at the edges of the picture.
-  struct Surroundings {
+  struct PartRange {
     int first_column, last_column, first_row, last_row;
   };
 
   std::size_t CellOf(float x_px, float y_px) const;
   int PartOf(const Eigen::Vector2f& px) const;
-  static Surroundings Around(int part, int reach);
+  static PartRange Around(int part, int reach);
   void SortIntoParts(std::span<const Motion> motions);
   bool MovesTogether(std::span<const Motion> motions, std::size_t i) const;
   bool IsBeforeMotion(int part) const;

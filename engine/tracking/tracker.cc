@@ -407,7 +407,7 @@ void Tracker::DropFrame() {
 }
 
 void Tracker::SetLost() {
-  if (const Tracking* tracking = std::get_if<Tracking>(&state_)) state_ = Lose(*tracking);
+  if (const Tracking* tracking = std::get_if<Tracking>(&state_)) state_ = LostFrom(*tracking);
 }
 
 }  // namespace haustra

@@ -77,7 +77,7 @@ Tracking Regain(const Lost& lost, MapId map_id) {
   return tracking;
 }
 
-Lost Lose(const Tracking& tracking) { return {tracking.course, std::nullopt, false}; }
+Lost LostFrom(const Tracking& tracking) { return {tracking.course, std::nullopt, false}; }
 
 AwaitingMap Await(const Lost& lost, std::uint64_t proposal, std::uint32_t frame_index) {
   return {proposal, frame_index, lost.course};

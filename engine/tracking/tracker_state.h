@@ -73,7 +73,7 @@ Tracking GoOnFrom(const Start& start, TimePoint now);
 // Lost, and found again in map `map_id` by the tracker itself. Needs a course: without one there was no map.
 Tracking Regain(const Lost& lost, MapId map_id);
 // Tracking, and no pose.
-Lost Lose(const Tracking& tracking);
+Lost LostFrom(const Tracking& tracking);
 // Lost, and a new map was proposed.
 AwaitingMap Await(const Lost& lost, std::uint64_t proposal, std::uint32_t frame_index);
 

@@ -168,7 +168,7 @@ void Daemon::Hear(const WorkerReport& report) {
       report_ = report;
       if (report.fault == WorkerFault::kLost) return Fault("the vision device is lost");
       if (report.fault == WorkerFault::kHung) return Fault("the vision device hangs");
-      Log(LogLevel::kError, "session_ended", {{"what", report.status().ToString()}});
+      Log(LogLevel::kError, "session_ended", {{"what", report.status().message()}});
       return Tell(
           {ServiceEventKind::kSessionEnds, report.code == 0 ? kExitInternal : ExitCodeFor(report.status().code())});
   }

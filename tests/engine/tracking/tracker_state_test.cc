@@ -87,7 +87,7 @@ TEST(TrackerState, OwnFindingsLeadWhereTheTableSays) {
   const TimePoint now(std::chrono::milliseconds(2000));
   const std::pair<TrackerState, std::string> table[] = {
       {GoOnFrom(AStart(true), now), "tracking in 8"},  {GoOnFrom(AStart(false), now), "tracking in 8"},
-      {Regain(Asking(), kElsewhere), "tracking in 8"}, {Lose(InSight()), "lost"},
+      {Regain(Asking(), kElsewhere), "tracking in 8"}, {LostFrom(InSight()), "lost"},
       {Await(Asking(), 9, 50), "awaiting 9"},          {Await(NoMapYet(), 9, 50), "awaiting 9 for the first time"},
   };
   for (const auto& [state, text] : table) EXPECT_EQ(Say(state), text);
@@ -99,7 +99,7 @@ TEST(TrackerState, FramesAreAnsweredAsInitialisingUntilAMapWasTracked) {
   EXPECT_EQ(StateOf(Asking()), TrackingState::kLost);
   EXPECT_EQ(StateOf(Awaiting()), TrackingState::kLost);
   EXPECT_EQ(StateOf(InSight()), TrackingState::kTracking);
-  EXPECT_EQ(StateOf(Lose(GoOnFrom(AStart(false), TimePoint{}))), TrackingState::kLost);
+  EXPECT_EQ(StateOf(LostFrom(GoOnFrom(AStart(false), TimePoint{}))), TrackingState::kLost);
 }
 
 TEST(TrackerState, FoundedMapStartsAtItsSecondViewAndAFoundFrameAtItself) {

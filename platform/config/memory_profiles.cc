@@ -22,7 +22,7 @@ memory:
   max_late_poses: 512
   small_map_keyframes: 6
   max_host_mb: 1100         # 1030 at 1920x1080 on the CPU device
-  max_device_mb: 500        # 421 at 1440x1080: the workspaces of extraction do not shrink with the map
+  max_device_mb: 600        # 534 at 1920x1080: the workspaces of extraction do not shrink with the map
 )"},
     {"medium", R"(# A Jetson of 8 GB and more: a full procedure of 22 minutes with room to spare.
 memory:

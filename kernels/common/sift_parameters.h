@@ -29,17 +29,6 @@ inline constexpr float kDefaultContrastThreshold = 0.0015f;
 // that compression and focus change; on pictures with more points than are wanted, others give more inliers for the
 // same number (kernels/decisions/2026-11-23-features-on-living-tissue.md).
 inline constexpr float kFinestOctavePriority = 0.5f;
-// Strong points are spread over the squares of a grid (kernels/cpu/feature_selection.h): so many squares along the
-// shorter side of the largest picture that the device is planned for, so that one is the same piece of the view at
-// every resolution. Of 720x540 they have 60 pixels a side.
-inline constexpr int kSelectionCellsAlong = 9;
-inline constexpr int kMinSelectionCellPx = 8;
-constexpr int SelectionCellPx(int max_width_px, int max_height_px) {
-  const int side = (max_width_px < max_height_px ? max_width_px : max_height_px) / kSelectionCellsAlong;
-  return side > kMinSelectionCellPx ? side : kMinSelectionCellPx;
-}
-// Points that every square would get if all got the same, times this, make one halving of priority.
-inline constexpr float kSharesPerHalving = 2.0f;
 
 // Orientation (5): the pixels of a square of at most kOrientationReachPx (octave pixels) around the point, under a
 // Gaussian window in units of the keypoint's scale. The window is wider than Lowe's (1.5), and second orientations are

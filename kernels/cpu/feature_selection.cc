@@ -8,24 +8,23 @@
 namespace haustra::kernels {
 namespace {
 
-int NumCells(int size_px, int cell_px) { return (size_px + cell_px - 1) / cell_px; }
+constexpr int kCellPx = 60;
+// Of the points that every square would get if all got the same.
+constexpr float kSharesPerHalving = 2.0f;
 
-std::size_t NumCells(int width_px, int height_px, int cell_px) {
-  return static_cast<std::size_t>(NumCells(width_px, cell_px)) * NumCells(height_px, cell_px);
-}
+int NumCells(int size_px) { return (size_px + kCellPx - 1) / kCellPx; }
 
 }  // namespace
 
 FeatureSelection::FeatureSelection(int max_width_px, int max_height_px, int max_points)
-    : cell_px_(SelectionCellPx(max_width_px, max_height_px)),
-      ranked_(max_points),
-      cell_starts_(NumCells(max_width_px, max_height_px, cell_px_) + 1),
+    : ranked_(max_points),
+      cell_starts_(static_cast<std::size_t>(NumCells(max_width_px)) * NumCells(max_height_px) + 1),
       order_(max_points) {}
 
 std::size_t FeatureSelection::BytesFor(int max_width_px, int max_height_px, int max_points) {
   return AlignedBuffer<Ranked>::BytesFor(max_points) + AlignedBuffer<std::int32_t>::BytesFor(max_points) +
          AlignedBuffer<std::int32_t>::BytesFor(
-             NumCells(max_width_px, max_height_px, SelectionCellPx(max_width_px, max_height_px)) + 1);
+             static_cast<std::size_t>(NumCells(max_width_px)) * NumCells(max_height_px) + 1);
 }
 
 void FeatureSelection::Prefault() {
@@ -36,14 +35,14 @@ void FeatureSelection::Prefault() {
 
 std::span<const std::int32_t> FeatureSelection::Select(std::span<const ScaleSpacePoint> points, int width_px,
                                                        int height_px, int wanted) {
-  const int num_columns = NumCells(width_px, cell_px_);
-  const int num_rows = NumCells(height_px, cell_px_);
+  const int num_columns = NumCells(width_px);
+  const int num_rows = NumCells(height_px);
   const int num_cells = num_columns * num_rows;
   const int num_points = static_cast<int>(points.size());
   const auto cell_of = [&](const ScaleSpacePoint& point) {
     const float to_input = std::ldexp(1.0f, point.octave);
-    const int column = std::clamp(static_cast<int>(point.x * to_input) / cell_px_, 0, num_columns - 1);
-    const int row = std::clamp(static_cast<int>(point.y * to_input) / cell_px_, 0, num_rows - 1);
+    const int column = std::clamp(static_cast<int>(point.x * to_input) / kCellPx, 0, num_columns - 1);
+    const int row = std::clamp(static_cast<int>(point.y * to_input) / kCellPx, 0, num_rows - 1);
     return row * num_columns + column;
   };
   std::int32_t* starts = cell_starts_.data();

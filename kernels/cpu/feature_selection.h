@@ -1,9 +1,9 @@
 // Chooses which points become features when there are more than wanted: strong ones, spread over the image.
 //
-// The image is divided into squares (kernels/common/sift_parameters.h). A point's priority is its response (of the
-// finest octave kFinestOctavePriority of it), halved for every so many stronger points of its own square: where a
-// square is crowded, its weaker points give way to the stronger points of poorer ones, and no square is filled with
-// noise only because it is empty.
+// The image is divided into squares. A point's priority is its response (of the finest octave
+// kFinestOctavePriority of it), halved for every so many stronger points of
+// its own square: where a square is crowded, its weaker points give way to the stronger points of poorer ones, and no
+// square is filled with noise only because it is empty.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,6 @@ class FeatureSelection {
     std::int32_t index;
   };
 
-  const int cell_px_;
   AlignedBuffer<Ranked> ranked_;
   AlignedBuffer<std::int32_t> cell_starts_;
   AlignedBuffer<std::int32_t> order_;

@@ -41,8 +41,7 @@ SetBuffers DealSets(const VisionPlan& plan, MemoryDealers* dealers) {
 }
 
 ExtractMemory DealExtractMemory(const VisionPlan& plan, const ExtractOptions& options, MemoryDealers* dealers) {
-  const ScaleSpaceLayout largest =
-      MakeLayout(plan.max_width_px, plan.max_height_px, SelectionCellPx(plan.max_width_px, plan.max_height_px));
+  const ScaleSpaceLayout largest = MakeLayout(plan.max_width_px, plan.max_height_px);
   const LayoutSizes sizes = SizesOf(largest);
   const std::size_t num_pixels = static_cast<std::size_t>(largest.grey_pitch) * plan.max_height_px;
   ExtractMemory memory;
@@ -76,8 +75,7 @@ ExtractMemory DealExtractMemory(const VisionPlan& plan, const ExtractOptions& op
   buffers.points = device.Deal<ScaleSpacePoint>(sizes.max_extrema);
   buffers.keys = device.Deal<PointKey>(sizes.max_extrema);
   buffers.priorities = device.Deal<std::uint64_t>(sizes.max_extrema);
-  buffers.cell_points =
-      device.Deal<CellPoint>(static_cast<std::size_t>(largest.num_cells) * largest.max_points_per_cell);
+  buffers.cell_points = device.Deal<CellPoint>(static_cast<std::size_t>(largest.num_cells) * kMaxPointsPerCell);
   buffers.survivor_priorities = device.Deal<std::uint64_t>(sizes.max_extrema);
   buffers.survivors = device.Deal<Survivor>(sizes.max_extrema);
   const std::size_t num_ranks = AlignUp(options.num_features, kRanksPerChunk);

@@ -20,10 +20,9 @@ inline constexpr int kOctaveTilePx = 60;
 inline constexpr int kMaxExtremaPerTile = 512;
 // Slots of octaves from here on are made from their own level 0, finer ones from the grey image.
 inline constexpr int kFirstCoarseSlot = 2;
-// Selection (kernels/cpu/feature_selection.h): how many points of a square of that many input pixels a side are kept at
-// most; of a larger one as many more as it has more pixels (ScaleSpaceLayout::max_points_per_cell).
-inline constexpr int kUsualCellPx = 60;
-inline constexpr int kMaxPointsPerUsualCell = 1536;
+// Selection (kernels/cpu/feature_selection.h): side of the squares, and how many points of one are kept at most.
+inline constexpr int kSelectionCellPx = 60;
+inline constexpr int kMaxPointsPerCell = 1536;
 // Priorities are positive floats below 1: bins of their exponent and first four bits of mantissa.
 inline constexpr int kPriorityBins = 4096;
 inline constexpr int kPriorityBinShift = 19;
@@ -58,10 +57,8 @@ struct ScaleSpaceLayout {
   int grey_pitch = 0;
   int num_octaves = 0;
   int num_tiles = 0;
-  int cell_px = 0;  // side of the squares of selection, input pixels
   int num_cell_columns = 0;
   int num_cells = 0;
-  int max_points_per_cell = 0;
   // How the frame comes; pitch and address are multiples of 16 bytes.
   PixelFormat format = PixelFormat::kGrey8;
   std::int64_t pitch_bytes = 0;
@@ -164,7 +161,7 @@ struct ExtractBuffers {
   ScaleSpacePoint* points = nullptr;
   PointKey* keys = nullptr;
   std::uint64_t* priorities = nullptr;  // of each point: bits of the float, then the complement of tie
-  CellPoint* cell_points = nullptr;     // max_points_per_cell a cell
+  CellPoint* cell_points = nullptr;     // kMaxPointsPerCell a cell
   // The points that may be selected: those whose priority is in the bin of the last one that is, or in a higher one.
   std::uint64_t* survivor_priorities = nullptr;
   Survivor* survivors = nullptr;

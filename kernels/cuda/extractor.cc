@@ -16,13 +16,16 @@ constexpr int kPixelsPerLoad = 16;
 
 int AlignUp(int size, int alignment) { return (size + alignment - 1) / alignment * alignment; }
 
+// Points that every square would get if all got the same, times this, make one halving of priority
+// (kernels/cpu/feature_selection.cc).
+constexpr float kSharesPerHalving = 2.0f;
+
 }  // namespace
 
 Result<std::unique_ptr<Extractor>> Extractor::Create(const VisionPlan& plan, const ExtractOptions& options,
                                                      const ExtractMemory& memory, const SetBuffers& sets,
                                                      cudaStream_t stream, int branch_priority) {
   std::unique_ptr<Extractor> extractor(new Extractor(options, memory, sets, stream));
-  extractor->cell_px_ = SelectionCellPx(plan.max_width_px, plan.max_height_px);
   HAUSTRA_TRY(extractor->Prepare(branch_priority));
   HAUSTRA_TRY(extractor->SetSource(plan.max_width_px, plan.max_height_px, PixelFormat::kGrey8,
                                    AlignUp(plan.max_width_px, kPixelsPerLoad)));
@@ -89,7 +92,7 @@ Status Extractor::SetSource(int width_px, int height_px, PixelFormat format, std
   const bool is_same_size = graph_ != nullptr && width_px == layout_.width && height_px == layout_.height;
   if (is_same_size && format == layout_.format && pitch_bytes == layout_.pitch_bytes) return Status::Ok();
   if (!is_same_size) {
-    layout_ = MakeLayout(width_px, height_px, cell_px_);
+    layout_ = MakeLayout(width_px, height_px);
     has_levels_ = false;
   }
   layout_.format = format;
@@ -206,7 +209,7 @@ Status Extractor::SetStaticMask(const ImageView& mask) {
   const int had_mask = settings_.has_static_mask;
   settings_.has_static_mask = mask.is_empty() ? 0 : 1;
   if (!mask.is_empty()) {
-    const ScaleSpaceLayout layout = MakeLayout(mask.width, mask.height, cell_px_);
+    const ScaleSpaceLayout layout = MakeLayout(mask.width, mask.height);
     HAUSTRA_TRY(ToStatus(cudaMemcpy2DAsync(buffers_.static_mask, layout.grey_pitch, mask.data, mask.pitch_bytes,
                                            mask.width, mask.height, cudaMemcpyHostToDevice, stream_),
                          "static mask"));

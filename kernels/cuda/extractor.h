@@ -95,7 +95,6 @@ class Extractor {
   const std::uint8_t* frame_ = nullptr;  // where the graph reads the picture, as the device sees it
   std::uint32_t number_ = 0;
   bool has_levels_ = false;  // of a picture of the layout's size
-  int cell_px_ = 0;          // of the plan
   ScaleSpaceLayout layout_;
 };
 

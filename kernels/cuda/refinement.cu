@@ -160,12 +160,13 @@ __global__ void __launch_bounds__(kRefineThreads)
     const bool is_excluded = IsExcluded(layout, buffers.dilated_bits, slot, point.x, point.y);
     if (was_excluded || is_excluded) continue;
     const float to_input = ToInput(octave.octave);
-    const int column = min(max(static_cast<int>(point.x * to_input) / layout.cell_px, 0), layout.num_cell_columns - 1);
-    const int row = min(max(static_cast<int>(point.y * to_input) / layout.cell_px, 0),
+    const int column =
+        min(max(static_cast<int>(point.x * to_input) / kSelectionCellPx, 0), layout.num_cell_columns - 1);
+    const int row = min(max(static_cast<int>(point.y * to_input) / kSelectionCellPx, 0),
                         layout.num_cells / layout.num_cell_columns - 1);
     const int cell = row * layout.num_cell_columns + column;
     const int place = atomicAdd(&buffers.cell_counts[cell], 1);
-    if (place >= layout.max_points_per_cell) continue;  // more than kMaxExtremaPerTile lets through in practice
+    if (place >= kMaxPointsPerCell) continue;  // more than kMaxExtremaPerTile lets through in practice
     const int index = atomicAdd(&buffers.counters->num_points, 1);
     buffers.points[index] = point;
     const std::uint32_t pixel = octave.first_pixel + static_cast<std::uint32_t>(y) * octave.width + x;
@@ -174,8 +175,7 @@ __global__ void __launch_bounds__(kRefineThreads)
     buffers.keys[index] = {tie, static_cast<std::uint8_t>(slot), static_cast<std::uint8_t>(settled_level), 0,
                            static_cast<std::uint8_t>(is_upright)};
     const float priority = octave.octave < 0 ? kFinestOctavePriority * point.response : point.response;
-    buffers.cell_points[static_cast<std::size_t>(cell) * layout.max_points_per_cell + place] = {priority, tie, index,
-                                                                                                0};
+    buffers.cell_points[static_cast<std::size_t>(cell) * kMaxPointsPerCell + place] = {priority, tie, index, 0};
   }
 }
 

@@ -1,7 +1,5 @@
 #include "kernels/cuda/scale_space_layout.h"
 
-#include <algorithm>
-
 #include "kernels/common/flow_parameters.h"
 
 namespace haustra::kernels::cuda {
@@ -15,17 +13,14 @@ int AlignUp(int size, int alignment) { return NumTiles(size, alignment) * alignm
 
 }  // namespace
 
-ScaleSpaceLayout MakeLayout(int width_px, int height_px, int cell_px) {
+ScaleSpaceLayout MakeLayout(int width_px, int height_px) {
   ScaleSpaceLayout layout;
   layout.width = width_px;
   layout.height = height_px;
   layout.grey_pitch = AlignUp(width_px, kGreyPitchAlignment);
   layout.num_octaves = CountOctaves(width_px, height_px);
-  layout.cell_px = cell_px;
-  layout.num_cell_columns = NumTiles(width_px, cell_px);
-  layout.num_cells = layout.num_cell_columns * NumTiles(height_px, cell_px);
-  layout.max_points_per_cell =
-      kMaxPointsPerUsualCell * std::max(1, NumTiles(cell_px * cell_px, kUsualCellPx * kUsualCellPx));
+  layout.num_cell_columns = NumTiles(width_px, kSelectionCellPx);
+  layout.num_cells = layout.num_cell_columns * NumTiles(height_px, kSelectionCellPx);
   std::size_t first_value = 0;
   std::uint32_t first_pixel = 0;
   for (int slot = 0; slot < layout.num_octaves; ++slot) {

@@ -7,9 +7,8 @@
 
 namespace haustra::kernels::cuda {
 
-// The size must be at least kMinOctaveSizePx each way. cell_px: side of the squares of selection, that of the plan
-// (kernels/common/sift_parameters.h).
-ScaleSpaceLayout MakeLayout(int width_px, int height_px, int cell_px);
+// The size must be at least kMinOctaveSizePx each way.
+ScaleSpaceLayout MakeLayout(int width_px, int height_px);
 
 // Elements that buffers need for a layout; they grow with the size of the image.
 struct LayoutSizes {

@@ -73,9 +73,15 @@ __device__ bool AreTwins(const ExtractBuffers& buffers, int index, int other) {
   return a.x == b.x && a.y == b.y && a.scale == b.scale && buffers.keys[index].octave == buffers.keys[other].octave;
 }
 
-// A block to a cell. `cell`: its points, wherever they lie.
-__device__ __forceinline__ void RankPoints(const ExtractBuffers& buffers, const CellPoint* cell, int num_points,
-                                           float halvings_per_rank) {
+// A block to a cell.
+__global__ void __launch_bounds__(kCellThreads) PriorityKernel(const __grid_constant__ ExtractBuffers buffers) {
+  __shared__ CellPoint cell[kMaxPointsPerCell];
+  WaitForKernelBefore();
+  const float halvings_per_rank = buffers.params->halvings_per_rank;
+  const int num_points = min(buffers.cell_counts[blockIdx.x], kMaxPointsPerCell);
+  const CellPoint* points = buffers.cell_points + static_cast<std::size_t>(blockIdx.x) * kMaxPointsPerCell;
+  for (int i = threadIdx.x; i < num_points; i += kCellThreads) cell[i] = points[i];
+  __syncthreads();
   // Some lanes to a point, each with its share of the others. All lanes of a warp stay in the loop together.
   const int part = threadIdx.x % kLanesPerPoint;
   for (int first = threadIdx.x / 32 * kPointsPerWarp; first < num_points; first += kCellThreads / kLanesPerPoint) {
@@ -115,23 +121,6 @@ __device__ __forceinline__ void RankPoints(const ExtractBuffers& buffers, const 
   }
 }
 
-// Where a cell of a large picture has more points than the shared memory takes, they are read where they are.
-__global__ void __launch_bounds__(kCellThreads)
-    PriorityKernel(const __grid_constant__ ExtractBuffers buffers, int max_points_per_cell) {
-  __shared__ CellPoint cell[kMaxPointsPerUsualCell];
-  WaitForKernelBefore();
-  const float halvings_per_rank = buffers.params->halvings_per_rank;
-  const int num_points = min(buffers.cell_counts[blockIdx.x], max_points_per_cell);
-  const CellPoint* points = buffers.cell_points + static_cast<std::size_t>(blockIdx.x) * max_points_per_cell;
-  if (num_points > kMaxPointsPerUsualCell) {
-    RankPoints(buffers, points, num_points, halvings_per_rank);
-    return;
-  }
-  for (int i = threadIdx.x; i < num_points; i += kCellThreads) cell[i] = points[i];
-  __syncthreads();
-  RankPoints(buffers, cell, num_points, halvings_per_rank);
-}
-
 // Leaves out the points that are surely not selected, and puts the others in order of their bins. Every block counts
 // the bins through, which is quicker than to wait for one that does.
 __global__ void __launch_bounds__(kSurvivorThreads) SurvivorKernel(const __grid_constant__ ExtractBuffers buffers) {
@@ -166,8 +155,7 @@ __global__ void __launch_bounds__(kSurvivorThreads) SurvivorKernel(const __grid_
 cudaError_t LaunchPriorities(const ScaleSpaceLayout& layout, const ExtractSettings& settings,
                              const ExtractBuffers& buffers, cudaStream_t stream) {
   const bool early = settings.can_launch_early != 0;
-  const cudaError_t error = LaunchAfter(early, PriorityKernel, layout.num_cells, kCellThreads, 0, stream, buffers,
-                                        layout.max_points_per_cell);
+  const cudaError_t error = LaunchAfter(early, PriorityKernel, layout.num_cells, kCellThreads, 0, stream, buffers);
   if (error != cudaSuccess) return error;
   return LaunchAfter(early, SurvivorKernel, kSurvivorBlocks, kSurvivorThreads, 0, stream, buffers);
 }

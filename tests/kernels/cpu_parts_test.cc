@@ -226,29 +226,6 @@ TEST(FeatureSelection, CrowdedPlacesGiveWayToPoorerOnes) {
   EXPECT_LT(num_poor, 240);
 }
 
-// The same view in a picture of twice and of half the size: the same points.
-TEST(FeatureSelection, ResolutionOfThePictureDoesNotMatter) {
-  std::vector<ScaleSpacePoint> points = RandomPoints(3000, 320, 4);
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    // Crowded on the left, so that squares tell.
-    if (i % 3 != 0) points[i].x *= 0.2f;
-  }
-  std::vector<std::vector<std::int32_t>> selected;
-  for (const float factor : {0.9f, 1.8f, 3.6f}) {
-    const int width = static_cast<int>(320 * factor), height = static_cast<int>(240 * factor);
-    std::vector<ScaleSpacePoint> scaled = points;
-    for (ScaleSpacePoint& p : scaled) {
-      p.x *= factor;
-      p.y *= factor;
-    }
-    FeatureSelection selection(width, height, 3000);
-    const auto chosen = selection.Select(scaled, width, height, 600);
-    selected.emplace_back(chosen.begin(), chosen.end());
-  }
-  EXPECT_EQ(selected[0], selected[1]);
-  EXPECT_EQ(selected[2], selected[1]);
-}
-
 TEST(FeatureSelection, TiesGoToTheLowestIndex) {
   FeatureSelection selection(320, 240, 100);
   std::vector<ScaleSpacePoint> points(30);

@@ -32,7 +32,7 @@ struct MapperCounters {
   std::uint64_t num_places_skipped = 0;         // keyframes whose place was not looked for: the recogniser was busy
   std::uint64_t num_place_points_left_out = 0;  // of wider groups, for want of room in a question
   std::uint64_t num_merges_outdated = 0;        // answers that came too late to be applied
-  std::uint64_t num_loops_left_open = 0;        // for want of time; the map is as it was
+  std::uint64_t num_loops_left_open = 0;        // joins, too, that ended as CommonAreaVerdict::kNotJoined
   std::uint64_t num_reframings = 0;             // times that a map was moved: the epoch of what is published
   // Time spent, for the stage table; only measured when a clock is given.
   Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, merge_time{0};

@@ -49,7 +49,7 @@ enum class CommonAreaVerdict : std::uint8_t {
   kImplausibleDrift,  // inside one map: no drift could be as large as this correction
   kAmbiguous,         // another place agrees as well (place_recogniser.h)
   kOutdated,          // the maps were no longer those that it was found in when it came to joining them (mapper.h)
-  kNotJoined,         // the loop could not be closed in time (merger.h); the map is as it was
+  kNotJoined,         // no time was left, or the graph of a loop has no solution (merger.h); the maps are as they were
 };
 std::string_view ToString(CommonAreaVerdict verdict);
 

@@ -63,7 +63,7 @@ run_engine() {
 run_rest() {
   cmake --build --preset aarch64 --target tests/capture/all tests/platform/all tests/tools/all
   GTEST_FILTER="$left_out" ctest --preset aarch64 -j "$(nproc)" -R '^(capture|platform|tools)/' \
-    -E '^(platform/(session|restart|fixed_memory)|tools/(run_figures|vocabulary_command))$'
+    -E '^(platform/(session|warm_up|restart|fixed_memory)|tools/(run_figures|vocabulary_command))$'
 }
 
 map_colon() {  # map_colon NAME PROGRAM...

@@ -3,7 +3,8 @@
 #
 #     tools/checks/sanitizers.sh                            everything with both: ten times as long as tools/test.sh
 #     tools/checks/sanitizers.sh PRESET                     everything with one: asan-ubsan, tsan
-#     tools/checks/sanitizers.sh PRESET [-L LABEL] NAME...  the unit tests NAME/...; with the label, these only
+#     tools/checks/sanitizers.sh PRESET [-L LABEL] NAME...  the unit tests NAME/...; with the label, these only. A_B is A/B
+#                                                           where that has a program of its own
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 bash tools/setup.sh
@@ -25,7 +26,8 @@ if [ "$#" -gt 0 ]; then
   # No sanitizer looks at the GPU's code.
   cuda=OFF
   # What starts the program itself is no unit test.
-  tests+=(-R "^($(IFS='|'; echo "$*"))/" -E '^tools/(benchmarks|manual)$')
+  names="$(IFS='|'; echo "$*")"
+  tests+=(-R "^(($names)/|(${names//_//})\$)" -E '^tools/(benchmarks|manual)$')
 fi
 cmake --preset "$preset" -DHAUSTRA_CUDA="$cuda" > /dev/null
 cmake --build --preset "$preset" "${programs[@]}"

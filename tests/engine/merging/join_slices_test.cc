@@ -23,17 +23,21 @@ class SlicedJoin : public KnownJoin {
     merger_.emplace(colon.config(), options, noise_, colon.camera(), colon.device(), adjuster_);
     ASSERT_TRUE(merger_->Begin(plan, atlas).ok());
   }
+  Result<Merger::Progress> Slice() {
+    ++num_slices;
+    return merger_->Step({&clock_, slice_end, deadline}, plan.keyframe_a, &atlas);
+  }
   // False: that was the last one.
   bool Step() {
-    // Every slice is over as soon as it looks at the clock.
-    const JoinLimits limits{&clock_, TimePoint{}, kNoDeadline};
-    const Result<Merger::Progress> progress = merger_->Step(limits, plan.keyframe_a, &atlas);
-    ++num_slices;
+    const Result<Merger::Progress> progress = Slice();
     EXPECT_TRUE(progress.ok());
     EXPECT_EQ(CheckInvariants(atlas).ToString(), "ok");
     return progress.ok() && *progress == Merger::Progress::kMore && !testing::Test::HasFailure();
   }
   const MergeOutcome& outcome() const { return merger_->outcome(); }
+  // What was done so far that takes long.
+  std::uint64_t num_searches() { return colon.device().num_calls(ScriptedVisionDevice::Operation::kGuidedMatch); }
+  int num_iterations() const { return outcome().graph_iterations + outcome().weld_iterations; }
   // As the mapper does after a keyframe.
   void AdjustAround(int i) {
     LocalBundle bundle(colon.config(), noise_, colon.camera(), adjuster_);
@@ -60,6 +64,8 @@ class SlicedJoin : public KnownJoin {
   }
 
   MergingConfig options;
+  TimePoint slice_end;  // unless it is set, every slice is over as soon as it looks at the clock
+  TimePoint deadline = kNoDeadline;
   int num_slices = 0;
 
  private:
@@ -162,6 +168,60 @@ TEST_P(JoinSlices, MappingGoesOnBetweenAllOfThem) {
   EXPECT_GE(num_added, 4);
   EXPECT_GE(num_culled, 2);
   ExpectTruth(join);
+}
+
+// A keyframe waits for one piece of work at most: a node of the graph or its edges, a search, a step of a solver.
+TEST_P(JoinSlices, NoSliceDoesMoreThanOnePiece) {
+  SlicedJoin join;
+  Make(&join);
+  join.Begin();
+  int num_preparing = 0;
+  bool goes_on = true;
+  while (goes_on) {
+    SCOPED_TRACE("slice " + std::to_string(join.num_slices));
+    const std::uint64_t num_searches = join.num_searches();
+    const int num_iterations = join.num_iterations();
+    goes_on = join.Step();
+    EXPECT_LE(join.num_searches() - num_searches + static_cast<unsigned>(join.num_iterations() - num_iterations), 1u);
+    if (!join.outcome().has_moved && join.num_iterations() == 0) ++num_preparing;
+  }
+  EXPECT_GT(join.outcome().num_graph_nodes, 2);
+  EXPECT_GE(num_preparing, 2 * join.outcome().num_graph_nodes);
+  EXPECT_GE(join.num_searches(), 4u);
+  EXPECT_GE(join.outcome().weld_iterations, 2);
+}
+
+// The moves are linear in the atlas. However much time there is, nothing else is done in their slices.
+TEST_P(JoinSlices, MovesHaveSlicesOfTheirOwn) {
+  SlicedJoin join;
+  Make(&join);
+  join.slice_end = TimePoint(std::chrono::hours(1));
+  join.Begin();
+  std::vector<bool> is_move;
+  bool goes_on = true;
+  while (goes_on) {
+    const std::uint64_t num_searches = join.num_searches();
+    const int num_iterations = join.num_iterations();
+    goes_on = join.Step();
+    is_move.push_back(join.outcome().is_reframed);
+    if (!is_move.back()) continue;
+    EXPECT_EQ(join.num_searches(), num_searches);
+    EXPECT_EQ(join.num_iterations(), num_iterations);
+  }
+  EXPECT_EQ(is_move, std::vector<bool>({false, true, false, true}));
+}
+
+TEST_P(JoinSlices, PreparationEndsWithItsTime) {
+  SlicedJoin join;
+  Make(&join);
+  constexpr int kLooks = 9;
+  join.deadline = TickingClock::DeadlineAtLook(kLooks);
+  join.Begin();
+  Result<Merger::Progress> progress = join.Slice();
+  while (progress.ok() && *progress == Merger::Progress::kMore) progress = join.Slice();
+  EXPECT_EQ(progress.code(), StatusCode::kDeadlineExceeded);
+  EXPECT_LE(join.num_slices, kLooks);
+  EXPECT_FALSE(join.outcome().has_moved);
 }
 
 INSTANTIATE_TEST_SUITE_P(Of, JoinSlices,

@@ -594,6 +594,17 @@ TEST_F(LoopTest, TimeMayRunOutAnywhere) {
   EXPECT_TRUE(is_finished);
 }
 
+// A graph that was still moving would tear the map at the seam.
+TEST_F(LoopTest, GraphThatRanOutOfIterationsLeavesTheLoopOpen) {
+  BuildDriftingMap();
+  options_.graph_iterations = 1;
+  const Atlas before = atlas_;
+  ASSERT_EQ(Apply(Plan(2 * kTurn - 2, 1)).code(), StatusCode::kDeadlineExceeded);
+  EXPECT_EQ(outcome_.graph_state, SolveState::kPartial);
+  EXPECT_FALSE(outcome_.has_moved);
+  ExpectUntouched(before);
+}
+
 TEST_F(LoopTest, FramesFollowTheirKeyframesAndTheirScale) {
   BuildDriftingMap();
   const Tracked tracked = Track(kTurn + 20);

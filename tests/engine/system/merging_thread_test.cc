@@ -242,6 +242,43 @@ TEST(MergingThread, KeyframesAreServedBetweenTheSlicesOfAJoin) {
   }
 }
 
+// A join that was tried and given up has its event with the reason, and the maps stay as they are. When there is time
+// again the next keyframe joins them.
+TEST(MergingThread, JoinThatHadNoTimeIsToldAsNotJoinedAndTriedAgain) {
+  ScriptedColon colon;
+  AddWayBack(colon);
+  colon.config().merging.max_milliseconds = 1;
+  const TickingClock clock;
+  Parts parts(colon, &clock);
+  bool is_recognised = false;
+  while (!is_recognised) {
+    ASSERT_TRUE(parts.TrackNext());
+    parts.Map();
+    is_recognised = parts.Recognise();
+    if (!is_recognised) parts.Map();
+  }
+  const CommonAreaCounts proven = parts.places.Answered()->area.counts;
+  const std::size_t num_rejected = parts.EventsOf(MapEventKind::kMergeRejected).size();
+  parts.Map();
+  EXPECT_TRUE(parts.EventsOf(MapEventKind::kMerged).empty());
+  const std::vector<MapEvent> rejected = parts.EventsOf(MapEventKind::kMergeRejected);
+  ASSERT_EQ(rejected.size(), num_rejected + 1);
+  EXPECT_EQ(ToString(rejected.back().place.verdict), "not_joined");
+  EXPECT_EQ(rejected.back().place.keyframe_a, proven.keyframe_a);
+  EXPECT_EQ(rejected.back().map_id, proven.map_a);
+  EXPECT_EQ(rejected.back().other_map_id, proven.map_b);
+  EXPECT_EQ(parts.mapper.counters().num_loops_left_open, 1u);
+  EXPECT_EQ(CheckInvariants(parts.mapper.atlas()).ToString(), "ok");
+  colon.config().merging.max_milliseconds = 10000;
+  while (parts.EventsOf(MapEventKind::kMerged).empty()) {
+    ASSERT_TRUE(parts.TrackNext());
+    EXPECT_EQ(parts.results.back().state, TrackingState::kTracking);
+    parts.Map();
+    parts.Recognise();
+    parts.Map();
+  }
+}
+
 TEST(MergingThread, KeyframesThatComeWhileAQuestionIsOutAreAskedAboutNewestFirst) {
   ScriptedColon colon;
   AddWayBack(colon);

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "hal/fakes/manual_clock.h"
+#include "hal/fakes/timed_vision_device.h"
 #include "tests/tools/run/scripted_colon.h"
 
 namespace haustra::test {
@@ -83,6 +84,22 @@ TEST_F(InitialiserTest, ComparisonThatWasStoppedThreeTimesIsBroughtToItsEnd) {
   const ProposedView view = See(12);
   for (int i = 0; i < 3; ++i) EXPECT_EQ(Try(view, std::chrono::milliseconds(39)), TrackingReason::kNoTime);
   EXPECT_EQ(Try(view, std::chrono::milliseconds(39)), TrackingReason::kMapProposed);
+}
+
+TEST_F(InitialiserTest, DeviceIsNotWaitedForBeyondTheFrame) {
+  TimedVisionDevice slow(colon_.device(), clock_, [this](TimePoint until) { clock_.AdvanceTo(until); });
+  slow.SetModel({.match = 2 * kFramePeriod});
+  LaneWait lane(slow);
+  Initialiser initialiser(colon_.config(), colon_.camera(), slow, lane, overlay_, 1.0);
+  initialiser.Keep(See(1));
+  const ProposedView view = See(12);
+  const TimePoint due = clock_.Now() + kFramePeriod;
+  budget_.BeginFrame(due, false, false);
+  EXPECT_EQ(initialiser.Try(view, budget_), TrackingReason::kNoTime);
+  EXPECT_LE(clock_.Now(), due);
+  EXPECT_TRUE(initialiser.has_reference());
+  EXPECT_TRUE(lane.Drain(kNoDeadline));
+  initialiser.Reset();
 }
 
 // The same two views: of a wall that stands still, and of one that has moved by itself meanwhile.

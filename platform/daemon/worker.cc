@@ -69,14 +69,14 @@ class Worker {
  private:
   void Handle(const WorkerRequest& request, std::vector<int> files) {
     switch (request.command) {
-      case WorkerCommand::kPrepare: jobs_.Do([this, files] { Prepare(files); }); return;
+      case WorkerCommand::kPrepare: jobs_.Do([this, files = std::move(files)] { Prepare(files); }); return;
       case WorkerCommand::kSettings:
         SetLogLevel(static_cast<LogLevel>(request.log_level));
         snapshot_interval_ns_.store(request.snapshot_interval_ns);
         if (Procedure* procedure = procedure_.load())
           procedure->SetSnapshotInterval(Duration(request.snapshot_interval_ns));
         return;
-      case WorkerCommand::kLoad: jobs_.Do([this, files] { Load(files); }); return;
+      case WorkerCommand::kLoad: jobs_.Do([this, files = std::move(files)] { Load(files); }); return;
       case WorkerCommand::kBegin:
         jobs_.Do([this, number = request.number] {
           procedure_.load()->Start(number);
@@ -92,7 +92,9 @@ class Worker {
           Post(Filled(MakeReport(WorkerNews::kStopped)));
         });
         return;
-      case WorkerCommand::kSave: jobs_.Do([this, number = request.number, files] { Save(number, files); }); return;
+      case WorkerCommand::kSave:
+        jobs_.Do([this, number = request.number, files = std::move(files)] { Save(number, files); });
+        return;
     }
   }
 

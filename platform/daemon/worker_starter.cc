@@ -91,7 +91,7 @@ int ReceiveChannel(int socket, bool* is_over) {
 
 }  // namespace
 
-Result<std::unique_ptr<ForkedStarter>> ForkedStarter::Fork(std::vector<std::string> arguments) {
+Result<std::unique_ptr<ForkedStarter>> ForkedStarter::Fork(const std::vector<std::string>& arguments) {
   std::array<int, 2> ends{};
   if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
     return Unavailable("no socket for the starter: " + std::generic_category().message(errno));

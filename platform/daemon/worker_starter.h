@@ -16,7 +16,7 @@ namespace haustra {
 class ForkedStarter {
  public:
   // The only thread of the process calls this. `arguments`: the program and what follows its name. kUnavailable.
-  static Result<std::unique_ptr<ForkedStarter>> Fork(std::vector<std::string> arguments);
+  static Result<std::unique_ptr<ForkedStarter>> Fork(const std::vector<std::string>& arguments);
   // Ends it.
   ~ForkedStarter();
   ForkedStarter(const ForkedStarter&) = delete;

@@ -196,6 +196,8 @@ int ScriptedCamera::Answer(unsigned long request, void* argument) {
     case VIDIOC_REQBUFS: {
       auto* wanted = static_cast<v4l2_requestbuffers*>(argument);
       if (wanted->memory == V4L2_MEMORY_DMABUF && !can_import) return -EINVAL;
+      // Somebody has buffers still: the kernel gives nobody else's away.
+      if (num_maps > 0) return -EBUSY;
       memory_ = wanted->memory;
       imported_.clear();
       buffers_.assign(wanted->count, std::vector<std::uint8_t>(PictureBytes() + 16));

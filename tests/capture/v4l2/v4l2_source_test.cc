@@ -437,17 +437,26 @@ TEST(V4l2Source, MjpegIsDecodedAndGivenOutAsItCame) {
   Image grey(64, 48, PixelFormat::kGrey8);
   for (int y = 0; y < 48; ++y) std::fill_n(grey.row(y), 64, static_cast<std::uint8_t>(100 + y));
   ASSERT_TRUE(capture::internal::EncodeJpeg(grey.view(), 95, &camera.jpeg).ok());
-  const auto source = MustOpen(camera);
+  auto source = MustOpen(camera);
   const Result<Frame> frame = source->Next(kNoDeadline);
   ASSERT_TRUE(frame.ok()) << frame.status().ToString();
   EXPECT_NEAR(frame->image.row(20)[30], 120, 2);
   EXPECT_EQ(source->encoded().size(), camera.jpeg.size());
+  source.reset();
 
   camera.jpeg[camera.jpeg.size() / 2] ^= 0xff;
   camera.jpeg.resize(camera.jpeg.size() / 2);
   const auto damaged = MustOpen(camera);
   EXPECT_EQ(damaged->Next(kNoDeadline).code(), StatusCode::kDataLoss);
   EXPECT_EQ(damaged->counters().num_damaged, 1u);
+}
+
+TEST(V4l2Source, CameraThatSomebodyElseUsesIsUnavailable) {
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  const Status status = Open(camera).status();
+  EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(status.message(), HasSubstr("another program uses the camera"));
 }
 
 // Time and numbers.

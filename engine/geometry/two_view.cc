@@ -21,9 +21,12 @@ constexpr int kLocalIterations = 4;
 constexpr int kFinalIterations = 10;
 constexpr double kMovingTolerances = 2.0;
 constexpr double kMedianOfNormal = 0.6745;  // of the absolute value, in sigmas
-// Two motions are one when they differ by less than this: about the spread of one solution of a weak pair.
-constexpr double kSameRotationRad = 0.03;
-constexpr double kSameDirectionRad = 0.15;
+constexpr int kStartDirections = 16;
+// Directions of travel less far apart give much the same relief. A rival has at least this share of the best one's
+// points in front: along the line of sight fewer of them move than across it.
+constexpr double kRivalDirectionRad = 0.5;
+constexpr double kMinRivalShare = 0.2;
+constexpr double kMaxRivalRunnerUp = 0.3;  // a wall of which a third lies behind the camera explains nothing
 
 // Square of the smallest joint turn (to first order) of both bearings that makes them meet: Sampson's distance on the
 // unit sphere. The gradients are projected to the tangent planes, which takes the residual itself out of both.
@@ -54,9 +57,13 @@ SE3 Twisted(const SE3& pose) {
   return SE3(half_turn * pose.rotation, pose.translation);
 }
 
-bool IsSameMotion(const SE3& a, const SE3& b) {
-  return RotationAngle(a.rotation, b.rotation) < kSameRotationRad &&
-         a.translation.dot(b.translation) > std::cos(kSameDirectionRad);
+// Of kStartDirections the i-th, evenly spread over half of the sphere (a Fibonacci lattice). The other half has the same
+// essential matrices.
+Eigen::Vector3d SpreadDirection(int i) {
+  constexpr double kGoldenAngleRad = 2.399963229728653;
+  const double z = 1.0 - (i + 0.5) / kStartDirections;
+  const double r = std::sqrt(1.0 - z * z);
+  return {r * std::cos(kGoldenAngleRad * i), r * std::sin(kGoldenAngleRad * i), z};
 }
 
 }  // namespace
@@ -229,6 +236,47 @@ bool TwoViewRansac::PlanarTwin(const SE3& b_from_a, SE3* twin) const {
   return twin->rotation.coeffs().allFinite() && twin->translation.allFinite();
 }
 
+bool TwoViewRansac::LookForRivals(const Options& options, SE3* b_from_a, double* cost, int* num_in_front) {
+  if (options.min_rival_lead <= 0.0) return true;
+  struct Minimum {
+    SE3 b_from_a;
+    double cost = 0.0;
+    int num_in_front = 0;
+  };
+  std::array<Minimum, kStartDirections + 2> minima;
+  auto end = minima.begin();
+  *end++ = {*b_from_a, *cost, *num_in_front};
+  Options one_sided;
+  one_sided.max_runner_up_share = std::min(options.max_runner_up_share, kMaxRivalRunnerUp);
+  const auto descend = [&](const SE3& start) {
+    const double bound = *cost + options.min_rival_lead;
+    Minimum minimum{start};
+    Refine(kFinalIterations, &minimum.b_from_a);
+    minimum.cost = Cost(EssentialFromPose(minimum.b_from_a), bound);
+    if (minimum.cost < bound && ChooseDecomposition(one_sided, &minimum.b_from_a, &minimum.num_in_front)) {
+      *end++ = minimum;
+    }
+  };
+  SE3 twin;
+  Triangulate(*b_from_a);
+  if (PlanarTwin(*b_from_a, &twin)) descend(twin);
+  for (int i = 0; i < kStartDirections; ++i) {
+    if (options.should_stop && options.should_stop()) return false;
+    descend(SE3(b_from_a->rotation, SpreadDirection(i)));
+  }
+  const Minimum best =
+      *std::min_element(minima.begin(), end, [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
+  has_rival_ = std::any_of(minima.begin(), end, [&](const Minimum& rival) {
+    return rival.cost < best.cost + options.min_rival_lead &&
+           rival.num_in_front > kMinRivalShare * best.num_in_front &&
+           rival.b_from_a.translation.dot(best.b_from_a.translation) < std::cos(kRivalDirectionRad);
+  });
+  *b_from_a = best.b_from_a;
+  *cost = best.cost;
+  *num_in_front = best.num_in_front;
+  return true;
+}
+
 int TwoViewRansac::Triangulate(const SE3& b_from_a) {
   const Eigen::Matrix3d essential = EssentialFromPose(b_from_a);
   int num_inliers = 0;
@@ -248,6 +296,7 @@ int TwoViewRansac::Triangulate(const SE3& b_from_a) {
 bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<const Eigen::Vector3d> bearings_b,
                         std::span<const double> tolerance_rad, const Options& options, Rng& rng, Estimate* estimate) {
   num_matches_ = 0;
+  has_rival_ = false;
   const int min_inliers = std::max(options.min_inliers, kMinMatches);
   if (bearings_a.size() > static_cast<std::size_t>(max_matches_)) return false;
   num_matches_ = static_cast<int>(bearings_a.size());
@@ -303,22 +352,7 @@ bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<c
 
   int num_inliers = 0, num_moving = 0, num_in_front = 0;
   if (ChooseDecomposition(options, &best, &num_in_front)) {
-    num_inliers = Triangulate(best);
-    SE3 twin;
-    int twin_in_front = 0;
-    if (PlanarTwin(best, &twin)) {
-      Refine(kFinalIterations, &twin);
-      const double twin_cost = Cost(EssentialFromPose(twin), best_cost + options.min_twin_lead);
-      if (twin_cost < best_cost + options.min_twin_lead && ChooseDecomposition(options, &twin, &twin_in_front) &&
-          twin_in_front > options.max_runner_up_share * num_in_front && !IsSameMotion(best, twin)) {
-        num_inliers = 0;
-        if (twin_cost + options.min_twin_lead <= best_cost) {  // the search had settled on the wrong one
-          best = twin;
-          best_cost = twin_cost;
-          num_inliers = Triangulate(best);
-        }
-      }
-    }
+    if (LookForRivals(options, &best, &best_cost, &num_in_front)) num_inliers = Triangulate(best);
     for (int i = 0; i < num_matches_; ++i) {
       if (inliers_[i] &&
           parallax_rad_[i] * parallax_rad_[i] * inverse_tolerance2_[i] > kMovingTolerances * kMovingTolerances) {
@@ -326,7 +360,11 @@ bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<c
       }
     }
   }
-  if (num_inliers < min_inliers || num_moving < options.min_moving_share * num_inliers || num_moving < kMinMatches) {
+  // Where nothing moves every motion is a rival of every other.
+  const bool is_found =
+      num_inliers >= min_inliers && num_moving >= options.min_moving_share * num_inliers && num_moving >= kMinMatches;
+  has_rival_ = has_rival_ && is_found;
+  if (!is_found || has_rival_) {
     std::fill_n(inliers_.begin(), num_matches_, std::uint8_t{0});
     return false;
   }

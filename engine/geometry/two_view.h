@@ -23,8 +23,9 @@ class TwoViewRansac {
     double confidence = 0.999;         // (0, 1): stop when a better sample has become this unlikely
     int min_inliers = 20;              // 8 and up: with fewer, Run returns false
     double max_runner_up_share = 0.7;  // (0, 1): of the four decompositions, points in front in the second best / best
-    double min_twin_lead = 3.0;  // 0 and up: by how much (units of score) a scene near a plane must fit better than the
-                                 //   second motion that explains a plane. Below, the choice is chance
+    // 0 and up, units of score: by how much any other motion must fit worse. Near a plane, and where the scope has hardly
+    // turned around anything, a relief and its mirror image fit alike, and the choice is chance. 0: none is looked for.
+    double min_rival_lead = 3.0;
     double min_moving_share =
         0.25;  // [0, 1]: inliers whose parallax is beyond twice their tolerance. Below, the motion
                //   may as well be a rotation, and translation and depth are noise
@@ -60,6 +61,8 @@ class TwoViewRansac {
   bool Run(std::span<const Eigen::Vector3d> bearings_a, std::span<const Eigen::Vector3d> bearings_b,
            std::span<const double> tolerance_rad, const Options& options, Rng& rng, Estimate* estimate);
 
+  // The last Run found a motion, and another one that fits nearly as well: it returned false.
+  bool has_rival() const { return has_rival_; }
   // Of the last Run, one entry a match: 1 for an inlier, which has a point in front of both cameras.
   std::span<const std::uint8_t> inliers() const { return {inliers_.data(), static_cast<std::size_t>(num_matches_)}; }
   // Triangulated points in camera a, in units of the baseline, and the angles between their rays. Only the entries of
@@ -87,10 +90,14 @@ class TwoViewRansac {
   bool ChooseDecomposition(const Options& options, SE3* b_from_a, int* num_in_front) const;
   // The second motion that the plane through the triangulated points would allow; false when there is none.
   bool PlanarTwin(const SE3& b_from_a, SE3* twin) const;
+  // Descends from the twin and from directions all around: chance does not decide which minimum is found. Replaces the
+  // motion by the lowest one; sets has_rival_ where another one costs hardly more. False when it was stopped.
+  bool LookForRivals(const Options& options, SE3* b_from_a, double* cost, int* num_in_front);
   int Triangulate(const SE3& b_from_a);
 
   int max_matches_;
   int num_matches_ = 0;
+  bool has_rival_ = false;
   std::span<const Eigen::Vector3d> bearings_a_;
   std::span<const Eigen::Vector3d> bearings_b_;
   std::vector<double> inverse_tolerance2_;

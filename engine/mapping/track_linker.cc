@@ -20,7 +20,7 @@ TwoViewRansac::Options VerificationOptions() {
   TwoViewRansac::Options options;
   options.max_iterations = 200;
   options.max_runner_up_share = 1.0;
-  options.min_twin_lead = 0.0;
+  options.min_rival_lead = 0.0;
   options.min_moving_share = 0.0;
   return options;
 }

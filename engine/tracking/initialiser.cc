@@ -150,6 +150,7 @@ TrackingReason Initialiser::Compare(const ProposedView& view, const FrameBudget&
   ransac.should_stop = [&budget] { return budget.ShouldStopInitialising(); };
   const bool found = ransac_.Run(bearings_a_, bearings_b_, tolerance_, ransac, rng_, &estimate);
   if (!found && budget.ShouldStopInitialising()) return TrackingReason::kNoTime;
+  if (ransac_.has_rival()) return TrackingReason::kUncertainMotion;
   num_inliers_ = found ? estimate.num_inliers : 0;
   if (!found || num_inliers_ < options.min_points || num_inliers_ < options.min_inlier_share * num_matches_) {
     return TrackingReason::kNoEpipolarGeometry;

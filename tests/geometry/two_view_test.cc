@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tuple>
 #include <vector>
 
@@ -164,6 +165,57 @@ TEST(TwoViewRansac, PlaneIsSolvedOrRefusedButNotMistaken) {
   EXPECT_LE(mistaken, kScenes * 2 / 100);
 }
 
+// Two motions explain a plane alike, so neither is taken, and the caller hears why.
+TEST(TwoViewRansac, PlaneHasARival) {
+  Rng rng(18);
+  TwoViewRansac ransac(300);
+  int num_refused = 0, num_rivals = 0;
+  for (int trial = 0; trial < kScenes / 2; ++trial) {
+    const TwoViewScene scene =
+        MakeTwoViewScene(rng, Shape::kPlane, 200, Eigen::Vector3d(0.5, 0.2, 0.1), 0.1, 0.3 * kHalfPixelRad);
+    TwoViewRansac::Estimate estimate;
+    const bool found = ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate);
+    EXPECT_FALSE(found && ransac.has_rival());
+    if (found) continue;
+    ++num_refused;
+    num_rivals += ransac.has_rival() ? 1 : 0;
+    EXPECT_EQ(std::count(ransac.inliers().begin(), ransac.inliers().end(), 1), 0);
+  }
+  ASSERT_GT(num_refused, kScenes / 10);
+  EXPECT_GE(num_rivals, num_refused * 9 / 10);
+  TwoViewRansac::Estimate estimate;
+  const TwoViewScene still = MakeTwoViewScene(rng, Shape::kBox, 200, Eigen::Vector3d::Zero(), 0.1, kHalfPixelRad);
+  EXPECT_FALSE(ransac.Run(still.a, still.b, still.tolerance, {}, rng, &estimate));
+  EXPECT_FALSE(ransac.has_rival());  // a scope that only turned has no motion to choose
+}
+
+// A short baseline among many false matches: samples alone end in this minimum or in that one.
+TEST(TwoViewRansac, LowestMinimumIsFoundWhateverTheSeed) {
+  Rng scene_rng(19);
+  TwoViewRansac ransac(300);
+  TwoViewRansac::Options options;
+  options.max_runner_up_share = 0.99;
+  options.min_moving_share = 0.0;
+  int num_scenes = 0, num_alike = 0;
+  for (int trial = 0; trial < kScenes / 8; ++trial) {
+    const TwoViewScene scene =
+        MakeTwoViewScene(scene_rng, Shape::kBox, 200, Eigen::Vector3d(0.06, 0.02, 0.0), 0.4, kHalfPixelRad);
+    double least = std::numeric_limits<double>::infinity(), most = 0.0;
+    for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+      Rng rng(seed);
+      TwoViewRansac::Estimate estimate;
+      if (!ransac.Run(scene.a, scene.b, scene.tolerance, options, rng, &estimate)) continue;
+      least = std::min(least, estimate.score);
+      most = std::max(most, estimate.score);
+    }
+    if (most == 0.0) continue;
+    ++num_scenes;
+    num_alike += most - least < 4.0 ? 1 : 0;
+  }
+  ASSERT_GT(num_scenes, kScenes / 10);
+  EXPECT_GE(num_alike, num_scenes * 80 / 100);
+}
+
 TEST(TwoViewRansac, SlightlyCurvedWallIsSolved) {
   // Folds of a tenth of the distance are enough to tell the two explanations of the plane apart.
   Rng rng(17);
@@ -207,7 +259,7 @@ TEST(TwoViewRansac, DirectionSigmaIsTheSpreadOfTheDirection) {
     // NoisyBearing is that of one bearing along each axis, as the tolerances take it to be.
     const double ratio = std::sqrt(error2 / sigma2);
     EXPECT_GT(ratio, 0.7) << count << " matches, baseline " << baseline;
-    EXPECT_LT(ratio, 1.6) << count << " matches, baseline " << baseline;
+    EXPECT_LT(ratio, 1.7) << count << " matches, baseline " << baseline;
   }
 }
 

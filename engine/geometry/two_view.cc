@@ -57,8 +57,8 @@ SE3 Twisted(const SE3& pose) {
   return SE3(half_turn * pose.rotation, pose.translation);
 }
 
-// Of kStartDirections the i-th, evenly spread over half of the sphere (a Fibonacci lattice). The other half has the same
-// essential matrices.
+// Of kStartDirections the i-th, evenly spread over half of the sphere (a Fibonacci lattice). The other half has the
+// same essential matrices.
 Eigen::Vector3d SpreadDirection(int i) {
   constexpr double kGoldenAngleRad = 2.399963229728653;
   const double z = 1.0 - (i + 0.5) / kStartDirections;
@@ -267,8 +267,7 @@ bool TwoViewRansac::LookForRivals(const Options& options, SE3* b_from_a, double*
   const Minimum best =
       *std::min_element(minima.begin(), end, [](const Minimum& a, const Minimum& b) { return a.cost < b.cost; });
   has_rival_ = std::any_of(minima.begin(), end, [&](const Minimum& rival) {
-    return rival.cost < best.cost + options.min_rival_lead &&
-           rival.num_in_front > kMinRivalShare * best.num_in_front &&
+    return rival.cost < best.cost + options.min_rival_lead && rival.num_in_front > kMinRivalShare * best.num_in_front &&
            rival.b_from_a.translation.dot(best.b_from_a.translation) < std::cos(kRivalDirectionRad);
   });
   *b_from_a = best.b_from_a;

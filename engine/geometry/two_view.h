@@ -23,8 +23,9 @@ class TwoViewRansac {
     double confidence = 0.999;         // (0, 1): stop when a better sample has become this unlikely
     int min_inliers = 20;              // 8 and up: with fewer, Run returns false
     double max_runner_up_share = 0.7;  // (0, 1): of the four decompositions, points in front in the second best / best
-    // 0 and up, units of score: by how much any other motion must fit worse. Near a plane, and where the scope has hardly
-    // turned around anything, a relief and its mirror image fit alike, and the choice is chance. 0: none is looked for.
+    // 0 and up, units of score: by how much any other motion must fit worse. Near a plane, and where the scope has
+    // hardly turned around anything, a relief and its mirror image fit alike, and the choice is chance. 0: none is
+    // looked for.
     double min_rival_lead = 3.0;
     double min_moving_share =
         0.25;  // [0, 1]: inliers whose parallax is beyond twice their tolerance. Below, the motion

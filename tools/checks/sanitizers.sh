@@ -25,9 +25,9 @@ if [ "$#" -gt 0 ]; then
   programs=(--target "${@/#/test_}")
   # No sanitizer looks at the GPU's code.
   cuda=OFF
-  # What starts the program itself is no unit test.
+  # What starts the program itself is no unit test, and a test that replaces malloc has no place beside a sanitizer.
   names="$(IFS='|'; echo "$*")"
-  tests+=(-R "^(($names)/|(${names//_//})\$)" -E '^tools/(benchmarks|manual)$')
+  tests+=(-R "^(($names)/|(${names//_//})\$)" -E '^(tools/(benchmarks|manual)|platform/fixed_memory)$')
 fi
 cmake --preset "$preset" -DHAUSTRA_CUDA="$cuda" > /dev/null
 cmake --build --preset "$preset" "${programs[@]}"

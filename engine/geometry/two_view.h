@@ -1,8 +1,8 @@
 // Relative pose of two calibrated views from matched bearings, with outliers: RANSAC on five points (five_point.h),
-// MSAC score on the angular Sampson error, local optimisation on the manifold of essential matrices, decomposition by
-// the points in front of both cameras, triangulation. The paper uses eight points (Longuet-Higgins 1981); five need
-// fewer trials and, unlike eight, still work when the points lie on a plane or a quadric such as a tube around the
-// camera.
+// MSAC score on the angular Sampson error, local optimisation on the manifold of essential matrices, descents from
+// directions all around, decomposition by the points in front of both cameras, triangulation. The paper uses eight
+// points (Longuet-Higgins 1981); five need fewer trials and, unlike eight, still work when the points lie on a plane or
+// a quadric such as a tube around the camera.
 #pragma once
 
 #include <cstdint>
@@ -57,8 +57,8 @@ class TwoViewRansac {
   //                               both have the same sigma (1.96 sigma for 95 %)
   // False, with `estimate` untouched and inliers() all zero, when the spans differ in length, hold fewer than
   // min_inliers or more than max_matches, when too few matches agree on a motion, when they agree with a pure
-  // rotation, when two decompositions are about equally good, or when the scene is so flat that two motions are. Cost:
-  // about 20 us and at most 15 ns a match for each iteration and root.
+  // rotation, when two decompositions are about equally good, or when two motions are. Cost: about 20 us and at most 15
+  // ns a match for each iteration and root; the descents add a tenth.
   bool Run(std::span<const Eigen::Vector3d> bearings_a, std::span<const Eigen::Vector3d> bearings_b,
            std::span<const double> tolerance_rad, const Options& options, Rng& rng, Estimate* estimate);
 

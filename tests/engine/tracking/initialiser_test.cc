@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <numbers>
+#include <span>
+#include <vector>
 
 #include "hal/fakes/manual_clock.h"
 #include "hal/fakes/timed_vision_device.h"
@@ -50,6 +52,28 @@ class InitialiserTest : public testing::Test {
       view->features.keypoints[i].y_px += static_cast<float>(px * std::sin(0.1 * i));
     }
     FillBearings(view);
+  }
+  // The same features on a plane before camera a, whose z grows by `slope` a unit of x, seen from b.
+  ProposedView SeePlaneFrom(const SE3& b_from_a, double slope, const ProposedView& view_in_a) {
+    constexpr double kZ = 3.0;
+    ProposedView view(colon_.config().features.max);
+    CopyView(view_in_a, &view);
+    view.timestamp += std::chrono::seconds(1);
+    for (int i = 0; i < view.features.num; ++i) {
+      const Eigen::Vector3d ray = view_in_a.features.bearing(i).cast<double>();
+      const Eigen::Vector3d point = kZ / (ray.z() - slope * ray.x()) * ray;
+      Eigen::Vector2d pixel;
+      EXPECT_TRUE(colon_.camera().Project(b_from_a * point, &pixel));
+      view.features.keypoints[i].x_px = static_cast<float>(pixel.x());
+      view.features.keypoints[i].y_px = static_cast<float>(pixel.y());
+    }
+    FillBearings(&view);
+    std::vector<std::uint8_t> descriptors(static_cast<std::size_t>(view.features.num) * 128);
+    EXPECT_TRUE(colon_.device().ReadDescriptors(view.features.set, descriptors).ok());
+    view.features.set = colon_.device().CreateFeatureSet().value();
+    const std::span keypoints(view.features.keypoints.data(), static_cast<std::size_t>(view.features.num));
+    EXPECT_TRUE(colon_.device().WriteFeatures(view.features.set, keypoints, descriptors).ok());
+    return view;
   }
   // `gone`: of the frame's 40 ms, before the comparison.
   TrackingReason Try(const ProposedView& view, Duration gone) {
@@ -115,6 +139,16 @@ TEST_F(InitialiserTest, FoundingIsRefusedWhereTheMatchesLeaveTheDirectionOpen) {
   // Nothing but the limit refuses it.
   limit_deg = 5.0;
   EXPECT_EQ(Try(view, Duration{0}), TrackingReason::kMapProposed);
+}
+
+// Two motions explain a plane. The reference is as good as before, and a later view may decide.
+TEST_F(InitialiserTest, FoundingWaitsWhereTwoMotionsFitAlike) {
+  const ProposedView first = See(1);
+  const ProposedView second = SeePlaneFrom(SE3(Eigen::Quaterniond::Identity(), {0.3, 0.1, 0.05}), 0.4, first);
+  initialiser_.Keep(first);
+  EXPECT_EQ(Try(second, Duration{0}), TrackingReason::kUncertainMotion);
+  EXPECT_TRUE(initialiser_.has_reference());
+  EXPECT_FALSE(initialiser_.is_worn_out());
 }
 
 }  // namespace

@@ -108,6 +108,15 @@ class Parts {
     places.Answer();
     return task->is_known;
   }
+  // Frame by frame, until a place was recognised of which the mapper has not yet heard. False: the video ended first.
+  bool TrackUntilRecognised() {
+    while (TrackNext()) {
+      Map();
+      if (Recognise()) return true;
+      Map();
+    }
+    return false;
+  }
   std::vector<MapEvent> EventsOf(MapEventKind kind) const {
     std::vector<MapEvent> found;
     std::copy_if(events.begin(), events.end(), std::back_inserter(found),
@@ -210,13 +219,7 @@ TEST(MergingThread, KeyframesAreServedBetweenTheSlicesOfAJoin) {
   colon.config().merging.max_milliseconds = 10000;
   const TickingClock clock;
   Parts parts(colon, &clock);
-  bool is_recognised = false;
-  while (!is_recognised) {
-    ASSERT_TRUE(parts.TrackNext());
-    parts.Map();
-    is_recognised = parts.Recognise();
-    if (!is_recognised) parts.Map();
-  }
+  ASSERT_TRUE(parts.TrackUntilRecognised());
   const std::uint64_t before = parts.num_keyframes();
   int num_waiting = 0, longest = 0;  // steps of the mapper while a keyframe waits
   for (int step = 0; parts.EventsOf(MapEventKind::kMerged).empty(); ++step) {
@@ -250,13 +253,7 @@ TEST(MergingThread, JoinThatHadNoTimeIsToldAsNotJoinedAndTriedAgain) {
   colon.config().merging.max_milliseconds = 1;
   const TickingClock clock;
   Parts parts(colon, &clock);
-  bool is_recognised = false;
-  while (!is_recognised) {
-    ASSERT_TRUE(parts.TrackNext());
-    parts.Map();
-    is_recognised = parts.Recognise();
-    if (!is_recognised) parts.Map();
-  }
+  ASSERT_TRUE(parts.TrackUntilRecognised());
   const CommonAreaCounts proven = parts.places.Answered()->area.counts;
   const std::size_t num_rejected = parts.EventsOf(MapEventKind::kMergeRejected).size();
   parts.Map();

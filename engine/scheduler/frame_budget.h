@@ -43,8 +43,9 @@ using StageTimes = std::array<Duration, kNumStages>;
 
 class FrameBudget {
  public:
-  // `clock` may be null: nothing is timed, everything is affordable.
+  // `config` outlives it. `clock` may be null: nothing is timed, everything is affordable.
   FrameBudget(const SchedulerConfig& config, const Clock* clock);
+  FrameBudget(const SchedulerConfig&& config, const Clock* clock) = delete;
 
   // Chooses between full and reduced stages for a frame that is tracked, or looked for (is_tracking: false). needs_all:
   // the scope is lost, or nearly so; it has no pose that could be late, and what few features find or found is poor.

@@ -39,7 +39,8 @@ GOOD_TREE = {
     "tools/report/demo.svg": "<svg/>\n",
     "tools/benchmarks/results/2026-11-23-3e3d8e5.md": "| colon_1 | 96.5 (90.1) | 0.30 mm |\n",
     "tools/benchmarks/peers.json": '{"coverage": [88]}\n',
-    "kernels/cuda/decisions/2026-11-22-bands.md": f"# Bands\n\n{LONG}. Before 91.0 us.\n",
+    "CHANGELOG.md": f"{LONG}. `gone.h` went.\n",
+    "kernels/cuda/decisions/2026-11-22-bands.md": "# Bands\n\nBefore 91.0 us.\n" + "\n" * 57,
     "build/README.md": f"{LONG}. [gone](gone.md)\n",
     ".git/README.md": f"{LONG}.\n",
     ".github/CONTRIBUTING.md": "See [README](../README.md).\n",
@@ -49,7 +50,7 @@ for folder in ("hal", "kernels", "capture", "engine", "platform", "toolchains", 
 GOOD_TREE["config/README.md"] = """# config
 
 <!-- figures: preset.h -->
-It moves by 4 % within 3 seconds, see [C++20](preset.h). `0.7 ms` is what is typed.
+It moves by 4 % within 3 seconds, see [C++20](preset.h). `0.7 ms` is what is typed, `config/preset.h` and `preset.h` are files.
 """
 GOOD_TREE["config/preset.h"] = "constexpr double kMotion = 0.04;\n"
 GOOD_TREE["hal/README.md"] = "# hal\n\n- A look takes 91 us ([why](../kernels/cuda/decisions/2026-11-22-bands.md)).\n"
@@ -70,6 +71,11 @@ BAD_FILES = [
     ("README.md", README + "\n" + LONG.replace(" ", "\n") + "\n", "a sentence of 36 words"),
     ("engine/README.md", f"# engine\n\n{LONG}.\n", "engine/README.md:3: a sentence of 36 words"),
     ("engine/io/README.md", f"{LONG}.\n", "engine/io/README.md:1: a sentence of 36 words"),
+    ("engine/decisions/2026-11-22-one.md", f"# One\n\n{LONG}.\n", "2026-11-22-one.md:3: a sentence of 36 words"),
+    ("engine/decisions/2026-11-22-one.md", "# One\n" + "\n" * 60, "2026-11-22-one.md:61: 61 lines, 60 are allowed"),
+    ("engine/README.md", "# engine\n\nSee `io/gone.h`.\n", "engine/README.md:3: there is no io/gone.h"),
+    ("engine/README.md", "| `gone.py --all` | what |\n|---|---|\n", "engine/README.md:1: there is no gone.py"),
+    ("engine/README.md", "# engine\n\nSee `set.h`.\n", "engine/README.md:3: there is no set.h"),
     ("README.md", README + "\n[gone](engine/gone.md)\n", "the link to engine/gone.md leads nowhere"),
     ("README.md", README + '\n<img src="gone.svg">\n', "the link to gone.svg leads nowhere"),
     ("CHANGELOG.md", "[gone](gone.md)\n", "CHANGELOG.md:1: the link to gone.md leads nowhere"),

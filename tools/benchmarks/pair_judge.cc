@@ -26,7 +26,7 @@ TwoViewRansac::Options RansacOptions() {
   options.confidence = 0.9999;
   options.min_inliers = 8;
   options.max_runner_up_share = 0.999;
-  options.min_twin_lead = 0.0;
+  options.min_rival_lead = 0.0;
   options.min_moving_share = 0.0;
   return options;
 }

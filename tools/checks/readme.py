@@ -4,8 +4,10 @@
     readme.py [ROOT]      ROOT defaults to the repository that this file lies in
 
 - README.md has at most 120 lines, and every top folder has a README.md.
-- No sentence of a README.md has more than 35 words. Code, tables, headings and comments do not count; a piece of inline code
-  and a link's text are one word and its words.
+- No sentence of a README.md or a decision record has more than 35 words. Code, tables, headings and comments do not count; a
+  piece of inline code and a link's text are one word and its words.
+- A decision record is a page at most: 60 lines.
+- Source files and scripts that inline code of a README.md names are in the tree, at any place that ends with the name.
 - Links to files of the tree resolve, in every .md file.
 - README.md has one block of results between its markers, with a link to a results file. Every number of its table occurs in
   that file or in tools/benchmarks/peers.json.
@@ -25,7 +27,7 @@ from pathlib import Path
 
 from checker import Violations, root_of, verdict
 
-MAX_LINES, MAX_WORDS = 120, 35
+MAX_LINES, MAX_RECORD_LINES, MAX_WORDS = 120, 60, 35
 TOP_FOLDERS = ["hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"]
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 PEERS = "tools/benchmarks/peers.json"
@@ -36,6 +38,7 @@ SOURCE = re.compile(r"\]\(([^)\s#]*(?:benchmarks/results/|decisions/)[^)\s#]+\.m
 # A number by itself: not a part of a name, a size (720x540), a version or a revision.
 NUMBER = re.compile(r"(?<![\w./-])\d+(?:\.\d+)?(?![\w/]|\.\d|-\d)")
 QUANTITY = re.compile(rf"({NUMBER.pattern})(?: ?(%|(?:ms|us|mm)\b))?")
+SOURCE_FILE = re.compile(r"(?<![\w./*{])[\w-][\w./-]*\.(?:h|cc|cuh?|c|py|sh|cmake)(?![\w.])")
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)[^)]*\)|\b(?:src|href)=\"([^\"]+)\"")
 
 
@@ -109,15 +112,24 @@ def known_numbers(path):
 
 
 class Checker(Violations):
-    def documents(self):
-        """Every .md file of the tree; what is built and what is hidden are no part of it, .github is."""
+    def files(self):
+        """Every file of the tree; what is built and what is hidden are no part of it, .github is."""
         for folder, folders, files in os.walk(self.root):
             is_root = Path(folder) == self.root
             folders[:] = sorted(f for f in folders if (not f.startswith(".") or f == ".github") and
                                 not (is_root and f.startswith(("build", "out"))))
             for name in sorted(files):
-                if name.endswith(".md"):
-                    yield Path(folder) / name
+                yield Path(folder) / name
+
+    def check_lines(self, path, text, limit):
+        if (count := len(text.splitlines())) > limit:
+            self.report(path, count, f"{count} lines, {limit} are allowed")
+
+    def check_names(self, path, text, places):
+        for number, line in lines_of(text):
+            for name in SOURCE_FILE.findall(" ".join(re.findall(r"`([^`]*)`", line))):
+                if not any(place.endswith("/" + name) for place in places):
+                    self.report(path, number, f"there is no {name}")
 
     def check_sentences(self, path, text):
         for line, paragraph in paragraphs(text):
@@ -201,16 +213,21 @@ class Checker(Violations):
         for folder in TOP_FOLDERS:
             if not (self.root / folder / "README.md").is_file():
                 self.report(self.root / folder, 0, "has no README.md")
-        for path in self.documents():
+        files = list(self.files())
+        places = ["/" + path.relative_to(self.root).as_posix() for path in files]
+        for path in (path for path in files if path.suffix == ".md"):
             text = path.read_text(encoding="utf-8")
             self.check_links(path, text)
+            if path.parent.name == "decisions":
+                self.check_lines(path, text, MAX_RECORD_LINES)
+                self.check_sentences(path, text)
             if path.name != "README.md":
                 continue
             self.check_sentences(path, text)
+            self.check_names(path, text, places)
             self.check_prose(path, text)
             if path.parent == self.root:
-                if (count := len(text.splitlines())) > MAX_LINES:
-                    self.report(path, count, f"{count} lines, {MAX_LINES} are allowed")
+                self.check_lines(path, text, MAX_LINES)
                 self.check_results(path, text)
                 if BEGIN in text and END in text:
                     inside = text[text.index(BEGIN):text.index(END)]

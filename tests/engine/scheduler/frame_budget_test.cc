@@ -274,7 +274,8 @@ TEST(FrameBudget, FoundingThatTakesItsTimeWaitsForTheDeviceBeyondTheDeadline) {
     budget.EndInitialising(i < 3);
     budget.EndFrame();
   }
-  FrameBudget timeless(SchedulerConfig{}, nullptr);
+  const SchedulerConfig config;
+  FrameBudget timeless(config, nullptr);
   timeless.BeginFrame(kNoDeadline, false, false);
   EXPECT_TRUE(timeless.MayInitialise());
   EXPECT_FALSE(timeless.ShouldStopInitialising());

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <CLI/CLI.hpp>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -96,6 +97,23 @@ TEST_F(CommandLineTest, DeinterlaceTakesItsThreeWordsAndNamesAnyOther) {
   } catch (const CLI::ParseError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("--deinterlace"), HasSubstr("bob")));
   }
+}
+
+TEST_F(CommandLineTest, WordThatIsNoCommandIsNamedWithTheNearestOne) {
+  const auto answer = [this](const std::string& typed) {
+    std::ostringstream out, err;
+    try {
+      app_.parse(typed, false);
+      return std::string("accepted");
+    } catch (const CLI::ParseError& error) {
+      app_.exit(error, out, err);
+    }
+    return out.str() + err.str();
+  };
+  EXPECT_EQ(answer("rnu a"), "rnu: no such command; did you mean run?\nRun with --help for more information.\n");
+  EXPECT_EQ(answer("segment a"), "segment: no such command\nRun with --help for more information.\n");
+  EXPECT_EQ(answer(""), "A subcommand is required\nRun with --help for more information.\n");
+  EXPECT_EQ(answer("--versoin"), "--versoin: no such option\nRun with --help for more information.\n");
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   plan.Add(MemoryPlace::kHost, "published snapshot", 1,
            sizeof(haustra_snapshot) + config.engine.memory.max_map_points * sizeof(haustra_point),
            "memory.max_map_points");
-  HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostBytes()));
+  HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostMemory()));
   HAUSTRA_ASSIGN(procedure->device_, context.make_device(config, calibration));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
   // The device itself: what the first request takes is no silence.

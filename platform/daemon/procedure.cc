@@ -1,6 +1,7 @@
 #include "platform/daemon/procedure.h"
 
 #include <algorithm>
+#include <thread>
 #include <utility>
 
 #include "platform/assemble.h"
@@ -28,7 +29,9 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   const CameraCalibration& calibration = procedure->source_->calibration();
   const ImageView mask = procedure->source_->static_mask();
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
-  HAUSTRA_ASSIGN(MemoryPlan plan, PlanMemory(config.engine, calibration, config.vision.device, config.vision.threads));
+  HAUSTRA_ASSIGN(MemoryPlan plan,
+                 PlanMemory(config.engine, calibration, config.vision.device,
+                            NumVisionThreads(config, static_cast<int>(std::thread::hardware_concurrency()))));
   plan.Add(MemoryPlace::kHost, "published snapshot", 1,
            sizeof(haustra_snapshot) + config.engine.memory.max_map_points * sizeof(haustra_point),
            "memory.max_map_points");

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "engine/config.h"
@@ -17,11 +18,22 @@ namespace haustra {
 Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibration& calibration, std::string_view device,
                               int num_threads);
 
-// Whether the plan fits memory.max_host_mb and memory.max_device_mb, and what this machine has left
-// (`available_host_bytes`, 0: not known). kCapacityExceeded names the line that does not fit.
-Status CheckMemory(const MemoryPlan& plan, const EngineConfig& config, std::uint64_t available_host_bytes);
+// How much memory there is for a process, and what says so.
+struct HostMemory {
+  std::uint64_t bytes = 0;  // 0: not known
+  std::string limit;        // "this machine's available memory"
+};
 
-// MemAvailable of /proc/meminfo in bytes; 0 when it cannot be read.
-std::uint64_t AvailableHostBytes();
+// Whether the plan fits memory.max_host_mb and memory.max_device_mb, and what this process may have. kCapacityExceeded
+// names the line that does not fit and the limit.
+Status CheckMemory(const MemoryPlan& plan, const EngineConfig& config, const HostMemory& available);
+
+// The smallest of what /proc/meminfo has available and the limits of the process's control group and those above it,
+// which kill it (MemoryMax= of a unit, a container's limit).
+HostMemory AvailableHostMemory();
+
+// The smallest limit of a control group in bytes, 0: none. `groups` is what /proc/self/cgroup says, `mount` where the
+// groups lie (/sys/fs/cgroup); groups of both versions are looked at.
+std::uint64_t MemoryLimitOfGroups(const std::string& groups, const std::string& mount);
 
 }  // namespace haustra

@@ -1,5 +1,6 @@
 #include "platform/daemon/daemon_config.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdlib>
 #include <type_traits>
@@ -45,8 +46,8 @@ std::vector<ConfigField> DaemonConfigFields() {
 
   add(BindChoice<&C::vision, &VisionConfig::device>("vision.device", {"cpu", "cuda"}, "what extracts and matches",
                                                     kRestart));
-  add(BindField<&C::vision, &VisionConfig::threads>("vision.threads", {0, 256}, "threads",
-                                                    "of the CPU device; 0: one a core", kRestart));
+  add(BindField<&C::vision, &VisionConfig::threads>(
+      "vision.threads", {0, 256}, "threads", "of the CPU device; 0: one a core, one less with rt.enabled", kRestart));
   add(BindField<&C::vision, &VisionConfig::answer_limit_ms>("vision.answer_limit_ms", {50, 600000}, "ms",
                                                             "without an answer: the vision device hangs", kRestart));
 
@@ -100,6 +101,11 @@ Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
   for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
   HAUSTRA_TRY(CheckEngineConfig(store.config().engine));
   return store;
+}
+
+int NumVisionThreads(const DaemonConfig& config, int num_processors) {
+  if (config.vision.threads > 0) return config.vision.threads;
+  return std::max(1, config.engine.rt.enabled ? num_processors - 1 : num_processors);
 }
 
 void FillFolders(FilesConfig* files) {

@@ -1,6 +1,7 @@
 #include "platform/daemon/procedure.h"
 
 #include <algorithm>
+#include <thread>
 #include <utility>
 
 #include "platform/assemble.h"
@@ -28,11 +29,13 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   const CameraCalibration& calibration = procedure->source_->calibration();
   const ImageView mask = procedure->source_->static_mask();
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
-  HAUSTRA_ASSIGN(MemoryPlan plan, PlanMemory(config.engine, calibration, config.vision.device, config.vision.threads));
+  HAUSTRA_ASSIGN(MemoryPlan plan,
+                 PlanMemory(config.engine, calibration, config.vision.device,
+                            NumVisionThreads(config, static_cast<int>(std::thread::hardware_concurrency()))));
   plan.Add(MemoryPlace::kHost, "published snapshot", 1,
            sizeof(haustra_snapshot) + config.engine.memory.max_map_points * sizeof(haustra_point),
            "memory.max_map_points");
-  HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostBytes()));
+  HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostMemory()));
   HAUSTRA_ASSIGN(procedure->device_, context.make_device(config, calibration));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
   // The device itself: what the first request takes is no silence.

@@ -221,7 +221,8 @@ class Worker {
 
 WorkerParts SystemWorkerParts() {
   return {OpenSource, [](const DaemonConfig& config, const CameraCalibration& calibration) {
-            return CreateVisionDevice(config.vision.device, config.engine, calibration, config.vision.threads);
+            return CreateVisionDevice(config.vision.device, config.engine, calibration,
+                                      NumVisionThreads(config, static_cast<int>(std::thread::hardware_concurrency())));
           }};
 }
 

@@ -250,12 +250,12 @@ class RealTimeSession {
       outcome.begin = clock_.Now();
       const ThreadUseMeter meter(thread_watch_);
       outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.handed_over + period_);
-      outcome.use = meter.Read();
       const TimePoint end = clock_.Now();
       outcome.processing = outcome.tracking = end - outcome.begin;
       outcome.latency = end - slot.due;
       outcome.is_late = end > outcome.deadline;
       if (hooks_ != nullptr) hooks_->OnTracked(outcome);
+      outcome.use = meter.Read();
       outcomes_.TryPush(outcome);
       newest_tracked_.store(outcome.result.frame_index, std::memory_order_relaxed);
       map_work_.Post();

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <iterator>
 #include <set>
 #include <string>
 #include <thread>
@@ -258,6 +259,12 @@ TEST_F(Daemon, KillAtAnyMomentLeavesWholeMapsAndAProcedureThatGoesOn) {
   EXPECT_EQ(StopAndWait(), 0);
 }
 
+// What the kernel lists of a process in /proc: "fd", "task".
+int NumListed(pid_t pid, const std::string& what) {
+  const fs::path folder = "/proc/" + std::to_string(pid) + "/" + what;
+  return static_cast<int>(std::distance(fs::directory_iterator(folder), fs::directory_iterator()));
+}
+
 TEST_F(Daemon, ManyProceduresTakeNoMoreMemoryThanAFew) {
   RecordProperty("req", "MEM-002");
   if (HAUSTRA_SANITIZED) GTEST_SKIP() << "a sanitizer keeps what is freed, on purpose";
@@ -270,6 +277,7 @@ TEST_F(Daemon, ManyProceduresTakeNoMoreMemoryThanAFew) {
   ASSERT_NO_FATAL_FAILURE(StartReady(
       {"--set", "vision.threads=1", "--set", "memory.max_map_points=20000", "--set", "memory.max_keyframes=100"}));
   double most_of_first = 0.0, last = 0.0;
+  int num_files = 0, num_threads = 0;  // of the supervisor; the worker is another one each time
   for (int i = 0; i < num_procedures; ++i) {
     ASSERT_NO_FATAL_FAILURE(BeginAndMap("case-" + std::to_string(i)));
     ASSERT_EQ(service_.Ask("end wipe"), "wiped\n");
@@ -278,8 +286,15 @@ TEST_F(Daemon, ManyProceduresTakeNoMoreMemoryThanAFew) {
     const std::size_t at = metrics.find(name);
     ASSERT_NE(at, std::string::npos);
     last = std::stod(metrics.substr(at + name.size()));
-    if (i < kNumFirst) most_of_first = std::max(most_of_first, last);
+    if (i < kNumFirst) {
+      most_of_first = std::max(most_of_first, last);
+      num_files = NumListed(service_.pid(), "fd");
+      num_threads = NumListed(service_.pid(), "task");
+    }
   }
+  // A client that has hung up may be noticed a moment later.
+  EXPECT_LE(NumListed(service_.pid(), "fd"), num_files + 1);
+  EXPECT_LE(NumListed(service_.pid(), "task"), num_threads);
   EXPECT_LE(last, most_of_first + kPages_bytes);
   RecordProperty("growth_bytes", std::to_string(last - most_of_first));
   EXPECT_EQ(StopAndWait(), 0);

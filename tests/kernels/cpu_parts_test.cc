@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cmath>
+#include <ctime>
 #include <random>
 #include <thread>
 #include <vector>
@@ -123,6 +124,54 @@ TEST(LanePool, HelpersFollowTheSchedulingOfTheThreadTheyHelp) {
     EXPECT_EQ(policy.load(), SCHED_BATCH);
   });
   caller.join();
+}
+
+// On one processor, with a thread whose priority lies between that of ordinary ones and the caller's: it does not run
+// while a helper is in a task, or the caller would wait for it, too.
+TEST(LanePool, WorkOfAPriorityBetweenDoesNotHoldUpAHelper) {
+  std::atomic<bool> is_in_task{false};
+  std::atomic<bool> is_done{false};
+  std::atomic<int> num_seen{0};
+  bool may_be_real_time = true;
+  std::thread caller([&] {
+    const auto set_fifo = [](int priority) {
+      const sched_param parameters{priority};
+      return pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters) == 0;
+    };
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    CPU_SET(sched_getcpu(), &one);
+    ASSERT_EQ(pthread_setaffinity_np(pthread_self(), sizeof one, &one), 0);
+    LanePool pool(2);  // its helper stays on this processor
+    if (!set_fifo(20)) {
+      may_be_real_time = false;
+      return;
+    }
+    ASSERT_TRUE(pool.FollowThisThread());
+    std::thread between([&] {
+      EXPECT_TRUE(set_fifo(10));
+      while (!is_done) num_seen += is_in_task ? 1 : 0;
+    });
+    std::atomic<bool> is_begun{false};
+    RunAll(pool, 2, [&](int, int worker) {
+      if (worker == 0) {
+        while (!is_begun) std::this_thread::yield();
+        return;
+      }
+      is_in_task = is_begun = true;
+      std::this_thread::yield();  // to the caller, which then waits
+      // Longer than what the kernel gives ordinary threads when real-time ones have used up their share.
+      for (timespec used{}; used.tv_sec == 0 && used.tv_nsec < 200'000'000;) {
+        clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);
+      }
+      is_in_task = false;
+    });
+    is_done = true;
+    between.join();
+  });
+  caller.join();
+  if (!may_be_real_time) GTEST_SKIP() << "this machine gives nobody a real-time priority";
+  EXPECT_EQ(num_seen.load(), 0);
 }
 
 // ---- Mask -----------------------------------------------------------------------------------------------------------

@@ -164,7 +164,7 @@ int Measure(LatencyArguments arguments) {
   if (!camera.ok()) return console::Fail(kLatencyCommand, camera.status());
   const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
   if (!plan.ok()) return console::Fail(kLatencyCommand, plan.status());
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok())
+  if (const Status status = CheckMemory(*plan, config, AvailableHostMemory()); !status.ok())
     return console::Fail(kLatencyCommand, status);
   const Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);

@@ -61,7 +61,7 @@ int Plan(const PlanArguments& arguments) {
     console::Note(kPlanCommand, "what the CUDA driver takes for itself, some hundred MB, is not in the plan");
   }
   // After the table: what does not fit is to be seen in it.
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok())
+  if (const Status status = CheckMemory(*plan, config, AvailableHostMemory()); !status.ok())
     return console::Fail(kPlanCommand, status);
   return kExitOk;
 }

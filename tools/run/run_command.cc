@@ -211,7 +211,7 @@ int Run(const RunArguments& arguments) {
   }
   const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
   if (!plan.ok()) return console::Fail(kRunCommand, plan.status());
-  if (const Status status = CheckMemory(*plan, config, AvailableHostBytes()); !status.ok())
+  if (const Status status = CheckMemory(*plan, config, AvailableHostMemory()); !status.ok())
     return console::Fail(kRunCommand, status);
   Result<std::unique_ptr<VisionDevice>> device =
       CreateVisionDevice(arguments.device, config, calibration, arguments.threads);

@@ -116,7 +116,7 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
   const CameraCalibration& calibration = source->calibration();
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
   HAUSTRA_ASSIGN(const MemoryPlan plan, PlanMemory(config, calibration, arguments.device, arguments.threads));
-  HAUSTRA_TRY(CheckMemory(plan, config, AvailableHostBytes()));
+  HAUSTRA_TRY(CheckMemory(plan, config, AvailableHostMemory()));
   HAUSTRA_ASSIGN(const std::unique_ptr<VisionDevice> device,
                  CreateVisionDevice(arguments.device, config, calibration, arguments.threads));
   HAUSTRA_TRY(device->SetStaticMask(source->static_mask()));

@@ -51,6 +51,7 @@ class DaemonDevice : public testing::Test {
     script_->is_making_held = false;
     Terminate();
     daemon_.reset();
+    EXPECT_EQ(script_->num_races, 0) << "the thread sanitizer has reported a worker";
     munmap(script_, sizeof *script_);
     fs::remove_all(folder_);
   }

@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -128,12 +130,12 @@ TEST(MemoryPlan, OfCudaNeedsNoGpuAndNamesWhatTheDeviceLacks) {
   ASSERT_TRUE(plan.ok());
   EXPECT_GT(plan->device_bytes(), 1612ull * 2000 * (128 + 24 + 4));
   EXPECT_GT(plan->bytes(MemoryPlace::kHostPinned), 0u);
-  EXPECT_TRUE(CheckMemory(*plan, config, 0).ok());
+  EXPECT_TRUE(CheckMemory(*plan, config, {}).ok());
   config.memory.max_keyframes = 4000;
   const Result<MemoryPlan> more = PlanMemory(config, test::ColonCalibration(), "cuda", 2);
   ASSERT_TRUE(more.ok());
   config.memory.max_host_mb = 0.0;
-  const Status status = CheckMemory(*more, config, 0);
+  const Status status = CheckMemory(*more, config, {});
   EXPECT_EQ(status.code(), StatusCode::kCapacityExceeded);
   EXPECT_THAT(status.message(), HasSubstr("device memory: 'feature sets (cuda)'"));
   EXPECT_THAT(status.message(), HasSubstr("memory.max_device_mb allows 1000.0 MB"));
@@ -150,7 +152,7 @@ TEST(MemoryPlan, EveryProfileFitsItsOwnLimitAtTheSizeOfAnEndoscope) {
       const Result<MemoryPlan> plan = PlanMemory(config->config(), camera, device, 4);
       if (plan.code() == StatusCode::kUnavailable) continue;
       ASSERT_TRUE(plan.ok());
-      const Status status = CheckMemory(*plan, config->config(), 0);
+      const Status status = CheckMemory(*plan, config->config(), {});
       EXPECT_TRUE(status.ok()) << profile << ": " << status.ToString();
     }
   }
@@ -161,16 +163,62 @@ TEST(MemoryPlan, WhatDoesNotFitIsNamed) {
   config.memory.max_map_points = 4'000'000;
   const Result<MemoryPlan> plan = PlanMemory(config, test::ColonCalibration(), "cpu", 2);
   ASSERT_TRUE(plan.ok());
-  const Status over_limit = CheckMemory(*plan, config, 0);
+  const Status over_limit = CheckMemory(*plan, config, {});
   EXPECT_EQ(over_limit.code(), StatusCode::kCapacityExceeded);
   EXPECT_THAT(over_limit.message(), HasSubstr("'map points'"));
   EXPECT_THAT(over_limit.message(), HasSubstr("memory.max_map_points"));
   EXPECT_THAT(over_limit.message(), HasSubstr("memory.max_host_mb allows 1800.0 MB"));
   config.memory.max_host_mb = 0;
-  EXPECT_TRUE(CheckMemory(*plan, config, 0).ok());
-  EXPECT_THAT(CheckMemory(*plan, config, 500'000'000).message(),
+  EXPECT_TRUE(CheckMemory(*plan, config, {}).ok());
+  EXPECT_THAT(CheckMemory(*plan, config, {500'000'000, "this machine's available memory"}).message(),
               HasSubstr("this machine's available memory allows 500.0 MB"));
-  EXPECT_GT(AvailableHostBytes(), 10'000'000u);
+  EXPECT_GT(AvailableHostMemory().bytes, 10'000'000u);
+}
+
+// A limit that kills is known before anything is taken: of the group itself, or of one above it.
+TEST(MemoryPlan, LimitOfTheControlGroupIsFoundInBothVersions) {
+  namespace fs = std::filesystem;
+  const std::string mount = testing::TempDir() + "control_groups";
+  fs::remove_all(mount);
+  const auto write = [&](const std::string& group, const std::string& name, const std::string& text) {
+    fs::create_directories(mount + group);
+    std::ofstream(mount + group + name) << text << "\n";
+  };
+  write("/system.slice/haustrad.service", "/memory.max", "3221225472");
+  write("/system.slice", "/memory.max", "max");
+  write("/memory/jobs/one", "/memory.limit_in_bytes", "9223372036854771712");
+  write("/memory/jobs", "/memory.limit_in_bytes", "500000000");
+  EXPECT_EQ(MemoryLimitOfGroups("0::/system.slice/haustrad.service\n", mount), 3221225472u);
+  EXPECT_EQ(MemoryLimitOfGroups("0::/system.slice\n", mount), 0u);
+  EXPECT_EQ(MemoryLimitOfGroups("7:blkio:/\n4:memory:/jobs/one\n0::/\n", mount), 500000000u) << "of the one above";
+  EXPECT_EQ(MemoryLimitOfGroups("0::/not/seen/from/here\n", mount), 0u);
+  EXPECT_EQ(MemoryLimitOfGroups("nonsense\n0:\n", mount), 0u);
+  fs::remove_all(mount);
+}
+
+// The unit as it is shipped has room for the default pools at the largest picture, and for the file of a procedure that
+// goes on, which is read as a whole.
+TEST(MemoryPlan, UnitOfTheServiceHasRoomForTheDefaultPools) {
+  std::ifstream unit(HAUSTRA_CONFIG_FOLDER "/service/haustrad.service");
+  double limit_bytes = 0.0;
+  for (std::string line; std::getline(unit, line);) {
+    if (!line.starts_with("MemoryMax=")) continue;
+    ASSERT_TRUE(line.ends_with("G")) << line;
+    limit_bytes = std::stod(line.substr(line.find('=') + 1)) * 1024 * 1024 * 1024;
+  }
+  ASSERT_GT(limit_bytes, 0.0) << "no MemoryMax= in the unit";
+  CameraCalibration camera = test::ColonCalibration();
+  camera.width_px = 1920;
+  camera.height_px = 1080;
+  const EngineConfig config;
+  const double file_bytes =
+      1.0 * (kDescriptorBytes + sizeof(Keypoint)) * config.features.max * config.memory.max_keyframes;
+  for (const char* device : {"cpu", "cuda"}) {
+    const Result<MemoryPlan> plan = PlanMemory(config, camera, device, 16);
+    if (plan.code() == StatusCode::kUnavailable) continue;
+    ASSERT_TRUE(plan.ok());
+    EXPECT_LE(static_cast<double>(plan->host_bytes()) + file_bytes, limit_bytes) << device;
+  }
 }
 
 TEST(MemoryProfiles, MediumIsTheDefault) {

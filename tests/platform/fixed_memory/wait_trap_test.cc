@@ -16,6 +16,8 @@
 #include "engine/io/byte_sink.h"
 #include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
+#include "platform/publish/pose_ring_writer.h"
+#include "platform/publish/published_records.h"
 #include "platform/realtime/wake_signal.h"
 #include "platform/session/session.h"
 #include "platform/session/watched_vision_device.h"
@@ -162,10 +164,13 @@ class WaitWatcher final : public test::RecordingObserver {
   }
 };
 
-// A checkpoint whenever the mapper has a moment, beside tracking.
+// A checkpoint whenever the mapper has a moment, beside tracking, which publishes each answer as the service does.
 class AlwaysSaves final : public SessionHooks {
  public:
-  explicit AlwaysSaves(const Engine& engine) : engine_(engine) {}
+  AlwaysSaves(const Engine& engine, PoseRingWriter& ring) : engine_(engine), ring_(ring) {}
+  void OnTracked(const FrameOutcome& outcome) override {
+    ring_.PublishPose(PoseRecord(outcome.result, outcome.due, outcome.due, 1));
+  }
   void BetweenMapSteps() override {
     StringSink sink;
     if (num_calls_++ % 8 == 0) num_saves += engine_.SaveAtlas(sink).ok();
@@ -174,6 +179,7 @@ class AlwaysSaves final : public SessionHooks {
 
  private:
   const Engine& engine_;
+  PoseRingWriter& ring_;
   int num_calls_ = 0;
 };
 
@@ -187,7 +193,10 @@ WatchedRun RunWatched(test::ScriptedColon& colon, UnwatchedDevice& inner, WaitWa
   const SystemClock clock;
   WatchedVisionDevice device(inner, clock, std::chrono::seconds(600));
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, device, &clock);
-  AlwaysSaves hooks(*engine);
+  const std::string path = testing::TempDir() + "wait_trap_poses_" + std::to_string(::getpid());
+  const auto ring = PoseRingWriter::Create(path, 0600, ::getgid()).value();
+  ::unlink(path.c_str());
+  AlwaysSaves hooks(*engine, *ring);
   RealTimeOptions options;
   options.rate = 2.0;
   options.rt.enabled = false;

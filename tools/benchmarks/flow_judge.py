@@ -40,7 +40,8 @@ TARGETS = 5             # frames after a recovery that are asked
 STARTS = (0, 3)         # frames before the last pose of before the loss, where chains begin: the last one is often thin
 SAMPLES = 16            # chains of tracked stretches
 MIN_SAMPLES = 4         # of a length, else nothing is known of it
-TRUE_RATIO, FALSE_RATIO = 4.0, 8.0  # of the distance and what the clip allows; the record of decisions has the evidence
+# Of the distance and what the clip allows. Nine recoveries of one clip known from their record: true 0.7 to 1.9, false 10.9 to 20.5.
+TRUE_RATIO, FALSE_RATIO = 4.0, 8.0
 
 
 class Refusal(Exception):
@@ -125,7 +126,7 @@ def epipolar_distances(essential, a, b):
 
 
 def essential_of(pose_a, pose_b):
-    """Of two world_from_cam poses (rotation, position): b' E a = 0. A pure rotation has the position's noise for a direction."""
+    """Of two world_from_cam poses (rotation, position): b' E a = 0."""
     rotation = pose_b[0].T @ pose_a[0]
     t = pose_b[0].T @ (pose_a[1] - pose_b[1])
     t = t / max(np.linalg.norm(t), 1e-300)
@@ -322,7 +323,7 @@ class Judge:
 
     @staticmethod
     def usual(samples, length, key):
-        """Median of the tracked stretches of this length, or of the nearest below, grown with the length: None if under half."""
+        """Median of the tracked stretches of this length, or of the nearest below, grown with it; None if under half."""
         below = [n for n in samples if n <= length]
         if not below or 2 * max(below) < length:
             return None

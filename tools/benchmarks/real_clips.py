@@ -170,12 +170,12 @@ def table(rows):
     return "\n".join(lines) + "\n"
 
 
-LEGEND = """Median over the seeds, in brackets the worst, or the range where no value is worse than another. Reference: share
-of the frames that its model has, those between two neighbouring images included. Pairs joined: pairs of maps that share a
-view by the reference, of all seeds, and how many of them are one map at the end. Error: RMS of the camera centres after one
-Sim(3), in percent of the median scene depth of that map. Recoveries judged: poses after a loss in a map
-that was there before, of all seeds, that optical flow tells true or false. Time of a frame: mean of tracking and mapping in turn; runs side by
-side make it longer.
+LEGEND = """Median over the seeds, in brackets the worst, or the range where no value is worse than another. Reference: share of the
+frames that its model has, those between two neighbouring images included. Pairs joined: pairs of maps that share a view
+by the reference, of all seeds, and how many of them are one map at the end. Error: RMS of the camera centres after one
+Sim(3), in percent of the median scene depth of that map. Recoveries judged: poses after a loss in a map that was there
+before, of all seeds, that optical flow tells true or false. Time of a frame: mean of tracking and mapping in turn; runs
+side by side make it longer.
 """
 
 

@@ -7,10 +7,12 @@ settings or the clip have changed.
 
 A clip is a folder with frames/, times.txt, calib.yaml and, where there are, mask.png and reference.txt: poses of a part of
 the frames (TUM, world_from_cam) in units of their own. CLIP:FIRST-LAST takes only these frames, counted from 0, both
-included, by a folder of links under OUT. Needs only the standard library.
+included, by a folder of links under OUT. Needs only the standard library; with numpy and OpenCV recoveries are judged as well
+(flow_judge.py).
 """
 
 import argparse
+import importlib.util
 import json
 import pathlib
 import re
@@ -20,6 +22,7 @@ import sys
 
 import runs
 
+JUDGES_FLOW = all(importlib.util.find_spec(name) for name in ("cv2", "numpy"))
 PICTURES = {".png", ".jpg", ".jpeg"}
 SAME_STAMP_S = 1e-4
 
@@ -106,6 +109,33 @@ def figures_of(report):
     return figures
 
 
+def flow_of(folder, sequence):
+    """How many recoveries the run of `folder` has, how many were judged and are false; None where none can be judged."""
+    run, record, product = folder / "run", folder / "recoveries_made_with.json", folder / "recoveries.json"
+    if not JUDGES_FLOW or not (run / "frames.csv").is_file():
+        return None
+    import flow_judge  # pylint: disable=import-outside-toplevel
+    made_with = [runs.digest_of_file(f) for f in (pathlib.Path(flow_judge.__file__), run / "frames.csv", run / "summary.json")]
+    if not runs.is_made(record, made_with, product):
+        try:
+            found = flow_judge.judge(run, sequence)
+        except (flow_judge.Refusal, OSError, ValueError) as error:
+            print(f"{folder}: recoveries are not judged: {error}", file=sys.stderr)
+            return None
+        product.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+        record.write_text(json.dumps(made_with), encoding="utf-8")
+    found = json.loads(product.read_text(encoding="utf-8"))
+    return {"all": len(found["recoveries"]), "judged": found["judged"], "false": found["false"]}
+
+
+def flow_cells(figures):
+    flows = runs.known(f.get("recoveries_by_flow") for f in figures)
+    if not flows:
+        return ["-", "-"]
+    judged, count, false = (sum(f[key] for f in flows) for key in ("judged", "all", "false"))
+    return [f"{judged} of {count}", str(false)]
+
+
 def cell(values, digits, worst):
     """Median of the seeds, and in brackets the worst, or the range where none is worse."""
     values = runs.known(values)
@@ -127,22 +157,25 @@ def pairs_cell(figures):
 
 def table(rows):
     """Markdown. Rows: clip's name, number of frames, coverage of the reference or None, figures of each seed."""
-    headings = ["clip", "frames", "runs", "reference %", *(c[0] for c in COLUMNS), "pairs joined", "false joins"]
+    headings = ["clip", "frames", "runs", "reference %", *(c[0] for c in COLUMNS), "recoveries judged", "false",
+                "pairs joined", "false joins"]
     lines = ["| " + " | ".join(headings) + " |", "|---" * len(headings) + "|"]
     for name, frames, reference, figures in rows:
         cells = [name, str(frames), str(len(figures)), runs.text(reference, 1)]
         cells += [cell([f[key] for f in figures], digits, worst) for _, key, digits, worst in COLUMNS]
         judged = reference is not None and figures
+        cells += flow_cells(figures)
         cells += [pairs_cell(figures), str(sum(f["false_joins"] for f in figures)) if judged else "-"]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
-LEGEND = """Median over the seeds, in brackets the worst, or the range where no value is worse than another. Reference: share
-of the frames that its model has, those between two neighbouring images included. Pairs joined: pairs of maps that share a
-view by the reference, of all seeds, and how many of them are one map at the end. Error: RMS of the camera centres after one
-Sim(3), in percent of the median scene depth of that map. Time of a frame: mean of tracking and mapping in turn; runs side by
-side make it longer.
+LEGEND = """Median over the seeds, in brackets the worst, or the range where no value is worse than another. Reference: share of the
+frames that its model has, those between two neighbouring images included. Pairs joined: pairs of maps that share a view
+by the reference, of all seeds, and how many of them are one map at the end. Error: RMS of the camera centres after one
+Sim(3), in percent of the median scene depth of that map. Recoveries judged: poses after a loss in a map that was there
+before, of all seeds, that optical flow tells true or false. Time of a frame: mean of tracking and mapping in turn; runs
+side by side make it longer.
 """
 
 
@@ -155,6 +188,11 @@ def main():
     clips = [Clip(argument) for argument in arguments.clips]
     reports, failed = runs.run_seeds(arguments, clips, judge=arguments.judge)
     figures = {name: {seed: figures_of(report) for seed, report in of_seed.items()} for name, of_seed in reports.items()}
+    out = arguments.out.resolve()
+    for clip in clips:
+        for seed, of_seed in figures[clip.name].items():
+            of_seed["recoveries_by_flow"] = flow_of(out / clip.name / f"seed_{seed}", clip.folder if clip.range is None
+                                                    else out / "sequences" / clip.name)
     rows = [(clip.name, len(clip.frames), clip.reference_coverage(),
              [figures[clip.name][seed] for seed in sorted(figures[clip.name])]) for clip in clips]
     markdown = LEGEND + "\n" + table(rows)

@@ -45,7 +45,7 @@ def digest_of_sequence(sequence):
     return digest.hexdigest()
 
 
-def _is_made(record, made_with, product):
+def is_made(record, made_with, product):
     """Whether a record says that the product was made with just this."""
     try:
         return product.exists() and json.loads(record.read_text(encoding="utf-8")) == made_with
@@ -75,7 +75,7 @@ def judged_run(folder, haustra, sequence, run_options, judge=None, truth=None, j
     run_record, judge_record = folder / "run_made_with.json", folder / "evaluation_made_with.json"
     run_with = {"program": digest_of_file(haustra), "sequence": digest_of_sequence(sequence),
                 "options": [str(o) for o in run_options], "files": [digest_of_file(f) for f in files]}
-    if not _is_made(run_record, run_with, out / "summary.json"):
+    if not is_made(run_record, run_with, out / "summary.json"):
         for old in (run_record, judge_record, figures):
             old.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
@@ -86,7 +86,7 @@ def judged_run(folder, haustra, sequence, run_options, judge=None, truth=None, j
     events = truth.parent / "events.csv" if truth else None
     judge_with = {"program": digest_of_file(judge), "run": run_with, "options": [str(o) for o in judge_options],
                   "truth": [digest_of_file(f) for f in (truth, events) if f and f.is_file()]}
-    if not _is_made(judge_record, judge_with, figures):
+    if not is_made(judge_record, judge_with, figures):
         command = [judge, "evaluate", out, "--json", figures, "--overwrite", *judge_options]
         if truth:
             command += ["--groundtruth", truth]

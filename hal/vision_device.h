@@ -105,6 +105,14 @@ struct Ticket {
   std::uint64_t value = 0;
 };
 
+// Where a feature that was to be followed is now, input pixels.
+struct FollowedPoint {
+  float x_px = 0.0f;
+  float y_px = 0.0f;
+  bool is_found = false;  // to a pixel or two, most of the time
+  bool is_sure = false;   // well enough to become a feature
+};
+
 struct ExtractRequest {
   ImageView image;       // any PixelFormat; size at most the plan's
   FeatureSetHandle set;  // receives keypoints and descriptors
@@ -119,8 +127,12 @@ struct ExtractRequest {
   // (kernels/common/flow_parameters.h), where the set has room for more than ExtractOptions::num_features. Those that
   // are found, and that detection has not found, become features like any other: scale, angle, octave and response as
   // before, a descriptor of their own. None are followed after a picture of another size, a request that failed or
-  // was given up, or by a device that cannot.
+  // was given up, or by a device that cannot. At most twice the plan's max_features.
   std::span<const Keypoint> follow = {};
+  // Of the first so many of them no features come: the caller only asks where they are. They need no room in the set.
+  int num_only_followed = 0;
+  // Optional, one for each of `follow`: where it is now, whether it became a feature or not.
+  std::span<FollowedPoint> followed_to = {};
   std::int32_t* num_followed = nullptr;  // optional: how many of the keypoints, the last ones, were followed
 };
 

@@ -288,6 +288,7 @@ void ScriptedVisionDevice::RunExtract(const ExtractRequest& request, LaneState& 
   }
   *request.num_keypoints = set->num;
   if (request.num_followed != nullptr) *request.num_followed = 0;  // it knows no optical flow
+  std::fill(request.followed_to.begin(), request.followed_to.end(), FollowedPoint{});
 }
 
 ScriptedEntry ScriptedVisionDevice::ResolveRef(const DescriptorRef& ref) {

@@ -23,6 +23,10 @@ inline constexpr float kFlowMinGradient2 = 1e-3f;
 // tissue drift (kernels/decisions/2026-11-23-features-are-followed.md).
 inline constexpr float kFlowMaxReturnPx = 0.3f;
 inline constexpr float kFlowMinCorrelation = 0.9f;
+// Where a feature may be, for callers that ask for the motion of many and make no features of them: in blur few are
+// sure.
+inline constexpr float kFlowMaxRoughReturnPx = 1.5f;
+inline constexpr float kFlowMinRoughCorrelation = 0.8f;
 // A feature that detection has found this near, at nearly the same scale, is not followed: distance in scales, and at
 // least in pixels; factor of the scales.
 inline constexpr float kFlowSameDistance = 0.7f;

@@ -163,9 +163,18 @@ Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const Visio
     return InvalidArgument("image of " + SizeText(image.width, image.height) + " does not fit the static mask of " +
                            SizeText(static_mask_width, static_mask_height));
   }
-  if (request.follow.size() > static_cast<std::size_t>(plan.max_features)) {
-    return InvalidArgument(std::to_string(request.follow.size()) + " features to follow, the plan has " +
-                           std::to_string(plan.max_features));
+  const std::size_t num_follow = request.follow.size();
+  if (num_follow > static_cast<std::size_t>(MaxFollowed(plan))) {
+    return InvalidArgument(std::to_string(num_follow) + " features to follow, at most " +
+                           std::to_string(MaxFollowed(plan)) + " can be");
+  }
+  if (request.num_only_followed < 0 || static_cast<std::size_t>(request.num_only_followed) > num_follow) {
+    return InvalidArgument(std::to_string(request.num_only_followed) + " of " + std::to_string(num_follow) +
+                           " features are only to be followed");
+  }
+  if (!request.followed_to.empty() && request.followed_to.size() != num_follow) {
+    return InvalidArgument("room for " + std::to_string(request.followed_to.size()) + " followed features, " +
+                           std::to_string(num_follow) + " are to be followed");
   }
   for (const Keypoint& keypoint : request.follow) {
     // Negated to catch NaN.
@@ -180,6 +189,14 @@ Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const Visio
                            std::to_string(plan.max_features) + " and their number are needed");
   }
   return Status::Ok();
+}
+
+void DeliverFollowed(std::span<const FollowedPoint> followed, std::span<FollowedPoint> wanted) {
+  if (followed.empty()) {
+    std::fill(wanted.begin(), wanted.end(), FollowedPoint{});
+  } else {
+    std::copy_n(followed.begin(), wanted.size(), wanted.begin());
+  }
 }
 
 std::int32_t ListSize(const DescriptorList& list, const FeatureCounts& counts) {

@@ -28,6 +28,11 @@ Status CheckGuidedMatchRequest(const GuidedMatchRequest& request, const VisionPl
 Status CheckFeaturesToWrite(std::span<const Keypoint> keypoints, std::span<const std::uint8_t> descriptors,
                             const VisionPlan& plan);
 
+// How many features of the last picture one request may have followed.
+inline int MaxFollowed(const VisionPlan& plan) { return 2 * plan.max_features; }
+// Hands over where they are, as the caller wants them or not. Nothing followed: none is found.
+void DeliverFollowed(std::span<const FollowedPoint> followed, std::span<FollowedPoint> wanted);
+
 // Number of entries of a checked list.
 std::int32_t ListSize(const DescriptorList& list, const FeatureCounts& counts);
 

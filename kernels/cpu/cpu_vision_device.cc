@@ -198,6 +198,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
       std::copy_n(work.set->keypoints, num_features, work.extract.keypoints.data());
       *work.extract.num_keypoints = num_features;
       if (work.extract.num_followed != nullptr) *work.extract.num_followed = work.extractor->num_followed();
+      DeliverFollowed(work.extractor->followed_to(), work.extract.followed_to);
       sets_.Publish(work.extract.set, num_features);
       sets_.Release(work.extract.set);
     } else if (work.kind != WorkKind::kNone) {
@@ -211,6 +212,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   bool Drop(LaneWork& work, TimePoint deadline) {
     if (!work.pool.Drop(deadline)) return false;
     if (work.kind == WorkKind::kExtraction) {
+      work.extractor->ForgetPicture();
       sets_.AbandonWrite(work.extract.set);
       sets_.Release(work.extract.set);
     }

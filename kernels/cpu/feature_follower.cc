@@ -58,13 +58,16 @@ void FeatureFollower::Keep(std::span<const Plane> levels) {
   }
 }
 
-bool FeatureFollower::Follow(std::span<const Plane> levels, float x_px, float y_px, float* x_now_px,
-                             float* y_now_px) const {
+FeatureFollower::Answer FeatureFollower::Follow(std::span<const Plane> levels, float x_px, float y_px, float* x_now_px,
+                                                float* y_now_px) const {
   const std::span<const Plane> kept(levels_.data(), num_levels_);
-  if (FollowThrough(kernels_, kept, levels, x_px, y_px, x_now_px, y_now_px) < kFlowMinCorrelation) return false;
+  const float there = FollowThrough(kernels_, kept, levels, x_px, y_px, x_now_px, y_now_px);
+  if (there < kFlowMinRoughCorrelation) return Answer::kLost;
   float back_x = 0.0f, back_y = 0.0f;
-  if (FollowThrough(kernels_, levels, kept, *x_now_px, *y_now_px, &back_x, &back_y) < kFlowMinCorrelation) return false;
-  return std::hypot(back_x - x_px, back_y - y_px) <= kFlowMaxReturnPx;
+  const float back = FollowThrough(kernels_, levels, kept, *x_now_px, *y_now_px, &back_x, &back_y);
+  const float correlation = std::min(there, back), distance = std::hypot(back_x - x_px, back_y - y_px);
+  if (correlation >= kFlowMinCorrelation && distance <= kFlowMaxReturnPx) return Answer::kSure;
+  return correlation >= kFlowMinRoughCorrelation && distance <= kFlowMaxRoughReturnPx ? Answer::kRough : Answer::kLost;
 }
 
 }  // namespace haustra::kernels

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
 
 #include "hal/vision_device.h"
@@ -23,9 +24,13 @@ class FeatureFollower {
   void Keep(std::span<const Plane> levels);
   void Forget() { num_levels_ = 0; }
 
-  // Where the point of the kept picture is in another one with the same levels; input pixels. False: it is not to be
-  // found, or not surely.
-  bool Follow(std::span<const Plane> levels, float x_px, float y_px, float* x_now_px, float* y_now_px) const;
+  enum class Answer : std::uint8_t {
+    kLost,
+    kRough,  // where it may be
+    kSure,   // well enough for a feature
+  };
+  // Where the point of the kept picture is in another one with the same levels; input pixels.
+  Answer Follow(std::span<const Plane> levels, float x_px, float y_px, float* x_now_px, float* y_now_px) const;
 
  private:
   const SiftKernels& kernels_;

@@ -65,7 +65,7 @@ SiftExtractor::SiftExtractor(const VisionPlan& plan, const ExtractOptions& optio
       num_angles_(options.num_features),
       features_(plan.max_features),
       follower_(plan, kernels_),
-      followed_(plan.max_features) {
+      followed_(MaxFollowed(plan)) {
   refinement_.contrast_threshold =
       options.contrast_threshold > 0.0f ? options.contrast_threshold : kDefaultContrastThreshold;
   refinement_.edge_threshold = options.edge_threshold;
@@ -117,7 +117,7 @@ std::size_t SiftExtractor::BytesFor(const VisionPlan& plan, const ExtractOptions
          AlignedBuffer<float>::BytesFor(static_cast<std::size_t>(options.num_features) * kMaxOrientations) +
          AlignedBuffer<std::int32_t>::BytesFor(options.num_features) +
          AlignedBuffer<Feature>::BytesFor(plan.max_features) + FeatureFollower::BytesFor(plan) +
-         AlignedBuffer<Followed>::BytesFor(plan.max_features);
+         AlignedBuffer<FollowedPoint>::BytesFor(MaxFollowed(plan));
 }
 
 void SiftExtractor::Prefault() {
@@ -138,7 +138,7 @@ void SiftExtractor::Prefault() {
   num_angles_.SetZero();
   for (std::size_t i = 0; i < features_.size(); ++i) features_[i] = Feature{};
   follower_.Prefault();
-  for (std::size_t i = 0; i < followed_.size(); ++i) followed_[i] = Followed{};
+  for (std::size_t i = 0; i < followed_.size(); ++i) followed_[i] = FollowedPoint{};
 }
 
 void SiftExtractor::SetSize(int width_px, int height_px) {
@@ -170,6 +170,7 @@ void SiftExtractor::Begin(const ExtractRequest& request, const ImageView& static
   // Before the levels of the last picture are overwritten.
   const bool is_same_size = image_.width == width_px_ && image_.height == height_px_;
   follow_ = has_levels_ && is_same_size ? request.follow : std::span<const Keypoint>{};
+  num_only_followed_ = request.num_only_followed;
   if (!follow_.empty()) follower_.Keep(Levels());
   has_levels_ = false;
   SetSize(image_.width, image_.height);
@@ -415,8 +416,11 @@ void SiftExtractor::BeginToFollow() {
   pool_.Begin(NumTasks(static_cast<int>(follow_.size()), kFollowedPerTask), [this, levels](int task, int) {
     const int last = std::min((task + 1) * kFollowedPerTask, static_cast<int>(follow_.size()));
     for (int i = task * kFollowedPerTask; i < last; ++i) {
-      Followed& followed = followed_[i];
-      followed.is_found = follower_.Follow(levels, follow_[i].x_px, follow_[i].y_px, &followed.x_px, &followed.y_px);
+      FollowedPoint& followed = followed_[i];
+      const FeatureFollower::Answer answer =
+          follower_.Follow(levels, follow_[i].x_px, follow_[i].y_px, &followed.x_px, &followed.y_px);
+      followed.is_found = answer != FeatureFollower::Answer::kLost;
+      followed.is_sure = answer == FeatureFollower::Answer::kSure;
     }
   });
 }
@@ -436,8 +440,8 @@ bool SiftExtractor::IsFound(const Keypoint& keypoint) const {
 
 int SiftExtractor::AddFollowed(int num_features) {
   const int max_features = static_cast<int>(features_.size());
-  for (std::size_t i = 0; i < follow_.size() && num_features < max_features; ++i) {
-    if (!followed_[i].is_found || follow_[i].octave < first_octave_ + kFirstOctave) continue;
+  for (std::size_t i = num_only_followed_; i < follow_.size() && num_features < max_features; ++i) {
+    if (!followed_[i].is_sure || follow_[i].octave < first_octave_ + kFirstOctave) continue;
     Keypoint keypoint = follow_[i];
     keypoint.x_px = followed_[i].x_px;
     keypoint.y_px = followed_[i].y_px;

@@ -37,9 +37,13 @@ class SiftExtractor {
   // True when the extraction is done. False when the deadline is over before; then it can be continued. The deadline is
   // looked at about once a millisecond.
   bool Continue(TimePoint deadline);
+  // Nothing is followed from the picture of an extraction that was dropped.
+  void ForgetPicture() { has_levels_ = false; }
   // Of the extraction that is done.
   int num_features() const { return num_features_; }
   int num_followed() const { return num_features_ - num_detected_; }  // of these, the last ones
+  // Where the features to follow are; empty: none were followed.
+  std::span<const FollowedPoint> followed_to() const { return {followed_.data(), follow_.size()}; }
 
  private:
   struct Octave {
@@ -63,11 +67,6 @@ class SiftExtractor {
   struct Feature {
     Keypoint keypoint;
     std::int32_t point_idx = 0;
-  };
-  struct Followed {
-    float x_px = 0.0f;
-    float y_px = 0.0f;
-    bool is_found = false;
   };
 
   // What comes next. Each step is a short piece of work, or begins a loop of the pool.
@@ -111,6 +110,7 @@ class SiftExtractor {
   Step step_ = Step::kDone;
   ImageView image_;
   std::span<const Keypoint> follow_;
+  std::size_t num_only_followed_ = 0;  // of these, the first ones
   ImageView static_mask_;
   const std::uint8_t* grey_rows_ = nullptr;
   int grey_pitch_bytes_ = 0;
@@ -143,7 +143,7 @@ class SiftExtractor {
   AlignedBuffer<Feature> features_;
   FeatureFollower follower_;
   std::array<Plane, kFlowLevels> levels_;
-  AlignedBuffer<Followed> followed_;  // of each feature to follow
+  AlignedBuffer<FollowedPoint> followed_;  // of each feature to follow
 };
 
 }  // namespace haustra::kernels

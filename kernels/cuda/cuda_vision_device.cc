@@ -67,6 +67,7 @@ struct Work {
   FeatureSetHandle set;
   Keypoint* keypoints = nullptr;
   std::int32_t* num_followed = nullptr;
+  std::span<FollowedPoint> followed_to;
   Match* matches = nullptr;
   std::int32_t* count = nullptr;
   std::int32_t num_queries = 0;
@@ -213,7 +214,8 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
       case FeatureSetSlots::WriteClaim::kWrittenBefore:
         return FailedPrecondition("feature set to write was written before; a set is written once");
     }
-    Status status = state.extractor->Enqueue(request.image, request.set.index, request.max_features, request.follow);
+    Status status = state.extractor->Enqueue(request.image, request.set.index, request.max_features, request.follow,
+                                             request.num_only_followed);
     if (status.ok()) status = ToStatus(cudaEventRecord(state.extraction.done, state.stream), "event");
     if (!status.ok()) {
       slots_.AbandonWrite(request.set);
@@ -230,6 +232,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     work.keypoints = request.keypoints.data();
     work.count = request.num_keypoints;
     work.num_followed = request.num_followed;
+    work.followed_to = request.followed_to;
     return TicketOf(lane, work.number);
   }
 
@@ -565,6 +568,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(WaitFor(work, kNoDeadline));
     if (work.is_overdue) {
       if (work.kind == WorkKind::kExtraction) {
+        lane.extractor->ForgetPicture();
         slots_.AbandonWrite(work.set);
         slots_.Release(work.set);
       }
@@ -579,6 +583,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
         std::copy_n(lane.extractor->keypoints(), num_features, work.keypoints);
         *work.count = num_features;
         if (work.num_followed != nullptr) *work.num_followed = lane.extractor->num_followed();
+        DeliverFollowed(lane.extractor->followed_to(), work.followed_to);
         slots_.Publish(work.set, num_features);
         slots_.Release(work.set);
         break;

@@ -48,7 +48,8 @@ ExtractMemory DealExtractMemory(const VisionPlan& plan, const ExtractOptions& op
   memory.params = dealers->DealMapped<FrameParams>(1);
   memory.picture = dealers->DealMapped<std::uint8_t>(3 * num_pixels);
   memory.keypoints = dealers->DealMapped<Keypoint>(plan.max_features);
-  memory.follow = dealers->DealMapped<Keypoint>(plan.max_features);
+  memory.follow = dealers->DealMapped<Keypoint>(MaxFollowed(plan));
+  memory.followed_to = dealers->DealMapped<FollowedPoint>(MaxFollowed(plan));
   memory.num_features = dealers->DealMapped<std::int32_t>(1);
   memory.num_detected = dealers->DealMapped<std::int32_t>(1);
   memory.done = dealers->DealMapped<DoneWord>(1);
@@ -83,7 +84,7 @@ ExtractMemory DealExtractMemory(const VisionPlan& plan, const ExtractOptions& op
   buffers.angle_counts = device.Deal<std::uint8_t>(num_ranks);
   buffers.places = device.Deal<std::uint64_t>(num_ranks);
   buffers.kept_levels = device.Deal<std::uint16_t>(sizes.kept_values);
-  buffers.followed = device.Deal<FollowedPoint>(plan.max_features);
+  buffers.followed = device.Deal<FollowedFeature>(MaxFollowed(plan));
   buffers.further = device.Deal<std::uint32_t>((kMaxOrientations - 1) * num_ranks);
   return memory;
 }

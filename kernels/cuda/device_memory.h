@@ -43,6 +43,7 @@ struct ExtractMemory {
   Mapped<std::uint8_t> picture;  // in colour
   Mapped<Keypoint> keypoints;
   Mapped<Keypoint> follow;
+  Mapped<FollowedPoint> followed_to;  // of each of these
   Mapped<std::int32_t> num_features;
   Mapped<std::int32_t> num_detected;
   Mapped<DoneWord> done;

@@ -135,7 +135,7 @@ static_assert(kMaxOrientations <= kCountMask);
 inline constexpr int kFurtherShift = 2;
 
 // A feature that was to be followed, input pixels.
-struct FollowedPoint {
+struct FollowedFeature {
   float x_px, y_px;
   std::int32_t is_new;  // found, and not by detection
 };
@@ -170,7 +170,7 @@ struct ExtractBuffers {
   std::uint8_t* angle_counts = nullptr;
   std::uint64_t* places = nullptr;       // octave, y, x (cut short): almost the order of the output
   std::uint16_t* kept_levels = nullptr;  // of the last picture: level 0 of the octaves from 0 on, kFlowLevels at most
-  FollowedPoint* followed = nullptr;
+  FollowedFeature* followed = nullptr;
   // Angles after the first of a point, in any order: rank << kFurtherShift | number of the angle.
   std::uint32_t* further = nullptr;
 };

@@ -54,10 +54,17 @@ cudaError_t LaunchDescriptors(const ScaleSpaceLayout& layout, const ExtractSetti
 
 // Before the levels of the last picture, of the same layout, are overwritten: keeps them for LaunchFollow.
 cudaError_t KeepLevels(const ScaleSpaceLayout& layout, const ExtractBuffers& buffers, cudaStream_t stream);
-// Behind all the others: follows `num` features of the picture that was kept (kernels/common/flow_parameters.h), as the
-// device sees them, and adds those that detection has not found to the set. Tells the host with `number`.
+// Features of the picture that was kept, as the device sees them, and where it writes where they are now.
+struct FollowList {
+  const Keypoint* features;
+  FollowedPoint* to;
+  int num;
+  int num_only_followed;  // the first so many: no features come of them
+};
+// Behind all the others: follows them (kernels/common/flow_parameters.h), and adds those that detection has not found
+// to the set. Tells the host with `number`.
 cudaError_t LaunchFollow(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
-                         const SetBuffers& sets, const FrameOutput& output, const Keypoint* features, int num,
+                         const SetBuffers& sets, const FrameOutput& output, const FollowList& list,
                          std::uint32_t number, cudaStream_t stream);
 
 }  // namespace haustra::kernels::cuda

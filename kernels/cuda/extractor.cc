@@ -243,7 +243,7 @@ const std::uint8_t* Extractor::Place(const ImageView& image, std::int64_t* pitch
 }
 
 Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int max_features,
-                          std::span<const Keypoint> follow) {
+                          std::span<const Keypoint> follow, int num_only_followed) {
   std::int64_t pitch_bytes = 0;
   const std::uint8_t* frame = Place(image, &pitch_bytes);
   HAUSTRA_TRY(SetSource(image.width, image.height, image.format, pitch_bytes));
@@ -257,7 +257,8 @@ Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int m
     }
     frame_ = frame;
   }
-  const bool follows = has_levels_ && !follow.empty() && settings_.num_features < sets_.max_features;
+  const bool follows = has_levels_ && !follow.empty();
+  num_follow_ = follows ? static_cast<int>(follow.size()) : 0;
   if (follows) {
     std::copy(follow.begin(), follow.end(), memory_.follow.host);
     HAUSTRA_TRY(ToStatus(KeepLevels(layout_, buffers_, stream_), "levels of the last picture"));
@@ -265,8 +266,8 @@ Status Extractor::Enqueue(const ImageView& image, std::uint32_t set_index, int m
   HAUSTRA_TRY(ToStatus(cudaGraphLaunch(graph_, stream_), "launch of the extraction"));
   has_levels_ = true;
   if (!follows) return Status::Ok();
-  return ToStatus(LaunchFollow(layout_, settings_, buffers_, sets_, output_, memory_.follow.device,
-                               static_cast<int>(follow.size()), ++number_, stream_),
+  const FollowList list = {memory_.follow.device, memory_.followed_to.device, num_follow_, num_only_followed};
+  return ToStatus(LaunchFollow(layout_, settings_, buffers_, sets_, output_, list, ++number_, stream_),
                   "launch of the optical flow");
 }
 

@@ -34,9 +34,13 @@ class Extractor {
 
   // Queues the extraction into the set; the last one must be done. A picture in pinned memory is read where it lies
   // (its address and pitch must be multiples of 16 bytes, its width of 16 pixels); any other is copied first.
-  // max_features: the strongest so many; 0: as planned. follow: features of the last picture.
-  Status Enqueue(const ImageView& image, std::uint32_t set_index, int max_features, std::span<const Keypoint> follow);
+  // max_features: the strongest so many; 0: as planned. follow: features of the last picture; no features come of the
+  // first num_only_followed of them.
+  Status Enqueue(const ImageView& image, std::uint32_t set_index, int max_features, std::span<const Keypoint> follow,
+                 int num_only_followed);
 
+  // Nothing is followed from the picture of a frame that was dropped.
+  void ForgetPicture() { has_levels_ = false; }
   // What tells of the end of the last frame that was queued; the host's view of the word.
   const DoneWord* done_word() const { return memory_.done.host; }
   std::uint32_t number() const { return number_; }
@@ -44,6 +48,10 @@ class Extractor {
   std::int32_t num_features() const { return *memory_.num_features.host; }
   std::int32_t num_followed() const { return num_features() - *memory_.num_detected.host; }  // of these, the last ones
   const Keypoint* keypoints() const { return memory_.keypoints.host; }
+  // Where the features to follow are; empty: none were followed.
+  std::span<const FollowedPoint> followed_to() const {
+    return {memory_.followed_to.host, static_cast<std::size_t>(num_follow_)};
+  }
 
   // Time of each step, for measurements: runs the steps of the last size one by one, `repeats` times each, and returns
   // the median in microseconds of each. The last frame's data are used.
@@ -95,6 +103,7 @@ class Extractor {
   const std::uint8_t* frame_ = nullptr;  // where the graph reads the picture, as the device sees it
   std::uint32_t number_ = 0;
   bool has_levels_ = false;  // of a picture of the layout's size
+  int num_follow_ = 0;       // features that the last frame followed
   ScaleSpaceLayout layout_;
 };
 

@@ -165,17 +165,21 @@ __device__ bool IsDetected(const Keypoint* detected, int num_detected, const Key
 __global__ void __launch_bounds__(kThreads)
     FollowKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                  const __grid_constant__ SetBuffers sets, const __grid_constant__ Levels levels,
-                 const Keypoint* features, int num) {
+                 const __grid_constant__ FollowList list) {
   const int i = kWarps * blockIdx.x + threadIdx.x / 32;
-  if (i >= num) return;
-  Keypoint keypoint = features[i];
+  if (i >= list.num) return;
+  Keypoint keypoint = list.features[i];
   const float x = keypoint.x_px, y = keypoint.y_px;
   float back_x = 0.0f, back_y = 0.0f;
-  bool is_new =
-      FollowThrough(levels.kept, levels.now, levels.num, x, y, &keypoint.x_px, &keypoint.y_px) >= kFlowMinCorrelation &&
-      FollowThrough(levels.now, levels.kept, levels.num, keypoint.x_px, keypoint.y_px, &back_x, &back_y) >=
-          kFlowMinCorrelation &&
-      hypotf(back_x - x, back_y - y) <= kFlowMaxReturnPx;
+  float correlation = FollowThrough(levels.kept, levels.now, levels.num, x, y, &keypoint.x_px, &keypoint.y_px);
+  if (correlation >= kFlowMinRoughCorrelation) {
+    correlation = fminf(correlation, FollowThrough(levels.now, levels.kept, levels.num, keypoint.x_px, keypoint.y_px,
+                                                   &back_x, &back_y));
+  }
+  const float distance = hypotf(back_x - x, back_y - y);
+  const bool is_found = correlation >= kFlowMinRoughCorrelation && distance <= kFlowMaxRoughReturnPx;
+  const bool is_sure = correlation >= kFlowMinCorrelation && distance <= kFlowMaxReturnPx;
+  bool is_new = is_sure && i >= list.num_only_followed;
   if (is_new) {
     const int slot = keypoint.octave - kFirstOctave;
     const OctaveLayout& octave = layout.octaves[slot];
@@ -188,11 +192,13 @@ __global__ void __launch_bounds__(kThreads)
              !IsExcluded(layout, buffers.dilated_bits, slot, octave_x, octave_y) &&
              !IsDetected(sets.keypoints + row, buffers.counters->num_detected, keypoint);
   }
-  if (threadIdx.x % 32 == 0) buffers.followed[i] = {keypoint.x_px, keypoint.y_px, is_new ? 1 : 0};
+  if (threadIdx.x % 32 != 0) return;
+  list.to[i] = {keypoint.x_px, keypoint.y_px, is_found, is_sure};
+  buffers.followed[i] = {keypoint.x_px, keypoint.y_px, is_new ? 1 : 0};
 }
 
 // How many of the first `num` are new, by a warp.
-__device__ int CountNew(const FollowedPoint* followed, int num) {
+__device__ int CountNew(const FollowedFeature* followed, int num) {
   int count = 0;
   for (int i = threadIdx.x % 32; i < num; i += 32) count += followed[i].is_new;
   return __reduce_add_sync(0xffffffffu, count);
@@ -207,15 +213,15 @@ __device__ __forceinline__ int DescriptorLevel(float scale) {
 __global__ void __launch_bounds__(kThreads)
     AddFollowedKernel(const __grid_constant__ ScaleSpaceLayout layout, const __grid_constant__ ExtractBuffers buffers,
                       const __grid_constant__ SetBuffers sets, const __grid_constant__ FrameOutput output,
-                      const Keypoint* features, int num, int root_sift, std::uint32_t number) {
+                      const __grid_constant__ FollowList list, int root_sift, std::uint32_t number) {
   __shared__ alignas(16) std::int32_t histograms[kWarps][kDescriptorBytes];
   const int warp = threadIdx.x / 32;
   const int i = kWarps * blockIdx.x + warp;
   const int num_detected = buffers.counters->num_detected;
-  if (i < num && buffers.followed[i].is_new != 0) {
+  if (i < list.num && buffers.followed[i].is_new != 0) {
     const int place = num_detected + CountNew(buffers.followed, i);
     if (place < sets.max_features) {
-      Keypoint keypoint = features[i];
+      Keypoint keypoint = list.features[i];
       keypoint.x_px = buffers.followed[i].x_px;
       keypoint.y_px = buffers.followed[i].y_px;
       const float to_octave = ToInput(-keypoint.octave);
@@ -229,7 +235,7 @@ __global__ void __launch_bounds__(kThreads)
     }
   }
   if (!IsLastPart(&buffers.counters->num_followed, gridDim.x) || warp != 0) return;
-  const int num_new = CountNew(buffers.followed, num);
+  const int num_new = CountNew(buffers.followed, list.num);
   if (threadIdx.x != 0) return;
   *output.num_features = min(num_detected + num_new, sets.max_features);
   *output.num_detected = num_detected;
@@ -250,14 +256,14 @@ cudaError_t KeepLevels(const ScaleSpaceLayout& layout, const ExtractBuffers& buf
 }
 
 cudaError_t LaunchFollow(const ScaleSpaceLayout& layout, const ExtractSettings& settings, const ExtractBuffers& buffers,
-                         const SetBuffers& sets, const FrameOutput& output, const Keypoint* features, int num,
+                         const SetBuffers& sets, const FrameOutput& output, const FollowList& list,
                          std::uint32_t number, cudaStream_t stream) {
-  const int num_blocks = (num + kWarps - 1) / kWarps;
+  const int num_blocks = (list.num + kWarps - 1) / kWarps;
   const cudaError_t error = LaunchAfter(false, FollowKernel, num_blocks, kThreads, 0, stream, layout, buffers, sets,
-                                        LevelsOf(layout, buffers), features, num);
+                                        LevelsOf(layout, buffers), list);
   if (error != cudaSuccess) return error;
-  return LaunchAfter(false, AddFollowedKernel, num_blocks, kThreads, 0, stream, layout, buffers, sets, output, features,
-                     num, settings.root_sift, number);
+  return LaunchAfter(false, AddFollowedKernel, num_blocks, kThreads, 0, stream, layout, buffers, sets, output, list,
+                     settings.root_sift, number);
 }
 
 }  // namespace haustra::kernels::cuda

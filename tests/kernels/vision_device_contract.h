@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -72,16 +73,17 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
     return set.value();
   }
 
-  // Extracts into a set of its own, which stays.
-  static HostFeatures Extract(VisionDevice& device, const ImageView& image, FeatureSetHandle* handle = nullptr,
-                              Lane lane = Lane::kTracking, int max_features = 0, float min_scale_px = 0.0f,
-                              std::span<const Keypoint> follow = {}, std::int32_t* num_followed = nullptr) {
+  // Extracts into a set of its own, which stays where `handle` asks for it.
+  static HostFeatures RunExtract(VisionDevice& device, ExtractRequest request, Lane lane = Lane::kTracking,
+                                 FeatureSetHandle* handle = nullptr) {
     const FeatureSetHandle set = NewSet(device);
     HostFeatures features;
     features.keypoints.resize(device.plan().max_features);
     std::int32_t count = -1;
-    const Status status = ExtractAndWait(
-        device, lane, {image, set, features.keypoints, &count, max_features, min_scale_px, follow, num_followed});
+    request.set = set;
+    request.keypoints = features.keypoints;
+    request.num_keypoints = &count;
+    const Status status = ExtractAndWait(device, lane, request);
     EXPECT_TRUE(status.ok()) << status.ToString();
     features.keypoints.resize(std::max(count, 0));
     features.descriptors.resize(features.keypoints.size() * kDescriptorBytes);
@@ -94,10 +96,37 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
     return features;
   }
 
+  static HostFeatures Extract(VisionDevice& device, const ImageView& image, FeatureSetHandle* handle = nullptr,
+                              Lane lane = Lane::kTracking, int max_features = 0, float min_scale_px = 0.0f) {
+    ExtractRequest request;
+    request.image = image;
+    request.max_features = max_features;
+    request.min_scale_px = min_scale_px;
+    return RunExtract(device, request, lane, handle);
+  }
+
   // `last`: of the picture that was extracted before.
   static HostFeatures Follow(VisionDevice& device, const Picture& picture, std::span<const Keypoint> last,
-                             int max_detected, std::int32_t* num_followed = nullptr) {
-    return Extract(device, picture.view(), nullptr, Lane::kTracking, max_detected, 0.0f, last, num_followed);
+                             int max_detected, std::int32_t* num_followed = nullptr, int num_only_followed = 0,
+                             std::span<FollowedPoint> followed_to = {}, Lane lane = Lane::kTracking) {
+    ExtractRequest request;
+    request.image = picture.view();
+    request.max_features = max_detected;
+    request.follow = last;
+    request.num_only_followed = num_only_followed;
+    request.followed_to = followed_to;
+    request.num_followed = num_followed;
+    return RunExtract(device, request, lane);
+  }
+
+  // Away from the edges, where patches and coarse levels are cut.
+  static bool IsWellInside(double x, double y) {
+    return x >= 30.0 && y >= 30.0 && x <= kWidth - 30.0 && y <= kHeight - 30.0;
+  }
+
+  // What a caller's buffer may hold from before.
+  static std::vector<FollowedPoint> StalePoints(std::size_t count) {
+    return std::vector<FollowedPoint>(count, FollowedPoint{-7.0f, -7.0f, true, true});
   }
 
   static FeatureSetHandle Write(VisionDevice& device, const HostFeatures& features) {
@@ -806,12 +835,257 @@ TEST_P(VisionDeviceContract, FollowRefusesFeaturesOutsideThePicture) {
   for (const Keypoint& bad : {left, nan, coarse, flat}) {
     ExtractRequest request{picture.view(), set, keypoints, &count};
     request.follow = {&bad, 1};
-    EXPECT_EQ(device->EnqueueExtract(Lane::kTracking, request).status().code(), StatusCode::kInvalidArgument);
+    for (const int num_only_followed : {0, 1}) {
+      request.num_only_followed = num_only_followed;
+      EXPECT_EQ(device->EnqueueExtract(Lane::kTracking, request).status().code(), StatusCode::kInvalidArgument);
+    }
   }
-  const std::vector<Keypoint> too_many(static_cast<std::size_t>(device->plan().max_features) + 1, good);
-  ExtractRequest request{picture.view(), set, keypoints, &count};
-  request.follow = too_many;
-  EXPECT_EQ(device->EnqueueExtract(Lane::kTracking, request).status().code(), StatusCode::kInvalidArgument);
+}
+
+TEST_P(VisionDeviceContract, FollowRefusesListsOfWrongLength) {
+  const auto device = Create();
+  const std::size_t max_features = device->plan().max_features;
+  const Picture picture = Texture(3);
+  const FeatureSetHandle set = NewSet(*device);
+  std::vector<Keypoint> keypoints(max_features);
+  std::int32_t count = -7, num_followed = -7;
+  const std::vector<Keypoint> many(2 * max_features + 1, Keypoint{100.0f, 80.0f, 2.0f, 0.0f, 0.1f, 0});
+  std::vector<FollowedPoint> followed_to = StalePoints(many.size());
+  const auto run = [&](std::size_t num_follow, int num_only_followed, std::size_t num_followed_to) {
+    ExtractRequest request{picture.view(), set, keypoints, &count};
+    request.follow = std::span(many).first(num_follow);
+    request.num_only_followed = num_only_followed;
+    request.followed_to = std::span(followed_to).first(num_followed_to);
+    request.num_followed = &num_followed;
+    return ExtractAndWait(*device, Lane::kTracking, request).code();
+  };
+  EXPECT_EQ(run(2 * max_features + 1, 0, 0), StatusCode::kInvalidArgument);
+  EXPECT_EQ(run(2 * max_features + 1, static_cast<int>(max_features) + 1, 2 * max_features + 1),
+            StatusCode::kInvalidArgument);
+  EXPECT_EQ(run(10, -1, 10), StatusCode::kInvalidArgument);
+  EXPECT_EQ(run(10, 11, 10), StatusCode::kInvalidArgument);
+  EXPECT_EQ(run(0, 1, 0), StatusCode::kInvalidArgument);
+  EXPECT_EQ(run(10, 5, 9), StatusCode::kInvalidArgument);
+  EXPECT_EQ(run(10, 5, 11), StatusCode::kInvalidArgument);
+  EXPECT_EQ(run(0, 0, 1), StatusCode::kInvalidArgument);
+  EXPECT_EQ(count, -7);
+  EXPECT_EQ(num_followed, -7);
+  EXPECT_TRUE(std::all_of(followed_to.begin(), followed_to.end(), [](const FollowedPoint& p) { return p.is_sure; }))
+      << "a refused request touches no buffer";
+  // The set was not touched either.
+  EXPECT_EQ(run(10, 10, 10), StatusCode::kOk);
+  device->ReleaseFeatureSet(set);
+  for (const std::size_t num_follow : {max_features + 1, 2 * max_features}) {
+    followed_to = StalePoints(num_follow);
+    (void)Follow(*device, picture, std::span(many).first(num_follow), 1, &num_followed, static_cast<int>(num_follow),
+                 followed_to);
+    EXPECT_EQ(num_followed, 0);
+    EXPECT_TRUE(std::all_of(followed_to.begin(), followed_to.end(), [](const FollowedPoint& p) {
+      return p.is_found && std::hypot(p.x_px - 100.0f, p.y_px - 80.0f) < 0.1f;
+    })) << num_follow;
+    (void)Follow(*device, picture, std::span(many).first(num_follow), 1);
+  }
+}
+
+TEST_P(VisionDeviceContract, FollowTellsOfAllWhereTheyAreAndMakesNoFeaturesOfTheFirst) {
+  ExtractOptions options = SmallOptions();
+  options.num_features = 200;
+  const auto device = Create(SmallPlan(), options);
+  const std::vector<Blob> blobs = RandomBlobs(900, kWidth, kHeight, 40.0, 45.0, 7);
+  const Picture last = Render(blobs, kWidth, kHeight, 120.0);
+  ViewOfScene moved;
+  moved.angle_rad = 0.02;
+  moved.picture_x = 6.3;
+  moved.picture_y = -4.6;
+  const Picture now = Render(blobs, kWidth, kHeight, 120.0, moved);
+  std::vector<Keypoint> before = Extract(*device, last.view()).keypoints;
+  ASSERT_GT(before.size(), 150u);
+  // Sorted they are: both parts are to hold some of every octave, from all over the picture.
+  std::shuffle(before.begin(), before.end(), std::mt19937(5));
+  const std::size_t num_only_followed = before.size() / 2;
+  const std::span<const Keypoint> others = std::span<const Keypoint>(before).subspan(num_only_followed);
+
+  std::int32_t expected_num_followed = -1, num_followed = -1;
+  const HostFeatures expected = Follow(*device, now, others, 20, &expected_num_followed);
+  ASSERT_GT(expected_num_followed, 30);
+  (void)Extract(*device, last.view());
+  std::vector<FollowedPoint> followed_to = StalePoints(before.size());
+  const HostFeatures current =
+      Follow(*device, now, before, 20, &num_followed, static_cast<int>(num_only_followed), followed_to);
+  EXPECT_EQ(num_followed, expected_num_followed);
+  ExpectSameFeatures(current, expected);
+
+  // By part: those that are only followed, and the others.
+  std::array<int, 2> num_inside{}, num_sure{};
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const FollowedPoint& point = followed_to[i];
+    EXPECT_TRUE(point.is_found || !point.is_sure) << "point " << i;
+    double x = 0.0, y = 0.0;
+    moved.Map(before[i].x_px, before[i].y_px, &x, &y);
+    if (!IsWellInside(x, y)) continue;
+    const int part = i < num_only_followed ? 0 : 1;
+    ++num_inside[part];
+    if (!point.is_sure) continue;
+    ++num_sure[part];
+    errors.push_back(std::hypot(point.x_px - x, point.y_px - y));
+    EXPECT_LT(errors.back(), 0.5) << "point " << i << " at " << x << ", " << y;
+  }
+  for (const int part : {0, 1}) {
+    ASSERT_GT(num_inside[part], 40) << part;
+    EXPECT_GT(num_sure[part], 0.8 * num_inside[part]) << part;
+  }
+  std::sort(errors.begin(), errors.end());
+  EXPECT_LT(errors[errors.size() / 2], 0.1);
+  // What became a feature lies where followed_to says.
+  for (int k = current.size() - num_followed; k < current.size(); ++k) {
+    const Keypoint& feature = current.keypoints[k];
+    EXPECT_TRUE(std::any_of(
+        followed_to.begin() + num_only_followed, followed_to.end(),
+        [&](const FollowedPoint& p) { return p.is_sure && p.x_px == feature.x_px && p.y_px == feature.y_px; }))
+        << "feature " << k;
+  }
+}
+
+TEST_P(VisionDeviceContract, FollowNeedsNoRoomInTheSetToTellWherePointsAre) {
+  VisionPlan plan = SmallPlan();
+  plan.max_features = 100;
+  ExtractOptions options = SmallOptions();
+  options.num_features = 100;
+  const auto device = Create(plan, options);
+  const std::vector<Blob> blobs = RandomBlobs(900, kWidth, kHeight, 40.0, 45.0, 7);
+  const Picture last = Render(blobs, kWidth, kHeight, 120.0);
+  ViewOfScene moved;
+  moved.picture_x = -3.4;
+  moved.picture_y = 2.7;
+  const Picture now = Render(blobs, kWidth, kHeight, 120.0, moved);
+  const HostFeatures detected = Extract(*device, now.view());
+  ASSERT_EQ(detected.size(), 100) << "the set is full";
+  const std::vector<Keypoint> before = Extract(*device, last.view()).keypoints;
+  // As many as are possible: the first half only followed, the others without room.
+  std::vector<Keypoint> twice = before;
+  twice.insert(twice.end(), before.begin(), before.end());
+  std::vector<FollowedPoint> followed_to(twice.size());
+  std::int32_t num_followed = -1;
+  ExpectSameFeatures(Follow(*device, now, twice, 0, &num_followed, static_cast<int>(before.size()), followed_to),
+                     detected);
+  EXPECT_EQ(num_followed, 0);
+  int num_inside = 0, num_right = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const FollowedPoint& point = followed_to[i];
+    const FollowedPoint& again = followed_to[i + before.size()];
+    EXPECT_EQ(point.is_found, again.is_found) << "point " << i;
+    EXPECT_EQ(point.is_sure, again.is_sure) << "point " << i;
+    double x = 0.0, y = 0.0;
+    moved.Map(before[i].x_px, before[i].y_px, &x, &y);
+    if (point.is_found) {
+      EXPECT_EQ(point.x_px, again.x_px) << "point " << i;
+      EXPECT_EQ(point.y_px, again.y_px) << "point " << i;
+    }
+    if (!IsWellInside(x, y)) continue;
+    ++num_inside;
+    num_right += point.is_found && std::hypot(point.x_px - x, point.y_px - y) < 0.5;
+  }
+  ASSERT_GT(num_inside, 40);
+  EXPECT_GT(num_right, 0.8 * num_inside);
+}
+
+TEST_P(VisionDeviceContract, FollowTellsOfNoneFoundWhereNothingWasFollowed) {
+  const auto device = Create();
+  const Picture picture = Texture(3);
+  // A part of it: what is followed all the same would be found.
+  Picture small{kWidth / 2, kHeight / 2, {}};
+  small.pixels.resize(static_cast<std::size_t>(small.width) * small.height);
+  for (int y = 0; y < small.height; ++y) std::copy_n(picture.view().row(y), small.width, &small.at(0, y));
+  const std::vector<Keypoint> of_picture = Extract(*Create(), picture.view()).keypoints;
+  const std::vector<Keypoint> of_small = Extract(*Create(), small.view()).keypoints;
+  ASSERT_GT(of_picture.size(), 300u);
+  ASSERT_GT(of_small.size(), 60u);
+  std::int32_t num_followed = -1;
+  const auto num_found = [&](const Picture& now, const std::vector<Keypoint>& keypoints, Lane lane = Lane::kTracking) {
+    std::vector<FollowedPoint> followed_to = StalePoints(keypoints.size());
+    num_followed = -1;
+    (void)Follow(*device, now, keypoints, 1, &num_followed, static_cast<int>(keypoints.size()) / 2, followed_to, lane);
+    return std::count_if(followed_to.begin(), followed_to.end(),
+                         [](const FollowedPoint& p) { return p.is_found || p.is_sure; });
+  };
+  EXPECT_EQ(num_found(picture, of_picture), 0) << "the first picture";
+  EXPECT_EQ(num_followed, 0);
+  EXPECT_GT(num_found(picture, of_picture), 150);
+  EXPECT_GT(num_followed, 0);
+  EXPECT_EQ(num_found(picture, of_picture, Lane::kBackground), 0) << "the first picture of the other lane";
+  EXPECT_EQ(num_followed, 0);
+  EXPECT_EQ(num_found(small, of_small), 0) << "after a larger picture";
+  EXPECT_EQ(num_followed, 0);
+  EXPECT_GT(num_found(small, of_small), 30);
+  EXPECT_EQ(num_found(picture, of_small), 0) << "after a smaller picture";
+  EXPECT_EQ(num_followed, 0);
+  EXPECT_GT(num_found(picture, of_picture), 150);
+}
+
+// The caller gave the picture up and knows of no features in it.
+TEST_P(VisionDeviceContract, FollowTellsOfNoneFoundAfterAPictureThatWasGivenUp) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures features = Extract(*device, picture.view());
+  std::vector<FollowedPoint> to(features.keypoints.size());
+  for (const int wait_us : {0, 300, 1000, 2000, 4000, 8000, 16000}) {
+    const FeatureSetHandle left = NewSet(*device);
+    std::vector<Keypoint> keypoints(500);
+    std::int32_t count = 0;
+    const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), left, keypoints, &count});
+    ASSERT_TRUE(ticket.ok());
+    const TimePoint deadline =
+        TimePoint{std::chrono::steady_clock::now().time_since_epoch()} + std::chrono::microseconds(wait_us);
+    const bool is_given_up = device->Wait(*ticket, deadline).code() == StatusCode::kDeadlineExceeded;
+    device->ReleaseFeatureSet(left);
+    (void)Follow(*device, picture, features.keypoints, 0, nullptr, 0, to);
+    const auto num_found = std::count_if(to.begin(), to.end(), [](const FollowedPoint& p) { return p.is_found; });
+    if (is_given_up) {
+      EXPECT_EQ(num_found, 0) << wait_us << " us";
+    } else {
+      EXPECT_GT(num_found, 0) << wait_us << " us";
+    }
+  }
+}
+
+TEST_P(VisionDeviceContract, FollowFindsNoPointWhosePlaceHoldsOtherContent) {
+  const auto device = Create();
+  const Picture last = Render(RandomBlobs(900, kWidth, kHeight, 20.0, 45.0, 7), kWidth, kHeight, 120.0);
+  const Picture other = Render(RandomBlobs(900, kWidth, kHeight, 20.0, 45.0, 8), kWidth, kHeight, 120.0);
+  // The left half of another scene.
+  Picture mixed = last;
+  for (int y = 0; y < kHeight; ++y) std::copy_n(other.view().row(y), kWidth / 2, &mixed.at(0, y));
+  const std::vector<Keypoint> before = Extract(*device, last.view()).keypoints;
+  std::vector<FollowedPoint> followed_to = StalePoints(before.size());
+  const int num_points = static_cast<int>(before.size());
+  (void)Follow(*device, mixed, before, 1, nullptr, num_points, followed_to);
+  int num_gone = 0, num_gone_found = 0, num_gone_sure = 0, num_left = 0, num_left_sure = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    if (!IsWellInside(before[i].x_px, before[i].y_px)) continue;
+    if (before[i].x_px < kWidth / 2 - 20) {
+      ++num_gone;
+      num_gone_found += followed_to[i].is_found;
+      num_gone_sure += followed_to[i].is_sure;
+    } else if (before[i].x_px > kWidth / 2 + 20) {
+      ++num_left;
+      num_left_sure += followed_to[i].is_sure;
+    }
+  }
+  ASSERT_GT(num_gone, 60);
+  ASSERT_GT(num_left, 60);
+  // A place may look like another by chance.
+  EXPECT_LT(num_gone_found, 0.15 * num_gone);
+  EXPECT_LT(num_gone_sure, 0.05 * num_gone);
+  EXPECT_GT(num_left_sure, 0.8 * num_left);
+
+  const Picture flat{kWidth, kHeight, std::vector<std::uint8_t>(last.pixels.size(), 120)};
+  (void)Extract(*device, last.view());
+  followed_to = StalePoints(before.size());
+  (void)Follow(*device, flat, before, 1, nullptr, num_points, followed_to);
+  EXPECT_TRUE(std::none_of(followed_to.begin(), followed_to.end(), [](const FollowedPoint& p) {
+    return p.is_found || p.is_sure;
+  })) << "no texture, no point";
 }
 
 TEST_P(VisionDeviceContract, ExtractOverTheLimitSpreadsOverTheImage) {

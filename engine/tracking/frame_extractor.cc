@@ -5,12 +5,16 @@
 namespace haustra {
 
 FrameExtractor::FrameExtractor(const Parts& parts) : parts_(parts) {
-  ReserveTouched(&follow_, static_cast<std::size_t>(parts.config.features.max));
-  ReserveTouched(&shows_point_, static_cast<std::size_t>(parts.config.features.max));
+  const auto max_features = static_cast<std::size_t>(parts.config.features.max);
+  ReserveTouched(&follow_, 2 * max_features);
+  ReserveTouched(&followed_to_, 2 * max_features);
+  ReserveTouched(&shows_point_, max_features);
+  ReserveTouched(&order_, max_features);
 }
 
 std::size_t FrameExtractor::BytesFor(int max_features) {
-  return static_cast<std::size_t>(max_features) * (sizeof(Keypoint) + 1);
+  return static_cast<std::size_t>(max_features) *
+         (2 * sizeof(Keypoint) + 2 * sizeof(FollowedPoint) + 1 + sizeof(std::int32_t));
 }
 
 bool FrameExtractor::Extract(const ImageView& image) {
@@ -34,14 +38,20 @@ bool FrameExtractor::Extract(const ImageView& image) {
     const SchedulerConfig& scheduler = parts_.config.scheduler;
     request.max_features = static_cast<int>(scheduler.reduced_share * parts_.config.features.num_detected());
     request.min_scale_px = static_cast<float>(scheduler.reduced_min_scale_px);
+    parts_.chain.Break();
   } else {
-    request.follow = FeaturesToFollow();
+    ListFeaturesToFollow();
+    request.follow = follow_;
+    request.num_only_followed = parts_.chain.is_fresh() ? 0 : static_cast<int>(parts_.chain.points().size());
+    request.followed_to = followed_to_;
   }
   is_last_extracted_ = false;
   if (!parts_.lane.Extract(request, parts_.budget.wait_deadline()).ok()) {
+    parts_.chain.Break();
     if (!parts_.lane.has_pending()) features.num = features.num_followed = 0;
     return false;
   }
+  if (!has_fewer) parts_.chain.Advance(followed_to_);
   for (int i = 0; i < features.num; ++i) {
     Eigen::Vector3d bearing;
     // A zero bearing agrees with no geometry, so a point outside the model is never used.
@@ -53,21 +63,16 @@ bool FrameExtractor::Extract(const ImageView& image) {
   return true;
 }
 
-// All of the last frame if it was tracked, those that show map points first. None otherwise: what is followed errs
-// together, and a founding takes its matches to err each by itself.
-std::span<const Keypoint> FrameExtractor::FeaturesToFollow() {
-  follow_.clear();
-  if (!parts_.config.features.are_followed || !is_last_extracted_) return {};
-  const FrameFeatures& features = parts_.last.features;
-  shows_point_.assign(static_cast<std::size_t>(features.num), std::uint8_t{0});
-  for (const auto& match : parts_.last.matches) {
-    shows_point_[match.first] = 1;
-    follow_.push_back(features.keypoints[match.first]);
+// The points of the chain, then all features of the last frame if it was tracked. A chain that has just begun has these
+// for points. Without a map nothing becomes a feature: what is followed errs together, and a founding takes its matches
+// to err each by itself.
+void FrameExtractor::ListFeaturesToFollow() {
+  follow_.assign(parts_.chain.points().begin(), parts_.chain.points().end());
+  if (parts_.config.features.are_followed && is_last_extracted_ && !parts_.chain.is_fresh()) {
+    ListFeatures(parts_.last, &shows_point_, &order_);
+    for (const std::int32_t i : order_) follow_.push_back(parts_.last.features.keypoints[i]);
   }
-  for (int i = 0; i < features.num; ++i) {
-    if (shows_point_[i] == 0) follow_.push_back(features.keypoints[i]);
-  }
-  return follow_;
+  followed_to_.resize(follow_.size());
 }
 
 }  // namespace haustra

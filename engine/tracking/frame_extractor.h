@@ -1,8 +1,8 @@
-// Has the device find the features of the current frame, and follow those of the last one in it. By the rung of the
-// ladder on which the frame stands: all features, or fewer and nothing followed. What the device does not answer by the
-// frame's deadline is left for the next frame to collect. Full: without a feature set nothing is extracted, and the
-// refusal is counted. thread-bound(tracking); rt-safe after construction: no allocation, no wait but for the vision
-// device.
+// Has the device find the features of the current frame, and follow those of the last one and of the chain in it. By
+// the rung of the ladder on which the frame stands: all features, or fewer and nothing followed. What the device does
+// not answer by the frame's deadline is left for the next frame to collect. Full: without a feature set nothing is
+// extracted, and the refusal is counted. thread-bound(tracking); rt-safe after construction: no allocation, no wait but
+// for the vision device.
 #pragma once
 
 #include <atomic>
@@ -14,6 +14,7 @@
 #include "engine/config.h"
 #include "engine/scheduler/frame_budget.h"
 #include "engine/scheduler/lane_wait.h"
+#include "engine/tracking/flow_chain.h"
 #include "engine/tracking/keyframe_proposal.h"
 #include "engine/tracking/overlay_watch.h"
 #include "engine/tracking/pose_search.h"
@@ -33,6 +34,7 @@ class FrameExtractor {
     const OverlayWatch& overlay;
     ProposedView& frame;
     const LastFrame& last;
+    FlowChain& chain;
   };
   explicit FrameExtractor(const Parts& parts);
   // Of its workspaces, on the heap.
@@ -46,13 +48,16 @@ class FrameExtractor {
   std::uint64_t num_sets_refused() const { return num_sets_refused_.load(std::memory_order_relaxed); }
 
  private:
-  std::span<const Keypoint> FeaturesToFollow();
+  void ListFeaturesToFollow();
 
   const Parts parts_;
   std::atomic<std::uint64_t> num_sets_refused_{0};
-  bool is_last_extracted_ = false;         // the last frame is what the device saw last
-  std::vector<Keypoint> follow_;           // workspace
-  std::vector<std::uint8_t> shows_point_;  // workspace, by feature of the last frame
+  bool is_last_extracted_ = false;  // the last frame is what the device saw last
+  // Workspaces.
+  std::vector<Keypoint> follow_;  // those of the chain, which are only followed, then those of the last frame
+  std::vector<FollowedPoint> followed_to_;
+  std::vector<std::uint8_t> shows_point_;
+  std::vector<std::int32_t> order_;
 };
 
 }  // namespace haustra

@@ -23,6 +23,7 @@ std::string_view ToString(TrackingReason reason) {
     case TrackingReason::kFewInliers: return "few_inliers";
     case TrackingReason::kWeakEvidence: return "weak_evidence";
     case TrackingReason::kInconsistentMotion: return "inconsistent_motion";
+    case TrackingReason::kDeniedByFlow: return "denied_by_flow";
     case TrackingReason::kNoReference: return "no_reference";
     case TrackingReason::kLowParallax: return "low_parallax";
     case TrackingReason::kNoEpipolarGeometry: return "no_epipolar_geometry";

@@ -25,6 +25,7 @@ enum class TrackingReason : std::uint8_t {
   kFewInliers,          // no pose agrees with enough of what was found
   kWeakEvidence,        // no more of the map agrees with the pose than chance would give (film, bubbles, wrong place)
   kInconsistentMotion,  // the pose jumped further than a scope can move
+  kDeniedByFlow,        // optical flow since the last certain pose says otherwise
   kNoReference,         // initialisation: this frame is the new reference
   kLowParallax,         // initialisation: the views are too near each other
   kNoEpipolarGeometry,  // initialisation: no motion explains the matches

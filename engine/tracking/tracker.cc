@@ -15,6 +15,10 @@ constexpr int kThinFactor = 2;
 // A tracked pose with fewer inliers than so many times the least is questioned (decisions/2026-11-23-brute-force-bears-
 // witness.md).
 constexpr int kQuestionedFactor = 3;
+// A frame with so many of the inliers of the anchor becomes the anchor; one with fewer is judged by it.
+constexpr double kAnchorShare = 0.8;
+// The points of an older anchor are gone, or few; where the map has thinned out, that is how it is.
+constexpr double kMaxAnchorMs = 240.0;
 // A velocity older than this is worth nothing.
 constexpr double kMaxVelocityMs = 120.0;
 
@@ -33,7 +37,8 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
       noise_meter_(config.noise),
       overlay_(config.initialisation, config.features.finds_overlay, camera.width_px(), camera.height_px(),
                config.features.max),
-      extractor_({config, camera, device, lane_, budget_, overlay_, current_, last_}),
+      chain_(camera, config.features.max),
+      extractor_({config, camera, device, lane_, budget_, overlay_, current_, last_, chain_}),
       initialiser_(config, camera, device, lane_, overlay_, scene_share, memory),
       search_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_}),
       recovery_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_},
@@ -52,7 +57,7 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
                                      TwoViewRansac::kBytesPerMatch + sizeof(Match) + sizeof(Eigen::Vector2d) +
                                      2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double);
   const std::size_t workspace = features * kOfFeature + OverlayWatch::BytesFor(max_features) +
-                                FrameExtractor::BytesFor(max_features) +
+                                FrameExtractor::BytesFor(max_features) + FlowChain::BytesFor(max_features) +
                                 PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
                                 PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
   MemoryPlan plan;
@@ -141,6 +146,7 @@ void Tracker::HearMapper() {
     if (const auto* reframing = std::get_if<Reframing>(&next->reply)) {
       ++heard_.num_reframings;
       if (overlay_map_ == reframing->old_map_id) overlay_map_ = kNoId;
+      chain_.Hear(*reframing);
     }
     if (std::holds_alternative<FrameFound>(next->reply)) ++heard_.num_found;
     Hear(next->reply, &state_);
@@ -182,10 +188,23 @@ Tracker::Outcome Tracker::TrackMap(FrameResult* result) {
     }
     has_pose = verdict != PoseRecovery::Verdict::kNone;
   }
-  if (has_pose) return Outcome::kPose;
+  const bool is_denied =
+      has_pose &&
+      IsDeniedByFlow(tracking.course.map_id, tracking.has_last_frame && result->reason == TrackingReason::kTracked);
+  if (is_denied) result->reason = TrackingReason::kDeniedByFlow;
+  if (has_pose && !is_denied) return Outcome::kPose;
   if (lane_.has_pending()) return Outcome::kNoTime;
   SetLost();
   return Outcome::kNoPose;
+}
+
+// A pose that was chosen without a prediction needs the flow not to deny it. One that was tracked has a witness of its
+// own, and falls only where more points deny it than hold it.
+bool Tracker::IsDeniedByFlow(MapId map_id, bool is_tracked) const {
+  if (is_tracked && IsHeldByMap()) return false;
+  const FlowChain::Witness witness = chain_.Judge(map_id, search_.estimate().cam_from_map, current_.timestamp);
+  if (!is_tracked) return witness.denies;
+  return witness.denies && witness.num_against > static_cast<int>(search_.estimate().matches.size());
 }
 
 // kTracked, or why the estimate is not to be believed.
@@ -237,7 +256,8 @@ Tracker::Outcome Tracker::FindPose(FrameResult* result) {
   Lost& lost = std::get<Lost>(state_);
   // While the mapper looks for a frame of ours its answer may change the map: then that is what counts.
   const bool may_recover = config_.tracking.brute_force_recovery && lost.course && !lost.is_asking;
-  if (may_recover && budget_.MayRecover(true) && recovery_.Recover(true)) {
+  if (may_recover && budget_.MayRecover(true) && recovery_.Recover(true) &&
+      !IsDeniedByFlow(local_map().map_id, false)) {
     initialiser_.Reset();
     state_ = Regain(lost, local_map().map_id);
     result->reason = TrackingReason::kRelocalised;
@@ -305,6 +325,7 @@ void Tracker::AnswerWithPose(FrameResult* result) {
   WatchOverlay(tracking.course.map_id);
   ConsiderKeyframe(reference, &tracking, result);
   KeepFrame(&tracking);
+  AnchorChain(*result);
 }
 
 // The scope keeps its course, and the map its shape.
@@ -393,6 +414,21 @@ void Tracker::KeepFrame(Tracking* tracking) {
     last_.matches.emplace_back(match.feature_idx, local_map().points[match.point_idx].handle);
   }
   tracking->has_last_frame = true;
+}
+
+// As much of the map agrees with the pose as with that of the anchor.
+bool Tracker::IsHeldByMap() const {
+  const auto num = static_cast<int>(search_.estimate().matches.size());
+  return num >= kQuestionedFactor * config_.tracking.min_inliers && num >= kAnchorShare * anchor_inliers_;
+}
+
+// The chain begins anew where the map holds the pose, and where it has grown old or has left the map.
+void Tracker::AnchorChain(const FrameResult& result) {
+  const bool is_bound = chain_.map_id() == result.map_id && chain_.AgeMs(result.timestamp) <= kMaxAnchorMs;
+  if (!config_.features.are_followed || result.reason != TrackingReason::kTracked) return;
+  if (is_bound && !IsHeldByMap()) return;
+  anchor_inliers_ = result.num_inliers;
+  chain_.Begin(last_, result.map_id, result.cam_from_map, result.timestamp);
 }
 
 void Tracker::ForgetLastFrame() {

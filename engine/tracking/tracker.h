@@ -19,6 +19,7 @@
 #include "engine/config.h"
 #include "engine/scheduler/frame_budget.h"
 #include "engine/scheduler/lane_wait.h"
+#include "engine/tracking/flow_chain.h"
 #include "engine/tracking/frame_extractor.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/initialiser.h"
@@ -88,6 +89,9 @@ class Tracker {
   void WatchOverlay(MapId map_id);
   void ConsiderKeyframe(const LocalKeyframe& reference, Tracking* tracking, FrameResult* result);
   void KeepFrame(Tracking* tracking);
+  bool IsHeldByMap() const;
+  bool IsDeniedByFlow(MapId map_id, bool is_tracked) const;
+  void AnchorChain(const FrameResult& result);
   void ForgetLastFrame();
   void DropFrame();
   void SetLost();
@@ -112,6 +116,8 @@ class Tracker {
   LaneWait lane_;
   NoiseMeter noise_meter_;
   OverlayWatch overlay_;
+  FlowChain chain_;
+  int anchor_inliers_ = 0;  // of the frame where the chain begins
   FrameExtractor extractor_;
   Initialiser initialiser_;
   PoseSearch search_;

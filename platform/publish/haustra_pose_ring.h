@@ -96,7 +96,8 @@ enum haustra_reason {
   HAUSTRA_REASON_AWAITING_MAP = 14,
   HAUSTRA_REASON_PREDICTED = 15,
   HAUSTRA_REASON_NO_TIME = 16,
-  HAUSTRA_REASON_UNCERTAIN_MOTION = 17
+  HAUSTRA_REASON_UNCERTAIN_MOTION = 17,
+  HAUSTRA_REASON_DENIED_BY_FLOW = 18
 };
 
 enum haustra_pose_flag {
@@ -456,9 +457,10 @@ static inline const char* haustra_state_name(uint32_t state) {
 
 static inline const char* haustra_reason_name(uint32_t reason) {
   static const char* const names[] = {
-      "tracked",     "recovered",     "relocalised",         "damaged_frame", "few_features", "few_matches",
-      "few_inliers", "weak_evidence", "inconsistent_motion", "no_reference",  "low_parallax", "no_epipolar_geometry",
-      "low_spread",  "map_proposed",  "awaiting_map",        "predicted",     "no_time",      "uncertain_motion"};
+      "tracked",       "recovered",     "relocalised",         "damaged_frame", "few_features", "few_matches",
+      "few_inliers",   "weak_evidence", "inconsistent_motion", "no_reference",  "low_parallax", "no_epipolar_geometry",
+      "low_spread",    "map_proposed",  "awaiting_map",        "predicted",     "no_time",      "uncertain_motion",
+      "denied_by_flow"};
   return reason < sizeof names / sizeof names[0] ? names[reason] : "unknown";
 }
 

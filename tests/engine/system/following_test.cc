@@ -21,7 +21,8 @@ class RecordingDevice final : public ForwardingVisionDevice {
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
     before = std::move(found_);
     found_.clear();
-    follow.assign(request.follow.begin(), request.follow.end());
+    follow.assign(request.follow.begin() + request.num_only_followed, request.follow.end());
+    num_only_followed = request.num_only_followed;
     keypoints_ = request.keypoints;
     num_keypoints_ = request.num_keypoints;
     return ForwardingVisionDevice::EnqueueExtract(lane, request);
@@ -34,7 +35,8 @@ class RecordingDevice final : public ForwardingVisionDevice {
   }
 
   std::vector<Keypoint> before;
-  std::vector<Keypoint> follow;
+  std::vector<Keypoint> follow;  // to become features
+  int num_only_followed = 0;
 
  private:
   std::vector<Keypoint> found_;
@@ -59,6 +61,32 @@ class DetectingFewDevice final : public ForwardingVisionDevice {
   }
 
   std::int32_t num_detected = std::numeric_limits<std::int32_t>::max();
+
+ private:
+  ExtractRequest request_;
+};
+
+// Says that all points it is asked for have gone to the right, however the scope moves.
+class DriftingDevice final : public ForwardingVisionDevice {
+ public:
+  using ForwardingVisionDevice::ForwardingVisionDevice;
+
+  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    if (lane == Lane::kTracking) request_ = request;
+    return ForwardingVisionDevice::EnqueueExtract(lane, request);
+  }
+  Status Wait(Ticket ticket, TimePoint deadline) override {
+    const Status status = ForwardingVisionDevice::Wait(ticket, deadline);
+    const auto right = static_cast<float>(request_.image.width - 1);
+    for (std::size_t i = 0; i < request_.followed_to.size() && drift_px > 0.0f; ++i) {
+      const Keypoint& from = request_.follow[i];
+      request_.followed_to[i] = {std::min(from.x_px + drift_px, right), from.y_px, true, true};
+    }
+    request_ = {};
+    return status;
+  }
+
+  float drift_px = 0.0f;
 
  private:
   ExtractRequest request_;
@@ -118,6 +146,33 @@ TEST(Following, APoseThatHangsOnFollowedFeaturesIsNotBelieved) {
   }
 }
 
+// Brute force finds the old place at once. Flow that says otherwise is believed for a second, and no longer.
+TEST(Following, APoseThatFlowDeniesIsNotAnswered) {
+  std::uint32_t first_pose[2] = {0, 0};
+  for (const bool has_drift : {false, true}) {
+    ScriptedColon colon;
+    colon.Move(0.0, 3.0, 60);
+    colon.Occlude(3);
+    colon.Move(3.0, 3.0, 60);
+    DriftingDevice device(colon.device());
+    const auto engine = colon.MakeEngine(Engine::Mode::kSequential, device);
+    MapId map_id = kNoId;
+    for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+      if (frame->index == 60) device.drift_px = has_drift ? 20.0f : 0.0f;
+      const FrameResult result = engine->Track(*frame, kNoDeadline);
+      if (frame->index == 59) map_id = result.map_id;
+      const bool is_found = frame->index >= 63 && result.state == TrackingState::kTracking && result.map_id == map_id;
+      if (is_found && first_pose[has_drift] == 0) first_pose[has_drift] = frame->index;
+      while (engine->BackgroundStep()) {
+      }
+    }
+  }
+  EXPECT_GE(first_pose[0], 63u);
+  EXPECT_LE(first_pose[0], 65u);
+  EXPECT_GE(first_pose[1], 80u);
+  EXPECT_LE(first_pose[1], 95u);
+}
+
 TEST(Following, NoneAreNamedWhenTheConfigurationSaysSo) {
   EngineConfig config = SmallEngineConfig();
   config.features.are_followed = false;
@@ -129,6 +184,7 @@ TEST(Following, NoneAreNamedWhenTheConfigurationSaysSo) {
   for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
     num_tracked += engine->Track(*frame, kNoDeadline).state == TrackingState::kTracking ? 1 : 0;
     EXPECT_TRUE(device.follow.empty());
+    EXPECT_EQ(device.num_only_followed, 0);
     while (engine->BackgroundStep()) {
     }
   }

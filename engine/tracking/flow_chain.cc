@@ -11,6 +11,9 @@ namespace {
 constexpr double kMaxAgeMs = 1000.0;
 // Of living tissue, in a blurred pan, 8 of 2000 are left after half a second.
 constexpr int kMinPoints = 8;
+// A picture that keeps fewer of the points than this shows another scene, or none: a red-out, water. What seems to be
+// left of them is chance. In a blurred pan a picture keeps a third.
+constexpr double kMinKeptShare = 0.2;
 // A pose is denied when not even this share of the points agrees with it: instruments and bubbles move in ways of their
 // own. Of points that the map held at the anchor most have to: instruments are not in the map.
 constexpr double kMinAgreeingShare = 0.25;
@@ -79,10 +82,12 @@ void FlowChain::Advance(std::span<const FollowedPoint> to) {
     points_[num].y_px = to[i].y_px;
     anchor_bearings_[num++] = anchor_bearings_[i];
   }
+  const bool is_another_scene = static_cast<double>(num) < kMinKeptShare * static_cast<double>(points_.size());
   num_of_map_ = num_of_map;
   points_.resize(num);
   anchor_bearings_.resize(num);
   is_fresh_ = false;
+  if (is_another_scene) Break();
 }
 
 bool FlowChain::CanJudge(TimePoint now) const {

@@ -136,11 +136,22 @@ TEST_F(FlowChainTest, JudgesNoPoseOfAnotherMapAndNoneForLong) {
 
 TEST_F(FlowChainTest, NeedsEightPoints) {
   Anchor(0);
-  Move(motion_, kNumPoints, 8);
+  for (const int num_left : {80, 30, 8}) Move(motion_, kNumPoints, num_left);
   EXPECT_EQ(chain_.points().size(), 8u);
   EXPECT_TRUE(Denies(false_motion_));
-  Anchor(0);
   Move(motion_, kNumPoints, 7);
+  EXPECT_EQ(chain_.points().size(), 7u);
+  EXPECT_FALSE(Denies(false_motion_));
+}
+
+// A red-out, water: what is left of the points by chance says nothing.
+TEST_F(FlowChainTest, BreaksAtAPictureThatKeepsLessThanAFifth) {
+  Anchor(0);
+  Move(motion_, kNumPoints, 40);
+  EXPECT_EQ(chain_.points().size(), 40u);
+  Anchor(0);
+  Move(motion_, kNumPoints, 39);
+  EXPECT_TRUE(chain_.points().empty());
   EXPECT_FALSE(Denies(false_motion_));
 }
 

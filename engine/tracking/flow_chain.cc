@@ -19,8 +19,8 @@ constexpr double kMinKeptShare = 0.2;
 constexpr double kMinAgreeingShare = 0.25;
 constexpr double kMinAgreeingMapShare = 0.5;
 // Distance from the epipolar plane, radians (Sampson's first order on the sphere). At that share trusted poses had
-// 0.006 at most, over seven clips of living tissue and rendered walls, in chains of six frames. False ones had 0.02 to
-// 0.08.
+// 0.006 at most, over seven clips of living tissue and rendered walls, in chains of six frames. The medians of false
+// ones were 0.02 to 0.08.
 constexpr double kMaxResidual = 0.012;
 
 }  // namespace
@@ -70,6 +70,7 @@ void FlowChain::Break() {
   points_.clear();
   anchor_bearings_.clear();
   num_of_map_ = 0;
+  is_fresh_ = false;
 }
 
 void FlowChain::Advance(std::span<const FollowedPoint> to) {

@@ -168,8 +168,10 @@ TEST_F(FlowChainTest, GoesOnFromPictureToPictureUntilItBreaks) {
   chain_.Advance(to);
   EXPECT_FALSE(Denies(motion_));
   EXPECT_TRUE(Denies(false_motion_));
+  Anchor(20);
   chain_.Break();
   EXPECT_TRUE(chain_.points().empty());
+  EXPECT_FALSE(chain_.is_fresh()) << "the features of the last frame are followed for themselves again";
   EXPECT_FALSE(Denies(false_motion_));
 }
 

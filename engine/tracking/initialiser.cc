@@ -50,6 +50,7 @@ void Initialiser::Reset() {
   has_reference_ = false;
   for (std::size_t i = 0; i < num_between_; ++i) device_.ReleaseFeatureSet(between_[i].features.set);
   num_between_ = 0;
+  num_skipped_ = 0;
 }
 
 void Initialiser::Keep(const ProposedView& view) {
@@ -73,19 +74,31 @@ void Initialiser::ThinOut() {
     }
   }
   num_between_ = kept;
+  num_skipped_ /= 2;
 }
 
 void Initialiser::RenewReference() {
-  device_.ReleaseFeatureSet(reference_.features.set);
-  has_reference_ = num_between_ > 0;
+  num_skipped_ = 0;
   is_unexplained_ = false;
-  if (!has_reference_) return;
-  const std::size_t middle = num_between_ / 2;
-  for (std::size_t i = 0; i < middle; ++i) device_.ReleaseFeatureSet(between_[i].features.set);
-  std::swap(reference_, between_[middle]);
-  std::rotate(between_.begin(), between_.begin() + static_cast<std::ptrdiff_t>(middle) + 1,
+  if (num_between_ > 0) {
+    BeginWith(num_between_ / 2);
+  } else {
+    device_.ReleaseFeatureSet(reference_.features.set);
+    has_reference_ = false;
+  }
+}
+
+void Initialiser::BeginWith(std::size_t kept) {
+  device_.ReleaseFeatureSet(reference_.features.set);
+  for (std::size_t i = 0; i < kept; ++i) device_.ReleaseFeatureSet(between_[i].features.set);
+  std::swap(reference_, between_[kept]);
+  std::rotate(between_.begin(), between_.begin() + static_cast<std::ptrdiff_t>(kept) + 1,
               between_.begin() + static_cast<std::ptrdiff_t>(num_between_));
-  num_between_ -= middle + 1;
+  num_between_ -= kept + 1;
+}
+
+const ProposedView& Initialiser::EarlierView(std::size_t num_skipped) const {
+  return num_skipped == 0 ? reference_ : between_[num_skipped - 1];
 }
 
 void Initialiser::MoveInto(KeyframeProposal* proposal) {
@@ -97,26 +110,45 @@ void Initialiser::MoveInto(KeyframeProposal* proposal) {
   proposal->num_between = static_cast<std::int32_t>(num_between_);
   has_reference_ = false;
   num_between_ = 0;
+  num_skipped_ = 0;
 }
 
 TrackingReason Initialiser::Try(const ProposedView& view, const FrameBudget& budget) {
-  const TrackingReason reason = Compare(view, budget);
+  const ProposedView& earlier = EarlierView(num_skipped_);
+  const TrackingReason reason = Compare(earlier, view, budget);
   if (reason == TrackingReason::kNoTime) return reason;
-  const bool was_unexplained = is_unexplained_;
-  is_unexplained_ = reason == TrackingReason::kNoEpipolarGeometry;
-  if (is_unexplained_ && !was_unexplained) unexplained_since_ = view.timestamp;
-  is_worn_out_ = reason == TrackingReason::kFewMatches ||
-                 (is_unexplained_ &&
-                  ToMilliseconds(view.timestamp - unexplained_since_) > config_.initialisation.max_unexplained_ms);
+  if (reason == TrackingReason::kMapProposed) {
+    if (num_skipped_ > 0) BeginWith(num_skipped_ - 1);
+    return reason;
+  }
+  is_worn_out_ = num_skipped_ == 0 && HasWornOut(reason, view.timestamp);
+  ChooseNext(reason, view.timestamp);
   return reason;
 }
 
-TrackingReason Initialiser::Compare(const ProposedView& view, const FrameBudget& budget) {
+bool Initialiser::HasWornOut(TrackingReason reason, TimePoint time) {
+  const bool was_unexplained = is_unexplained_;
+  is_unexplained_ = reason == TrackingReason::kNoEpipolarGeometry;
+  if (is_unexplained_ && !was_unexplained) unexplained_since_ = time;
+  return reason == TrackingReason::kFewMatches ||
+         (is_unexplained_ && ToMilliseconds(time - unexplained_since_) > config_.initialisation.max_unexplained_ms);
+}
+
+void Initialiser::ChooseNext(TrackingReason reason, TimePoint time) {
+  const std::size_t num_left = num_between_ - num_skipped_;
+  num_skipped_ += (num_left + 1) / 2;
+  // Of views that are nearer still there is even less parallax.
+  const bool is_near = reason == TrackingReason::kLowParallax || num_left == 0 ||
+                       ToMilliseconds(time - EarlierView(num_skipped_).timestamp) < config_.initialisation.min_gap_ms;
+  if (is_near) num_skipped_ = 0;
+}
+
+TrackingReason Initialiser::Compare(const ProposedView& earlier, const ProposedView& view, const FrameBudget& budget) {
   const InitialisationConfig& options = config_.initialisation;
   num_matches_ = num_inliers_ = num_pairs_ = 0;
 
   MatchRequest request;
-  request.query = DescriptorList::Whole(reference_.features.set);
+  request.query = DescriptorList::Whole(earlier.features.set);
   request.train = DescriptorList::Whole(view.features.set);
   request.options = {static_cast<float>(config_.matching.min_similarity), static_cast<float>(options.brute_force_ratio),
                      true};
@@ -126,11 +158,11 @@ TrackingReason Initialiser::Compare(const ProposedView& view, const FrameBudget&
   if (!lane_.Match(request, budget.initialise_deadline()).ok()) {
     return lane_.has_pending() ? TrackingReason::kNoTime : TrackingReason::kFewMatches;
   }
-  num_matches_ = overlay_.Sift(reference_.features, view.features,
-                               std::span(matches_).first(static_cast<std::size_t>(num_matches_)), reference_.timestamp,
+  num_matches_ = overlay_.Sift(earlier.features, view.features,
+                               std::span(matches_).first(static_cast<std::size_t>(num_matches_)), earlier.timestamp,
                                view.timestamp);
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
-  if (ToMilliseconds(view.timestamp - reference_.timestamp) < options.min_gap_ms) {
+  if (ToMilliseconds(view.timestamp - earlier.timestamp) < options.min_gap_ms) {
     return TrackingReason::kLowParallax;
   }
 
@@ -138,9 +170,9 @@ TrackingReason Initialiser::Compare(const ProposedView& view, const FrameBudget&
   bearings_b_.clear();
   tolerance_.clear();
   for (int i = 0; i < num_matches_; ++i) {
-    const Keypoint& a = reference_.features.keypoints[matches_[i].query];
+    const Keypoint& a = earlier.features.keypoints[matches_[i].query];
     const Keypoint& b = view.features.keypoints[matches_[i].train];
-    bearings_a_.push_back(reference_.features.bearing(matches_[i].query));
+    bearings_a_.push_back(earlier.features.bearing(matches_[i].query));
     bearings_b_.push_back(view.features.bearing(matches_[i].train));
     const double sigma = options.noise_k * std::max(a.scale_px, b.scale_px) + options.noise_sigma_0_px;
     tolerance_.push_back(kGateOneDof * sigma / camera_.focal_px());

@@ -44,7 +44,10 @@ class Initialiser {
   // next one. A reference that shares less and less with the present still leaves half of the baseline behind.
   void RenewReference();
 
-  // Compares the view with the reference, as long as the frame's time allows (FrameBudget::ShouldStopInitialising).
+  // Compares the view with one that was kept, as long as the frame's time allows (FrameBudget::ShouldStopInitialising).
+  // It is the reference at first; while no motion is certain, at each next call the one half as old, until parallax is
+  // wanting; then the reference again. What was seen in a blurred pan, or has half gone behind an instrument, founds
+  // nothing, and a view after it does.
   // kNoTime: it was stopped, and all is as before. kMapProposed: MoveInto() gives what founds the map.
   TrackingReason Try(const ProposedView& view, const FrameBudget& budget);
   // After Try: the reference has little in common with what is seen now, or no motion explains it any more.
@@ -59,7 +62,13 @@ class Initialiser {
 
  private:
   void ThinOut();
-  TrackingReason Compare(const ProposedView& view, const FrameBudget& budget);
+  // The view with so many older ones kept: the reference is 0.
+  const ProposedView& EarlierView(std::size_t num_skipped) const;
+  // The kept view is the reference from now on; what is older is forgotten.
+  void BeginWith(std::size_t kept);
+  bool HasWornOut(TrackingReason reason, TimePoint time);
+  void ChooseNext(TrackingReason reason, TimePoint time);
+  TrackingReason Compare(const ProposedView& earlier, const ProposedView& view, const FrameBudget& budget);
 
   const EngineConfig& config_;
   const CameraModel& camera_;
@@ -72,6 +81,7 @@ class Initialiser {
   TwoViewRansac ransac_;
   Rng rng_;
   bool has_reference_ = false;
+  std::size_t num_skipped_ = 0;  // before the view to compare with next
   bool is_worn_out_ = false;
   bool is_unexplained_ = false;  // the last view
   TimePoint unexplained_since_;

@@ -151,5 +151,73 @@ TEST_F(InitialiserTest, FoundingWaitsWhereTwoMotionsFitAlike) {
   EXPECT_FALSE(initialiser_.is_worn_out());
 }
 
+// A reference that nothing explains does not hold up a founding: the view after it founds the map, one call later.
+TEST_F(InitialiserTest, ViewAfterAReferenceThatNothingExplainsFoundsTheMap) {
+  ProposedView spoilt = See(1);
+  MoveWall(120.0, &spoilt);
+  initialiser_.Keep(spoilt);
+  const ProposedView good = See(1);
+  initialiser_.Keep(good);
+  const ProposedView later = See(12);
+  EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kNoEpipolarGeometry);
+  EXPECT_TRUE(initialiser_.has_reference());
+  EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kMapProposed);
+
+  KeyframeProposal proposal(colon_.config().features.max, colon_.config().initialisation.kept_views);
+  initialiser_.MoveInto(&proposal);
+  EXPECT_EQ(proposal.reference.frame_index, good.frame_index);
+  EXPECT_EQ(proposal.num_between, 0);
+  colon_.device().ReleaseFeatureSet(proposal.reference.features.set);
+}
+
+// While parallax is wanting, younger views have still less: the oldest stays the one that is compared with.
+TEST_F(InitialiserTest, ReferenceIsComparedAgainWhileParallaxIsWanting) {
+  InitialisationConfig& options = colon_.config().initialisation;
+  options.min_parallax_deg = 30.0;
+  options.min_parallax_sigmas = 100.0;
+  const ProposedView first = See(1);
+  initialiser_.Keep(first);
+  initialiser_.Keep(See(1));
+  const ProposedView later = See(6);
+  EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kLowParallax);
+  options.min_parallax_deg = 0.4;
+  EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kMapProposed);
+
+  KeyframeProposal proposal(colon_.config().features.max, options.kept_views);
+  initialiser_.MoveInto(&proposal);
+  EXPECT_EQ(proposal.reference.frame_index, first.frame_index);
+  EXPECT_EQ(proposal.num_between, 1);
+  colon_.device().ReleaseFeatureSet(proposal.reference.features.set);
+  colon_.device().ReleaseFeatureSet(proposal.between[0].features.set);
+}
+
+// The choice of the view to compare with outlives the thinning out of those that are kept.
+TEST_F(InitialiserTest, ViewsAreThinnedOutBetweenTwoComparisons) {
+  colon_.config().initialisation.kept_views = 4;
+  Initialiser initialiser(colon_.config(), colon_.camera(), colon_.device(), lane_, overlay_, 1.0);
+  const auto try_view = [&](const ProposedView& view) {
+    budget_.BeginFrame(clock_.Now() + kFramePeriod, false, false);
+    EXPECT_TRUE(budget_.MayInitialise());
+    const TrackingReason reason = initialiser.Try(view, budget_);
+    budget_.EndInitialising(false);
+    budget_.EndFrame();
+    return reason;
+  };
+  const auto spoilt = [this] {
+    ProposedView view = See(1);
+    MoveWall(120.0, &view);
+    return view;
+  };
+  initialiser.Keep(spoilt());
+  for (int i = 0; i < 4; ++i) initialiser.Keep(spoilt());
+  ProposedView last = See(8);
+  MoveWall(240.0, &last);
+  // Reference, the second kept view, the third: the next is none that thinning out leaves where it was.
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(try_view(last), TrackingReason::kNoEpipolarGeometry);
+  initialiser.Keep(last);
+  EXPECT_EQ(try_view(See(1)), TrackingReason::kNoEpipolarGeometry);
+  initialiser.Reset();
+}
+
 }  // namespace
 }  // namespace haustra::test

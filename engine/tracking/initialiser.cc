@@ -158,9 +158,9 @@ TrackingReason Initialiser::Compare(const ProposedView& earlier, const ProposedV
   if (!lane_.Match(request, budget.initialise_deadline()).ok()) {
     return lane_.has_pending() ? TrackingReason::kNoTime : TrackingReason::kFewMatches;
   }
-  num_matches_ = overlay_.Sift(earlier.features, view.features,
-                               std::span(matches_).first(static_cast<std::size_t>(num_matches_)), earlier.timestamp,
-                               view.timestamp);
+  num_matches_ =
+      overlay_.Sift(earlier.features, view.features, std::span(matches_).first(static_cast<std::size_t>(num_matches_)),
+                    earlier.timestamp, view.timestamp);
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
   if (ToMilliseconds(view.timestamp - earlier.timestamp) < options.min_gap_ms) {
     return TrackingReason::kLowParallax;

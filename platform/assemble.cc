@@ -10,6 +10,12 @@
 #endif
 
 namespace haustra {
+namespace {
+
+// That this process may use.
+int NumProcessors() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
+
+}  // namespace
 
 void PrepareVisionDevices() {
 #ifdef HAUSTRA_HAVE_CUDA
@@ -25,6 +31,16 @@ std::string_view ResolveVisionDevice(std::string_view name) {
   return "cpu";
 }
 
+int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode) {
+  return NumVisionThreads(asked, config, mode, NumProcessors());
+}
+
+int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode, int num_processors) {
+  if (asked > 0) return asked;
+  const bool leaves_one = mode == Engine::Mode::kRealTime && config.rt.enabled;
+  return std::max(1, leaves_one ? num_processors - 1 : num_processors);
+}
+
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,
                                                          const CameraCalibration& calibration, int num_threads) {
   return CreateVisionDevice(name, Engine::PlanFor(config, calibration), Engine::ExtractOptionsFor(config), num_threads);
@@ -33,9 +49,7 @@ Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, 
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const VisionPlan& plan,
                                                          const ExtractOptions& options, int num_threads) {
   if (name == "cpu") {
-    const int threads =
-        num_threads > 0 ? num_threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-    return CreateCpuVisionDevice(plan, options, threads);
+    return CreateCpuVisionDevice(plan, options, num_threads > 0 ? num_threads : NumProcessors());
   }
   if (name == "cuda") {
 #ifdef HAUSTRA_HAVE_CUDA

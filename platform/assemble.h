@@ -16,6 +16,13 @@ void PrepareVisionDevices();
 // "auto" as "cuda" where this build and this machine have it, else as "cpu"; other names as they are.
 std::string_view ResolveVisionDevice(std::string_view name);
 
+// Threads of the CPU device: as many as were asked for; 0: one for each processor that this process may use. Those that
+// help tracking have its priority: in real time with rt.enabled one processor is left to mapping and all others, which
+// would wait for ever where frames take all the time there is. At least one.
+int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode);
+// The same on a machine of so many processors.
+int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode, int num_processors);
+
 // "cpu" or "cuda". kUnavailable when this build or this machine does not have it. num_threads: of the CPU device,
 // 0 means one for each core.
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,

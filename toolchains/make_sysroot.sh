@@ -20,7 +20,7 @@ readonly keyring=/usr/share/keyrings/debian-archive-keyring.gpg
 packages=(
   libc6-dev libstdc++-12-dev libgcc-12-dev linux-libc-dev
   libeigen3-dev libceres-dev libopenblas-pthread-dev libyaml-cpp-dev libcli11-dev nlohmann-json3-dev
-  libpng-dev libturbojpeg0-dev libpugixml-dev libgtest-dev libgmock-dev libbenchmark-dev
+  libpng-dev libjpeg-dev libturbojpeg0-dev libpugixml-dev libgtest-dev libgmock-dev libbenchmark-dev
   "$@"
 )
 

@@ -44,7 +44,7 @@ struct V4l2Counters {
 // gone or brings no signal, looks for it four times a second, and goes on with frames when it is back. After three
 // seconds without a picture the stream is begun again. A camera that comes back with pictures of another size stays
 // unavailable. Next never waits longer than a second, even with kNoDeadline. thread-bound(the reader), not rt-safe:
-// restarting allocates, and MJPEG does inside of TurboJPEG, for each picture.
+// restarting allocates, and so does a damaged picture, for its message. A whole one asks nothing of the heap.
 class V4l2Source final : public FrameSource {
  public:
   // The calibration (of the file that `sequence` names) is that of the picture or of the region. Without a file the

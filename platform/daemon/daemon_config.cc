@@ -1,6 +1,5 @@
 #include "platform/daemon/daemon_config.h"
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdlib>
 #include <type_traits>
@@ -101,11 +100,6 @@ Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
   for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
   HAUSTRA_TRY(CheckEngineConfig(store.config().engine));
   return store;
-}
-
-int NumVisionThreads(const DaemonConfig& config, int num_processors) {
-  if (config.vision.threads > 0) return config.vision.threads;
-  return std::max(1, config.engine.rt.enabled ? num_processors - 1 : num_processors);
 }
 
 void FillFolders(FilesConfig* files) {

@@ -23,7 +23,7 @@ struct SourceConfig {
 
 struct VisionConfig {
   std::string device = "cpu";
-  int threads = 0;  // of the CPU device; 0: NumVisionThreads decides [0, 256]
+  int threads = 0;  // of the CPU device; 0: NumVisionThreads (assemble.h) decides [0, 256]
   // A device that owes an answer for so long hangs. An answer takes tens of milliseconds; the limit is below that of
   // the tracking thread, so that the device is named and not the thread that waits for it [50, 600000]
   int answer_limit_ms = 500;
@@ -96,11 +96,6 @@ std::vector<ConfigField> DaemonConfigFields();
 // no device and no file but `path`. Errors: as ConfigStore's.
 Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
                                                    const std::vector<std::string>& assignments);
-
-// Threads of the CPU device on a machine of so many processors. Those that help tracking have its priority: with
-// rt.enabled one processor is left to mapping and all others, which would wait for ever where frames take all the time
-// there is. At least one.
-int NumVisionThreads(const DaemonConfig& config, int num_processors);
 
 // Folders that the configuration leaves open are those of the service manager, from the environment.
 void FillFolders(FilesConfig* files);

@@ -31,7 +31,7 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
   HAUSTRA_ASSIGN(MemoryPlan plan,
                  PlanMemory(config.engine, calibration, config.vision.device,
-                            NumVisionThreads(config, static_cast<int>(std::thread::hardware_concurrency()))));
+                            NumVisionThreads(config.vision.threads, config.engine, Engine::Mode::kRealTime)));
   plan.Add(MemoryPlace::kHost, "published snapshot", 1,
            sizeof(haustra_snapshot) + config.engine.memory.max_map_points * sizeof(haustra_point),
            "memory.max_map_points");

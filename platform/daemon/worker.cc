@@ -222,7 +222,7 @@ class Worker {
 WorkerParts SystemWorkerParts() {
   return {OpenSource, [](const DaemonConfig& config, const CameraCalibration& calibration) {
             return CreateVisionDevice(config.vision.device, config.engine, calibration,
-                                      NumVisionThreads(config, static_cast<int>(std::thread::hardware_concurrency())));
+                                      NumVisionThreads(config.vision.threads, config.engine, Engine::Mode::kRealTime));
           }};
 }
 

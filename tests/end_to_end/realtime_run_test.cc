@@ -1,13 +1,19 @@
 // Real-time mode over a whole sequence. Nothing here depends on the speed of the machine but one generous floor.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
+#include <thread>
+#include <vector>
 
 #include "tests/end_to_end/command.h"
 #include "tests/end_to_end/result_files.h"
 
 namespace haustra::end_to_end {
 namespace {
+
+using ::testing::HasSubstr;
 
 // Every frame has one row, in order, and the states add up to the summary.
 void ExpectEveryFrameAccountedFor(const std::string& out, std::size_t num_frames) {
@@ -44,6 +50,30 @@ TEST(RealTimeRun, SlowPaceMapsTheSequence) {
   const nlohmann::json evaluation = ReadJson(scratch + "/evaluation.json");
   EXPECT_GE(evaluation.at("coverage").get<double>(), 40.0) << "91 on an idle machine";
   EXPECT_EQ(evaluation.at("false_merges").get<int>(), 0);
+}
+
+// Helpers of tracking run in real time: with all processors theirs, mapping would wait for ever.
+TEST(RealTimeRun, ProcessorIsLeftToMappingByEveryCommandThatRunsInRealTime) {
+  const int num_processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  if (num_processors == 1) GTEST_SKIP() << "there is one processor only, for tracking and mapping";
+  const auto threads = [](int count) { return ", " + std::to_string(count) + (count == 1 ? " thread" : " threads"); };
+  const std::string scratch = ScratchFolder(), sequence = scratch + "/sequence";
+  CopySequence(SequenceFolder("standard"), sequence, 10);
+  const auto run = [&](std::vector<std::string> options) {
+    options.insert(options.begin(), {"run", sequence, "--overwrite", "--out", scratch + "/out"});
+    return HaustraOnCpu(options).err;
+  };
+  EXPECT_THAT(run({"--mode", "realtime"}), HasSubstr(threads(num_processors - 1)));
+  EXPECT_THAT(run({"--mode", "sequential"}), HasSubstr(threads(num_processors)));
+  EXPECT_THAT(run({"--mode", "realtime", "--set", "rt.enabled=false"}), HasSubstr(threads(num_processors)));
+  EXPECT_THAT(run({"--mode", "realtime", "--threads", "3"}), HasSubstr(threads(3))) << "as it is told";
+  const auto soak = [&](const char* mode) {
+    return HaustraOnCpu({"soak", sequence, "--minutes", "0.01", "--mode", mode}).out;
+  };
+  EXPECT_THAT(soak("realtime"), HasSubstr(threads(num_processors - 1)));
+  EXPECT_THAT(soak("sequential"), HasSubstr(threads(num_processors)));
+  EXPECT_THAT(HaustraOnCpu({"latency", sequence, "--seconds", "1", "--warm-up", "0", "--loop", "0.2"}).out,
+              HasSubstr(threads(num_processors - 1)));
 }
 
 TEST(RealTimeRun, PaceFarTooFastDropsFramesAndEnds) {

@@ -10,6 +10,7 @@ using capture::internal::DecodeJpeg;
 using capture::internal::DecodeJpegSize;
 using capture::internal::DecodePng;
 using capture::internal::DecodePngSize;
+using capture::internal::JpegDecoder;
 
 // Larger ones are decoded like small ones, and take long.
 constexpr std::int64_t kMaxPixels = 1 << 18;
@@ -44,8 +45,14 @@ void FuzzImage(std::span<const std::uint8_t> bytes) {
     Check(DecodePng(bytes, &image), *size, image);
   }
   if (const Result<ImageSize> size = DecodeJpegSize(bytes); IsSmall(size)) {
+    JpegDecoder decoder(*size);
     for (const ChannelChoice channels : {ChannelChoice::kAsStored, ChannelChoice::kGrey}) {
-      Check(DecodeJpeg(bytes, channels, &image), *size, image);
+      const Status status = DecodeJpeg(bytes, channels, &image);
+      Check(status, *size, image);
+      // In memory of a camera's decoder, the second time after another picture.
+      const Status ours = decoder.Decode(bytes, channels, &image);
+      Check(ours, *size, image);
+      HAUSTRA_CHECK(ours.code() == status.code() || ours.code() == StatusCode::kCapacityExceeded);
     }
   }
 }

@@ -17,9 +17,9 @@ if [ ! -x "$kernel" ] && [[ "$kernel" != *.xz || ! -e "$kernel" ]]; then
   echo "run_vivid.sh: skipped: no kernel with vivid at $kernel; tests/v4l2/build_vivid_kernel.sh builds one"
   exit 77
 fi
-for program in tests/v4l2/test_v4l2_vivid tests/v4l2/haustra_loopback_feed tools/haustra; do
+for program in tests/v4l2/test_v4l2_vivid tests/v4l2/haustra_loopback_feed tools/haustra platform/daemon/haustrad; do
   if [ ! -x "$build/$program" ]; then
-    echo "run_vivid.sh: $build/$program is missing: build the targets test_v4l2_vivid, haustra_loopback_feed and haustra" >&2
+    echo "run_vivid.sh: $build/$program is missing: build test_v4l2_vivid, haustra_loopback_feed, haustra and haustrad" >&2
     exit 1
   fi
 done
@@ -40,7 +40,7 @@ fi
 ulimit -c 0
 # Two inputs: a webcam and HDMI. One capture node, nothing else of the driver.
 TMPDIR=/dev/shm timeout "${HAUSTRA_VIVID_TIMEOUT:-300}" "$kernel" mem=1G root=/dev/root rootfstype=hostfs rootflags=/ ro \
-  init="$source_folder/tests/v4l2/guest.sh" HAUSTRA_BUILD="$build" con=null con0=null,fd:1 quiet \
+  init="$source_folder/tests/v4l2/guest.sh" HAUSTRA_BUILD="$build" HAUSTRA_SOURCE="$source_folder" con=null con0=null,fd:1 quiet \
   time-travel=inf-cpu vivid.node_types=0x1 vivid.num_inputs=2 vivid.input_types=0xc \
   v4l2loopback.card_label=loopback < /dev/null 2>&1 | grep -v --line-buffered 'Kernel panic\|^$' | tee "$log" || true
 if grep -q '^guest: passed' "$log"; then exit 0; fi

@@ -19,9 +19,15 @@ void AddDeviceOptions(CLI::App& command, std::string& device, int& threads) {
       ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
       ->capture_default_str();
   command.parse_complete_callback([&device] { device = ResolveVisionDevice(device); });
-  command.add_option("--threads", threads, "Threads of the CPU device, 0: one a core")
+  command.add_option("--threads", threads, "Threads of the CPU device, 0: one a core, in real time one less")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();
+}
+
+std::string DeviceText(const VisionDevice& device, int num_threads) {
+  const std::string name(device.name());
+  if (device.is_accelerator()) return name;
+  return name + ", " + std::to_string(num_threads) + (num_threads == 1 ? " thread" : " threads");
 }
 
 }  // namespace haustra

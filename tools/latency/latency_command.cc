@@ -162,12 +162,13 @@ int Measure(LatencyArguments arguments) {
   const CameraCalibration& calibration = (*source)->calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
   if (!camera.ok()) return console::Fail(kLatencyCommand, camera.status());
-  const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
+  const int num_threads = NumVisionThreads(arguments.threads, config, Engine::Mode::kRealTime);
+  const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, num_threads);
   if (!plan.ok()) return console::Fail(kLatencyCommand, plan.status());
   if (const Status status = CheckMemory(*plan, config, AvailableHostMemory()); !status.ok())
     return console::Fail(kLatencyCommand, status);
   const Result<std::unique_ptr<VisionDevice>> device =
-      CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
+      CreateVisionDevice(arguments.device, config, calibration, num_threads);
   if (!device.ok()) return console::Fail(kLatencyCommand, device.status());
   if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok())
     return console::Fail(kLatencyCommand, status);
@@ -211,7 +212,7 @@ int Measure(LatencyArguments arguments) {
 
   LatencyReport report;
   report.title = "haustra latency " + (arguments.rendered ? std::string("(rendered)") : arguments.sequence);
-  report.settings = {{"device", std::string((*device)->name())},
+  report.settings = {{"device", DeviceText(**device, num_threads)},
                      {"picture", std::to_string(calibration.width_px) + "x" + std::to_string(calibration.height_px) +
                                      ", " + std::to_string((*source)->num_loaded()) + " frames there and back again (" +
                                      std::to_string((*source)->num_bytes() >> 20) + " MB)"},

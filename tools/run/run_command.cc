@@ -209,12 +209,14 @@ int Run(const RunArguments& arguments) {
     }
     thread_watch = arguments.trap_allocations == "abort" ? &AbortingHeapWatch() : &CountingHeapWatch();
   }
-  const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, arguments.threads);
+  const bool is_realtime = arguments.mode == "realtime";
+  const Engine::Mode mode = is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential;
+  const int num_threads = NumVisionThreads(arguments.threads, config, mode);
+  const Result<MemoryPlan> plan = PlanMemory(config, calibration, arguments.device, num_threads);
   if (!plan.ok()) return console::Fail(kRunCommand, plan.status());
   if (const Status status = CheckMemory(*plan, config, AvailableHostMemory()); !status.ok())
     return console::Fail(kRunCommand, status);
-  Result<std::unique_ptr<VisionDevice>> device =
-      CreateVisionDevice(arguments.device, config, calibration, arguments.threads);
+  Result<std::unique_ptr<VisionDevice>> device = CreateVisionDevice(arguments.device, config, calibration, num_threads);
   if (!device.ok()) return console::Fail(kRunCommand, device.status());
   if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok())
     return console::Fail(kRunCommand, status);
@@ -223,10 +225,8 @@ int Run(const RunArguments& arguments) {
   if (!vocabulary.ok()) return console::Fail(kRunCommand, vocabulary.status());
 
   const bool is_live = IsV4l2Spec(arguments.sequence);
-  const bool is_realtime = arguments.mode == "realtime";
   const SystemClock clock;
-  Engine engine(config, *camera, **device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
-                SceneShare((*source)->static_mask()), vocabulary->get());
+  Engine engine(config, *camera, **device, mode, &clock, SceneShare((*source)->static_mask()), vocabulary->get());
   if (!arguments.load_atlas.empty()) {
     if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok())
       return console::Fail(kRunCommand, status);
@@ -245,7 +245,7 @@ int Run(const RunArguments& arguments) {
   }
   console::Note(kRunCommand, "%s, %u frames %dx%d, %s mode, device %s", arguments.sequence.c_str(),
                 (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
-                std::string((*device)->name()).c_str());
+                DeviceText(**device, num_threads).c_str());
 
   const std::atomic<bool>& stop_requested = CatchStopSignals();
   Progress progress((*source)->num_frames());

@@ -100,6 +100,7 @@ class SampleFile {
 
 // Of all procedures.
 struct SoakTotals {
+  std::string device;
   Duration video_time{0};
   int loops = 0;
   EvictionCounters evicted;
@@ -115,15 +116,17 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
                  LoopingSource::Create(open, arguments.loop == "back-and-forth", video_time));
   const CameraCalibration& calibration = source->calibration();
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
-  HAUSTRA_ASSIGN(const MemoryPlan plan, PlanMemory(config, calibration, arguments.device, arguments.threads));
+  const bool is_realtime = arguments.mode == "realtime";
+  const Engine::Mode mode = is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential;
+  const int num_threads = NumVisionThreads(arguments.threads, config, mode);
+  HAUSTRA_ASSIGN(const MemoryPlan plan, PlanMemory(config, calibration, arguments.device, num_threads));
   HAUSTRA_TRY(CheckMemory(plan, config, AvailableHostMemory()));
   HAUSTRA_ASSIGN(const std::unique_ptr<VisionDevice> device,
-                 CreateVisionDevice(arguments.device, config, calibration, arguments.threads));
+                 CreateVisionDevice(arguments.device, config, calibration, num_threads));
+  totals->device = DeviceText(*device, num_threads);
   HAUSTRA_TRY(device->SetStaticMask(source->static_mask()));
-  const bool is_realtime = arguments.mode == "realtime";
   const SystemClock clock;
-  Engine engine(config, camera, *device, is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential, &clock,
-                SceneShare(source->static_mask()), vocabulary);
+  Engine engine(config, camera, *device, mode, &clock, SceneShare(source->static_mask()), vocabulary);
   monitor->Begin(engine);
   RealTimeOptions options;
   options.rate = arguments.rate;
@@ -210,13 +213,14 @@ int Soak(const SoakArguments& arguments) {
   if (!csv.is_written()) return console::FailWriting(kSoakCommand, Unavailable(arguments.csv + ": cannot be written"));
 
   console::Print(
-      "%s, %.1f min of video in %d procedures and %d loops: %llu frames, %llu losses, %llu merges and loops, %llu "
+      "%s, device %s, %.1f min of video in %d procedures and %d loops: %llu frames, %llu losses, %llu merges and "
+      "loops, %llu "
       "damaged\n"
       "evicted %llu keyframes, %llu maps, %llu points; refused %llu keyframes\n",
-      arguments.rendered ? "(rendered)" : arguments.sequence.c_str(), ToSeconds(totals.video_time) / 60.0,
-      monitor.num_procedures(), totals.loops, static_cast<unsigned long long>(monitor.num_frames()),
-      static_cast<unsigned long long>(monitor.num_losses()), static_cast<unsigned long long>(monitor.num_merges()),
-      static_cast<unsigned long long>(monitor.num_damaged()),
+      arguments.rendered ? "(rendered)" : arguments.sequence.c_str(), totals.device.c_str(),
+      ToSeconds(totals.video_time) / 60.0, monitor.num_procedures(), totals.loops,
+      static_cast<unsigned long long>(monitor.num_frames()), static_cast<unsigned long long>(monitor.num_losses()),
+      static_cast<unsigned long long>(monitor.num_merges()), static_cast<unsigned long long>(monitor.num_damaged()),
       static_cast<unsigned long long>(totals.evicted.num_keyframes),
       static_cast<unsigned long long>(totals.evicted.num_maps),
       static_cast<unsigned long long>(totals.evicted.num_points),

@@ -70,20 +70,6 @@ TEST(DaemonConfig, OneFileHoldsEngineAndService) {
   EXPECT_EQ(again->config().engine.noise.k, 2.0);
 }
 
-// What helps tracking in real time would keep mapping from all processors.
-TEST(DaemonConfig, VisionLeavesAProcessorToMappingInRealTime) {
-  DaemonConfig config;
-  config.engine.rt.enabled = true;
-  EXPECT_EQ(NumVisionThreads(config, 8), 7);
-  EXPECT_EQ(NumVisionThreads(config, 2), 1);
-  EXPECT_EQ(NumVisionThreads(config, 1), 1);
-  config.vision.threads = 8;
-  EXPECT_EQ(NumVisionThreads(config, 8), 8) << "as it is told";
-  config.vision.threads = 0;
-  config.engine.rt.enabled = false;
-  EXPECT_EQ(NumVisionThreads(config, 8), 8);
-}
-
 TEST(DaemonConfig, TypingErrorsAreRefusedWithTheirPlace) {
   RecordProperty("req", "DMN-001");
   const StateFolder folder;

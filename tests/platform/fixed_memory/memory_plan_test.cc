@@ -13,6 +13,7 @@
 #include "engine/engine.h"
 #include "hal/fakes/scripted_vision_device.h"
 #include "kernels/cpu/cpu_vision_device.h"
+#include "platform/assemble.h"
 #include "platform/clock/system_clock.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/config/memory_profiles.h"
@@ -108,6 +109,20 @@ TEST(MemoryPlanOfTheSession, IsWhatARealTimeSessionTakes) {
   const double frame = 3.0 * colon.source().calibration().width_px * colon.source().calibration().height_px;
   EXPECT_NEAR(taken, static_cast<double>(PlanRealTimeSession(colon.source().calibration()).host_bytes()) + frame,
               65'536.0);
+}
+
+// What helps tracking in real time would keep mapping from all processors.
+TEST(VisionThreads, LeaveAProcessorToMappingInRealTime) {
+  EngineConfig config;
+  config.rt.enabled = true;
+  constexpr auto kRealTime = Engine::Mode::kRealTime, kSequential = Engine::Mode::kSequential;
+  EXPECT_EQ(NumVisionThreads(0, config, kRealTime, 8), 7);
+  EXPECT_EQ(NumVisionThreads(0, config, kRealTime, 2), 1);
+  EXPECT_EQ(NumVisionThreads(0, config, kRealTime, 1), 1);
+  EXPECT_EQ(NumVisionThreads(8, config, kRealTime, 8), 8) << "as it is told";
+  EXPECT_EQ(NumVisionThreads(0, config, kSequential, 8), 8) << "tracking and mapping take turns";
+  config.rt.enabled = false;
+  EXPECT_EQ(NumVisionThreads(0, config, kRealTime, 8), 8);
 }
 
 TEST(MemoryPlan, CoversEngineDeviceAndSession) {

@@ -37,9 +37,8 @@ FrameRenderer::FrameRenderer(const Colon& colon, const MucosaTexture& mucosa, co
   }
 }
 
-void FrameRenderer::Accumulate(const SE3& world_from_cam, double camera_arc_mm, double time_s, float weight,
-                               LinearImage* image) {
-  mesh_.Project(colon_, camera_, world_from_cam, camera_arc_mm, time_s);
+void FrameRenderer::Accumulate(std::span<const ExposureMoment> rows_seen, float weight, LinearImage* image) {
+  mesh_.Project(colon_, camera_, rows_seen);
   visibility_.Rasterise(mesh_);
   for (int y = 0; y < image->height; ++y) {
     for (int x = 0; x < image->width; ++x) {

@@ -28,9 +28,9 @@ class FrameRenderer {
   void Accumulate(std::span<const ExposureMoment> rows_seen, float weight, LinearImage* image);
 
  private:
-  // Radiance along a unit ray that meets `triangle`.
-  void ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, float rgb[3]) const;
-  void ShadePixel(int x, int y, float rgb[3]) const;
+  // Radiance along a unit ray that meets `triangle`, and how far away that is.
+  float ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, const ExposureMoment& moment, float rgb[3]) const;
+  void ShadePixel(int x, int y, const ExposureMoment& moment, float rgb[3]) const;
 
   const Colon& colon_;
   const MucosaTexture& mucosa_;

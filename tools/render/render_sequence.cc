@@ -55,7 +55,7 @@ Status WriteDescription(const std::string& folder, const SequenceModel& model) {
   HAUSTRA_TRY(WriteTimes(folder, times_s));
   HAUSTRA_TRY(WriteGroundTruth(folder, times_s, world_from_cam));
   HAUSTRA_TRY(WriteEvents(folder, model.spans()));
-  HAUSTRA_TRY(WriteRevisits(folder, FindRevisits(world_from_cam, options.rate_hz, model.spans())));
+  HAUSTRA_TRY(WriteRevisits(folder, FindRevisits(world_from_cam, options.rate_hz, HiddenSpans(model.spans()))));
   const CameraCalibration& camera = model.camera().calibration();
   HAUSTRA_TRY(WriteCalibration(folder + "/calib.yaml", Misjudged(camera, options.calibration_error)));
   if (!options.calibration_error.is_none()) HAUSTRA_TRY(WriteCalibration(folder + "/calib_true.yaml", camera));

@@ -44,6 +44,7 @@ SequenceModel::SequenceModel(const RenderOptions& options, const CameraModel& ca
       mucosa_(options.preset.mucosa, colon_, options.seed, options.num_threads),
       path_(options.preset.path, colon_.centreline(), options.events, options.seconds, options.seed),
       effects_(options.events, window_, options.seed),
+      instrument_(options.events, options.seed),
       sensor_(window_, options.width_px, options.height_px, options.preset.noise, options.seed),
       spans_(FrameSpans(options.events, options.rate_hz, options.num_frames())) {}
 
@@ -52,6 +53,14 @@ double SequenceModel::MotionPx(double time_s, double shutter_s) const {
   const double turn = RotationAngle(before.rotation, after.rotation);
   const double shift = (before.translation - after.translation).norm() / kNearMm;
   return camera_.focal_px() * (turn + shift);
+}
+
+bool SequenceModel::IsNarrowBand(double time_s) const {
+  // The processor switches between two frames.
+  return std::any_of(options_.events.begin(), options_.events.end(), [&](const Event& event) {
+    return event.kind == EventKind::kNarrowBand && time_s >= event.start_s &&
+           time_s <= event.start_s + event.duration_s;
+  });
 }
 
 double SequenceModel::ShutterS(double time_s) const {
@@ -68,7 +77,7 @@ std::vector<ExposureMoment> SequenceModel::RowsAt(double time_s) const {
   std::vector<ExposureMoment> rows(num_rows);
   for (int y = 0; y < num_rows; ++y) {
     const double t = num_rows > 1 ? time_s + RowDelayS(y) : time_s;
-    rows[y] = {t, path_.ArcMm(t), path_.WorldFromCam(t)};
+    rows[y] = {t, path_.ArcMm(t), path_.WorldFromCam(t), IsNarrowBand(t), instrument_.At(t)};
   }
   return rows;
 }

@@ -8,6 +8,7 @@
 #include "tools/render/colon.h"
 #include "tools/render/event_script.h"
 #include "tools/render/frame_renderer.h"
+#include "tools/render/instrument.h"
 #include "tools/render/lens_effects.h"
 #include "tools/render/mucosa_texture.h"
 #include "tools/render/render_sequence.h"
@@ -51,6 +52,7 @@ class SequenceModel {
 
  private:
   SequenceModel(const RenderOptions& options, const CameraModel& camera);
+  bool IsNarrowBand(double time_s) const;
   double ShutterS(double time_s) const;
   // The moments of the rows of a picture, one for all when they are the same.
   std::vector<ExposureMoment> RowsAt(double time_s) const;
@@ -64,6 +66,7 @@ class SequenceModel {
   MucosaTexture mucosa_;
   ScopePath path_;
   LensEffects effects_;
+  Instrument instrument_;
   Sensor sensor_;
   std::vector<FrameSpan> spans_;
 };

@@ -80,6 +80,7 @@ TEST_F(RenderSequenceTest, StrengthsOfZeroChangeNoByte) {
 TEST_F(RenderSequenceTest, EveryStrengthGivesTheSameBytesOnAnyNumberOfThreads) {
   RenderOptions options = Small(0.3);
   options.shutter = {0.5, 0.6, 0.5};
+  options.events = {{EventKind::kInstrument, 0.0, 0.3}, {EventKind::kNarrowBand, 0.1, 0.1}};
   options.preset.colon.breathing.amplitude = 0.1;
   options.preset.colon.breathing.wave_amplitude = 0.1;
   options.preset.colon.breathing.tangential = 0.1;
@@ -133,8 +134,8 @@ TEST_F(RenderSequenceTest, FieldsAreTheRowsOfTwoMoments) {
 }
 
 TEST_F(RenderSequenceTest, WidePicturesSurviveEveryEvent) {
-  for (const EventKind kind :
-       {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris, EventKind::kBlur}) {
+  for (const EventKind kind : {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris,
+                               EventKind::kBlur, EventKind::kNarrowBand, EventKind::kInstrument}) {
     RenderOptions options = Small(0.6);
     options.width_px = 256;
     options.height_px = 144;
@@ -228,6 +229,19 @@ TEST_F(RenderSequenceTest, EventsAreMarkedAndHideTheScene) {
   };
   EXPECT_LT(detail(14), 0.4 * detail(5));
   EXPECT_GT(detail(24), 0.6 * detail(5));
+}
+
+TEST_F(RenderSequenceTest, EventsThatShowTheSceneCountAsVisibleAndChangeTheirFramesAlone) {
+  RenderOptions options = Small(1.0);
+  ASSERT_TRUE(RenderSequence(Folder("without"), options, nullptr).ok());
+  options.events = {{EventKind::kNarrowBand, 0.6, 0.2}, {EventKind::kInstrument, 0.56, 0.4}};
+  ASSERT_TRUE(RenderSequence(Folder("with"), options, nullptr).ok());
+  auto without = Content(Folder("without")), with = Content(Folder("with"));
+  EXPECT_EQ(with.at("events.csv"), "first_frame,last_frame,kind,visible\n14,24,instrument,1\n15,20,narrowband,1\n");
+  EXPECT_EQ(with.at("groundtruth.txt"), without.at("groundtruth.txt"));
+  EXPECT_EQ(with.at("revisits.csv"), without.at("revisits.csv"));
+  EXPECT_EQ(with.at("frames/000014.jpg"), without.at("frames/000014.jpg"));
+  EXPECT_NE(with.at("frames/000015.jpg"), without.at("frames/000015.jpg"));
 }
 
 TEST_F(RenderSequenceTest, ExistingFramesAreKeptUnlessOverwriteIsAsked) {

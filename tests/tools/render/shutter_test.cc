@@ -69,7 +69,7 @@ TEST(RollingShutter, EachVertexIsWhereItsRowSeesIt) {
   std::vector<ExposureMoment> rows;
   for (int y = 0; y < 180; ++y) {
     const double t = kFastS + model.RowDelayS(y);
-    rows.push_back({t, model.path().ArcMm(t), model.path().WorldFromCam(t)});
+    rows.push_back({t, model.path().ArcMm(t), model.path().WorldFromCam(t), false, {}});
   }
   ProjectedMesh mesh;
   mesh.Project(model.colon(), model.camera(), rows);

@@ -53,7 +53,7 @@ def is_made(record, made_with, product):
         return False
 
 
-def _call(command):
+def call(command):
     """Nothing when it went well, else the end of what the command said."""
     done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",
                           check=False)
@@ -79,7 +79,7 @@ def judged_run(folder, haustra, sequence, run_options, judge=None, truth=None, j
         for old in (run_record, judge_record, figures):
             old.unlink(missing_ok=True)
         folder.mkdir(parents=True, exist_ok=True)
-        if (failure := _call([haustra, "run", sequence, "--out", out, "--overwrite", "--report", "off", *run_options])) is not None:
+        if (failure := call([haustra, "run", sequence, "--out", out, "--overwrite", "--report", "off", *run_options])) is not None:
             return f"run failed: {failure}"
         run_record.write_text(json.dumps(run_with, indent=2), encoding="utf-8")
 
@@ -90,7 +90,7 @@ def judged_run(folder, haustra, sequence, run_options, judge=None, truth=None, j
         command = [judge, "evaluate", out, "--json", figures, "--overwrite", *judge_options]
         if truth:
             command += ["--groundtruth", truth]
-        if (failure := _call(command)) is not None:
+        if (failure := call(command)) is not None:
             return f"evaluation failed: {failure}"
         judge_record.write_text(json.dumps(judge_with, indent=2), encoding="utf-8")
     return json.loads(figures.read_text(encoding="utf-8"))

@@ -7,6 +7,6 @@ namespace haustra {
 
 inline constexpr FolderContent kSequenceContent{
     "a sequence",
-    R"(frames(/\d{6,}\.(jpg|png))?|times\.txt|calib\.yaml|mask\.png|groundtruth\.txt|(events|revisits)\.csv)"};
+    R"(frames(/\d{6,}\.(jpg|png))?|times\.txt|calib(_true)?\.yaml|mask\.png|groundtruth\.txt|(events|revisits)\.csv)"};
 
 }  // namespace haustra

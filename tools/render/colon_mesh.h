@@ -1,11 +1,13 @@
 // The wall of the colon as rings of vertices along the centre line, closed by a dome (the cecum). The mesh is the exact
 // geometry of the scene: what a pixel shows is where its ray meets these triangles. World frame, mm. At rest; whoever
-// wants it deformed gives a gain on the radius. Immutable; reentrant.
+// wants it deformed says how. Immutable; reentrant.
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <vector>
 
+#include "tools/render/breathing.h"
 #include "tools/render/centreline.h"
 #include "tools/render/lumen_shape.h"
 
@@ -41,6 +43,16 @@ class ColonMesh {
     const CurveFrame& frame = rings_[ring].frame;
     const double r = gain * radius_[Index(ring, vertex)];
     return frame.position + r * (cosine_[vertex] * frame.normal + sine_[vertex] * frame.binormal);
+  }
+  // Position with the wall moved.
+  Eigen::Vector3d Moved(int ring, int vertex, const WallMotion& motion) const {
+    if (!motion.is_tangential()) return Position(ring, vertex, motion.gain);
+    const CurveFrame& frame = rings_[ring].frame;
+    const double r = motion.gain * radius_[Index(ring, vertex)];
+    const double turn_c = std::cos(motion.around_rad), turn_s = std::sin(motion.around_rad);
+    const double c = cosine_[vertex] * turn_c - sine_[vertex] * turn_s;
+    const double s = sine_[vertex] * turn_c + cosine_[vertex] * turn_s;
+    return frame.position + motion.along_mm * frame.tangent + r * (c * frame.normal + s * frame.binormal);
   }
   // Unit normal at rest, into the lumen.
   const Eigen::Vector3f& Normal(int ring, int vertex) const { return normal_[Index(ring, vertex)]; }

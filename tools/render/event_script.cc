@@ -4,6 +4,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 
 namespace haustra::render {
 namespace {
@@ -12,16 +13,25 @@ struct KindEntry {
   EventKind kind;
   std::string_view name;
   double usual_duration_s;
+  bool hides_scene;
 };
-constexpr std::array<KindEntry, 6> kKinds = {{
-    {EventKind::kRedout, "redout", 1.2},
-    {EventKind::kWater, "water", 1.4},
-    {EventKind::kBubbles, "bubbles", 1.4},
-    {EventKind::kDebris, "debris", 1.4},
-    {EventKind::kBlur, "blur", 1.0},
-    {EventKind::kJump, "jump", 0.44},
+constexpr std::array<KindEntry, 8> kKinds = {{
+    {EventKind::kRedout, "redout", 1.2, true},
+    {EventKind::kWater, "water", 1.4, true},
+    {EventKind::kBubbles, "bubbles", 1.4, true},
+    {EventKind::kDebris, "debris", 1.4, true},
+    {EventKind::kBlur, "blur", 1.0, true},
+    {EventKind::kJump, "jump", 0.44, true},
+    {EventKind::kNarrowBand, "narrowband", 4.0, false},
+    {EventKind::kInstrument, "instrument", 5.0, false},
 }};
 constexpr double kLongestRampS = 0.16;
+
+std::string KindNames() {
+  std::string names;
+  for (const KindEntry& entry : kKinds) names += (names.empty() ? " " : ", ") + std::string(entry.name);
+  return names;
+}
 
 bool ParseNumber(std::string_view text, double* value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
@@ -37,7 +47,7 @@ Result<Event> ParseEvent(std::string_view text) {
   if (at == std::string_view::npos) return fail("no '@'");
   const auto entry =
       std::find_if(kKinds.begin(), kKinds.end(), [&](const KindEntry& e) { return e.name == text.substr(0, at); });
-  if (entry == kKinds.end()) return fail("kind is none of redout, water, bubbles, debris, blur, jump");
+  if (entry == kKinds.end()) return fail("kind is none of" + KindNames());
   Event event{entry->kind, 0.0, entry->usual_duration_s};
   const std::string_view times = text.substr(at + 1);
   const std::size_t plus = times.find('+');
@@ -56,6 +66,11 @@ std::string_view ToString(EventKind kind) {
     if (entry.kind == kind) return entry.name;
   }
   return "unknown";
+}
+
+bool HidesScene(EventKind kind) {
+  return std::any_of(kKinds.begin(), kKinds.end(),
+                     [kind](const KindEntry& entry) { return entry.kind == kind && entry.hides_scene; });
 }
 
 double Event::Envelope(double time_s) const {
@@ -89,6 +104,13 @@ std::vector<FrameSpan> FrameSpans(const std::vector<Event>& events, double rate_
     return a.first_frame != b.first_frame ? a.first_frame < b.first_frame : a.last_frame < b.last_frame;
   });
   return spans;
+}
+
+std::vector<FrameSpan> HiddenSpans(const std::vector<FrameSpan>& spans) {
+  std::vector<FrameSpan> hidden;
+  std::copy_if(spans.begin(), spans.end(), std::back_inserter(hidden),
+               [](const FrameSpan& span) { return HidesScene(span.kind); });
+  return hidden;
 }
 
 }  // namespace haustra::render

@@ -1,4 +1,4 @@
-// Scripted events that break tracking: what happens, when, and which frames it hides. reentrant.
+// Scripted events that make tracking hard: what happens, when, and which frames it hides. reentrant.
 #pragma once
 
 #include <string>
@@ -10,14 +10,19 @@
 namespace haustra::render {
 
 enum class EventKind {
-  kRedout,   // the wall or a fold lies on the lens: red, bright, no detail
-  kWater,    // a film of water runs over the lens
-  kBubbles,  // water jet: foam and drops
-  kDebris,   // turbid water and flecks
-  kBlur,     // shaking hand and a long exposure
-  kJump,     // the scope slips and turns fast
+  kRedout,      // the wall or a fold lies on the lens: red, bright, no detail
+  kWater,       // a film of water runs over the lens
+  kBubbles,     // water jet: foam and drops
+  kDebris,      // turbid water and flecks
+  kBlur,        // shaking hand and a long exposure
+  kJump,        // the scope slips and turns fast
+  kNarrowBand,  // another light: the scene is seen, in other colours
+  kInstrument,  // forceps in view: the scene is seen beside them
 };
 std::string_view ToString(EventKind kind);
+// Whether its frames count as such in which the scene cannot be seen. Events that do not hide it leave the path of the
+// scope as it is.
+bool HidesScene(EventKind kind);
 
 struct Event {
   EventKind kind = EventKind::kRedout;
@@ -38,5 +43,7 @@ struct FrameSpan {
 };
 // The frames that each event touches, within [0, num_frames); in order. Events wholly outside are left out.
 std::vector<FrameSpan> FrameSpans(const std::vector<Event>& events, double rate_hz, int num_frames);
+// Those that hide the scene.
+std::vector<FrameSpan> HiddenSpans(const std::vector<FrameSpan>& spans);
 
 }  // namespace haustra::render

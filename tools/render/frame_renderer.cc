@@ -3,8 +3,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "tools/render/lighting.h"
+#include "tools/render/narrow_band.h"
 
 namespace haustra::render {
 namespace {
@@ -37,22 +39,22 @@ FrameRenderer::FrameRenderer(const Colon& colon, const MucosaTexture& mucosa, co
   }
 }
 
-void FrameRenderer::Accumulate(const SE3& world_from_cam, double camera_arc_mm, double time_s, float weight,
-                               LinearImage* image) {
-  mesh_.Project(colon_, camera_, world_from_cam, camera_arc_mm, time_s);
+void FrameRenderer::Accumulate(std::span<const ExposureMoment> rows_seen, float weight, LinearImage* image) {
+  mesh_.Project(colon_, camera_, rows_seen);
   visibility_.Rasterise(mesh_);
   for (int y = 0; y < image->height; ++y) {
+    const ExposureMoment& moment = rows_seen.size() > 1 ? rows_seen[y] : rows_seen.front();
     for (int x = 0; x < image->width; ++x) {
       if (window_.coverage(x, y) <= 0.0f) continue;
       float rgb[3];
-      ShadePixel(x, y, rgb);
+      ShadePixel(x, y, moment, rgb);
       float* out = image->pixel(x, y);
       for (int c = 0; c < 3; ++c) out[c] += weight * rgb[c];
     }
   }
 }
 
-void FrameRenderer::ShadePixel(int x, int y, float rgb[3]) const {
+void FrameRenderer::ShadePixel(int x, int y, const ExposureMoment& moment, float rgb[3]) const {
   const std::size_t index = std::size_t(y) * camera_.width_px() + x;
   float nearest = 0.0f, farthest = 1e9f;
   for (int k = 0; k < 4; ++k) {
@@ -60,27 +62,35 @@ void FrameRenderer::ShadePixel(int x, int y, float rgb[3]) const {
     nearest = std::max(nearest, inverse_range);
     farthest = std::min(farthest, inverse_range);
   }
-  if (nearest <= farthest * kEdgeRatio) {
+  const InstrumentShape& instrument = moment.instrument;
+  const bool is_near_instrument =
+      instrument.num_parts > 0 && instrument.IsNear(rays_[index], 1.5f / static_cast<float>(camera_.focal_px()));
+  if (nearest <= farthest * kEdgeRatio && !is_near_instrument) {
     const std::uint32_t triangle = visibility_.triangle(2 * x, 2 * y);
     if (triangle == VisibilityBuffer::kNothing) {
       rgb[0] = rgb[1] = rgb[2] = 0.0f;
     } else {
-      ShadeRay(triangle, rays_[index], rgb);
+      ShadeRay(triangle, rays_[index], moment, rgb);
     }
     return;
   }
   rgb[0] = rgb[1] = rgb[2] = 0.0f;
   for (int k = 0; k < 4; ++k) {
     const std::uint32_t triangle = visibility_.triangle(2 * x + (k & 1), 2 * y + (k >> 1));
-    if (triangle == VisibilityBuffer::kNothing) continue;
+    if (triangle == VisibilityBuffer::kNothing && !is_near_instrument) continue;
     const float dx = (k & 1) != 0 ? 0.25f : -0.25f, dy = (k >> 1) != 0 ? 0.25f : -0.25f;
-    float sample[3];
-    ShadeRay(triangle, (rays_[index] + dx * ray_dx_[index] + dy * ray_dy_[index]).normalized(), sample);
+    const Eigen::Vector3f ray = (rays_[index] + dx * ray_dx_[index] + dy * ray_dy_[index]).normalized();
+    float sample[3] = {0.0f, 0.0f, 0.0f};
+    float wall_mm = std::numeric_limits<float>::infinity();
+    if (triangle != VisibilityBuffer::kNothing) wall_mm = ShadeRay(triangle, ray, moment, sample);
+    InstrumentHit hit;
+    if (is_near_instrument && instrument.Meet(ray, &hit) && hit.range_mm < wall_mm) ShadeInstrument(ray, hit, sample);
     for (int c = 0; c < 3; ++c) rgb[c] += 0.25f * sample[c];
   }
 }
 
-void FrameRenderer::ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, float rgb[3]) const {
+float FrameRenderer::ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, const ExposureMoment& moment,
+                              float rgb[3]) const {
   int corners[3];
   ProjectedMesh::Corners(triangle, corners);
   const ProjectedMesh::Vertex& a = mesh_.vertices[corners[0]];
@@ -134,10 +144,13 @@ void FrameRenderer::ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray,
   footprint.major_v = extent_v / footprint.major_mm;
   point.footprint_mm = footprint.minor_mm;
 
-  Shade(point, mucosa_.Sample(footprint), rgb);
+  MucosaSample mucosa = mucosa_.Sample(footprint);
+  if (moment.is_narrow_band) ShowInNarrowBand(&mucosa);
+  Shade(point, mucosa, moment.instrument, rgb);
   // What lies far down the lumen fades out before the rendered part of the wall ends.
   const float fade = std::clamp((165.0f - range) * (1.0f / 50.0f), 0.0f, 1.0f);
   for (int k = 0; k < 3; ++k) rgb[k] *= fade;
+  return range;
 }
 
 }  // namespace haustra::render

@@ -4,11 +4,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "engine/camera/camera_model.h"
-#include "engine/geometry/se3.h"
 #include "tools/render/colon.h"
+#include "tools/render/exposure_moment.h"
 #include "tools/render/linear_image.h"
 #include "tools/render/mucosa_texture.h"
 #include "tools/render/projected_mesh.h"
@@ -22,14 +23,14 @@ class FrameRenderer {
   // Keeps references: all must outlive the renderer.
   FrameRenderer(const Colon& colon, const MucosaTexture& mucosa, const CameraModel& camera, const WindowMask& window);
 
-  // camera_arc_mm: where along the centre line the camera is. Adds weight * radiance to the image, which has the
-  // camera's size.
-  void Accumulate(const SE3& world_from_cam, double camera_arc_mm, double time_s, float weight, LinearImage* image);
+  // Adds weight * radiance to the image, which has the camera's size. rows_seen: one moment for the whole picture, or
+  // one for each of its rows.
+  void Accumulate(std::span<const ExposureMoment> rows_seen, float weight, LinearImage* image);
 
  private:
-  // Radiance along a unit ray that meets `triangle`.
-  void ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, float rgb[3]) const;
-  void ShadePixel(int x, int y, float rgb[3]) const;
+  // Radiance along a unit ray that meets `triangle`, and how far away that is.
+  float ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, const ExposureMoment& moment, float rgb[3]) const;
+  void ShadePixel(int x, int y, const ExposureMoment& moment, float rgb[3]) const;
 
   const Colon& colon_;
   const MucosaTexture& mucosa_;

@@ -12,6 +12,7 @@ LensEffects::LensEffects(const std::vector<Event>& events, const WindowMask& win
   Rng rng(seed, 0x1e25);
   const auto draw = [&](double low, double high) { return static_cast<float>(rng.Uniform(low, high)); };
   for (const Event& event : events) {
+    if (!HidesScene(event.kind)) continue;  // in the scene, not on the lens
     Active active{event, rng.Next(), {}};
     const bool is_foam = event.kind == EventKind::kBubbles;
     if (is_foam || event.kind == EventKind::kDebris) {
@@ -31,7 +32,7 @@ LensEffects::LensEffects(const std::vector<Event>& events, const WindowMask& win
     }
     active_.push_back(std::move(active));
   }
-  if (events.empty()) return;
+  if (active_.empty()) return;
   // Each pixel of the surround takes the last one of the window on its way to the middle.
   const int width = window.mask().width, height = window.mask().height;
   const float cx = 0.5f * static_cast<float>(width - 1), cy = 0.5f * static_cast<float>(height - 1);
@@ -74,7 +75,9 @@ void LensEffects::Apply(double time_s, LinearImage* image) const {
       case EventKind::kBubbles: DrawFoam(moment, image); break;
       case EventKind::kDebris: DrawTurbidWater(moment, image); break;
       case EventKind::kBlur:
-      case EventKind::kJump: break;  // in the path and the shutter
+      case EventKind::kJump:
+      case EventKind::kNarrowBand:
+      case EventKind::kInstrument: break;  // in the path, the shutter, the light and the scene
     }
   }
 }

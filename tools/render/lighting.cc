@@ -19,11 +19,12 @@ constexpr float kWaterReflectance = 0.025f;  // Fresnel at normal incidence
 constexpr float kGlint = 2.6f;
 constexpr float kFilmRoughness2 = 0.0022f;  // squared GGX alpha of the film itself
 constexpr float kInterreflection = 0.085f;
+constexpr float kMetalAlbedo = 0.06f, kMetalGlint = 0.35f, kCoilPitchMm = 0.55f;
 constexpr std::array<float, 3> kLampColour = {1.0f, 0.97f, 0.91f};
 
 }  // namespace
 
-void Shade(const SurfacePoint& p, const MucosaSample& mucosa, float rgb[3]) {
+void Shade(const SurfacePoint& p, const MucosaSample& mucosa, const InstrumentShape& instrument, float rgb[3]) {
   const float range = p.position.norm();
   const Eigen::Vector3f to_camera = p.position * (-1.0f / range);
 
@@ -44,8 +45,9 @@ void Shade(const SurfacePoint& p, const MucosaSample& mucosa, float rgb[3]) {
     const float forward = std::max(-direction.z(), 0.0f);
     const float irradiance = lamp.power * kReferenceMm2 * inverse_distance2 * (0.18f + 0.82f * forward);
     const float ndl = soft_normal.dot(direction);
-    diffuse += irradiance * std::max((ndl + 0.10f) * (1.0f / 1.10f), 0.0f);
     around += irradiance;
+    if (instrument.num_parts > 0 && instrument.IsBetween(p.position, {lamp.x, lamp.y, 0.0f})) continue;
+    diffuse += irradiance * std::max((ndl + 0.10f) * (1.0f / 1.10f), 0.0f);
 
     const float mirror_ndl = normal.dot(direction);
     if (mirror_ndl <= 0.0f) continue;
@@ -66,6 +68,26 @@ void Shade(const SurfacePoint& p, const MucosaSample& mucosa, float rgb[3]) {
     const float tinted = ambient * (0.35f + 1.1f * mucosa.rgb[c]);
     rgb[c] = kLampColour[c] * (mucosa.rgb[c] * (soft + tinted) + wet);
   }
+}
+
+void ShadeInstrument(const Eigen::Vector3f& ray, const InstrumentHit& hit, float rgb[3]) {
+  const Eigen::Vector3f position = hit.range_mm * ray;
+  // The wire of the shaft is wound: dark grooves between bright turns.
+  const float groove = hit.is_shaft ? 0.5f + 0.5f * std::cos(hit.along_mm * (6.2831853f / kCoilPitchMm)) : 1.0f;
+  const float albedo = kMetalAlbedo * (0.35f + 0.65f * groove);
+  float diffuse = 0.0f, specular = 0.0f;
+  for (const Lamp& lamp : kLamps) {
+    const Eigen::Vector3f to_lamp(lamp.x - position.x(), lamp.y - position.y(), -position.z());
+    const float inverse_distance2 = 1.0f / std::max(to_lamp.squaredNorm(), 4.0f);
+    const Eigen::Vector3f direction = to_lamp * std::sqrt(inverse_distance2);
+    const float forward = std::max(-direction.z(), 0.0f);
+    const float irradiance = lamp.power * kReferenceMm2 * inverse_distance2 * (0.18f + 0.82f * forward);
+    const float ndl = std::max(hit.normal.dot(direction), 0.0f);
+    const float ndh = std::max(hit.normal.dot((direction - ray).normalized()), 0.0f);
+    diffuse += irradiance * ndl;
+    specular += irradiance * ndl * std::pow(ndh, 40.0f);
+  }
+  for (int c = 0; c < 3; ++c) rgb[c] = kLampColour[c] * (albedo * diffuse + kMetalGlint * groove * specular);
 }
 
 }  // namespace haustra::render

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "tools/render/instrument.h"
 #include "tools/render/mucosa_texture.h"
 
 namespace haustra::render {
@@ -19,7 +20,10 @@ struct SurfacePoint {
   float girth_stretch = 1.0f;  // texture mm per wall mm around the girth
 };
 
-// Linear radiance towards the camera, red first; 1 is about what a matt white wall at 20 mm gives.
-void Shade(const SurfacePoint& point, const MucosaSample& mucosa, float rgb[3]);
+// Linear radiance towards the camera, red first; 1 is about what a matt white wall at 20 mm gives. The instrument
+// throws shadows: what the walls throw at each other goes around it.
+void Shade(const SurfacePoint& point, const MucosaSample& mucosa, const InstrumentShape& instrument, float rgb[3]);
+// The same of the instrument: dull metal, its shaft a coil.
+void ShadeInstrument(const Eigen::Vector3f& ray, const InstrumentHit& hit, float rgb[3]);
 
 }  // namespace haustra::render

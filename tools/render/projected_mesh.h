@@ -3,12 +3,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "engine/camera/camera_model.h"
-#include "engine/geometry/se3.h"
 #include "tools/render/colon.h"
 #include "tools/render/colon_mesh.h"
+#include "tools/render/exposure_moment.h"
 
 namespace haustra::render {
 
@@ -40,10 +42,12 @@ struct ProjectedMesh {
     corners[2] = (triangle & 1) == 0 ? (ring + 1) * kM + k : ring * kM + k;
   }
 
-  // Rings from 45 mm behind the camera's place along the centre line (camera_arc_mm) to 170 mm before it, with the wall
-  // deformed as it is at that time.
-  void Project(const Colon& colon, const CameraModel& camera, const SE3& world_from_cam, double camera_arc_mm,
-               double time_s);
+  // Rings from 45 mm behind the camera's place along the centre line to 170 mm before it, with the wall deformed as it
+  // is at that time.
+  // rows_seen: one moment for the whole picture, or one for each of its rows (a rolling shutter). In the second case
+  // a vertex is given in the camera as it is when the row is read in which the vertex is seen; the axes are those
+  // of the middle row.
+  void Project(const Colon& colon, const CameraModel& camera, std::span<const ExposureMoment> rows_seen);
 };
 
 }  // namespace haustra::render

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -22,9 +23,12 @@ struct RenderArguments {
   std::string out;
   std::string preset = "standard";
   std::string size;
+  std::string calibration_error;
   std::vector<std::string> events;
   double seconds = 0.0, rate_hz = 0.0;
   std::uint64_t seed = 1;
+  std::optional<double> breathing_percent, contraction_percent, tangential_percent;
+  render::Shutter shutter;
   int threads = 0;
   int quality = 92;
   bool overwrite = false;
@@ -49,6 +53,14 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   if (!arguments.size.empty()) HAUSTRA_TRY(ParseSize(arguments.size, &options));
   options.seed = arguments.seed;
   options.jpeg_quality = arguments.quality;
+  render::Breathing& breathing = options.preset.colon.breathing;
+  if (arguments.breathing_percent) breathing.amplitude = *arguments.breathing_percent / 100.0;
+  if (arguments.contraction_percent) breathing.wave_amplitude = *arguments.contraction_percent / 100.0;
+  if (arguments.tangential_percent) breathing.tangential = *arguments.tangential_percent / 100.0;
+  options.shutter = arguments.shutter;
+  if (!arguments.calibration_error.empty()) {
+    HAUSTRA_ASSIGN(options.calibration_error, render::ParseCalibrationError(arguments.calibration_error));
+  }
   options.overwrite = arguments.overwrite;
   options.num_threads =
       arguments.threads > 0 ? arguments.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -105,9 +117,26 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option(
       "--events", arguments->events,
       "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "
-      "redout, water, bubbles, debris, blur, jump; none");
+      "redout, water, bubbles, debris, blur, jump, narrowband, instrument; none");
   command->add_option("--threads", arguments->threads, "Threads; 0: all cores. The pictures do not depend on it");
-  command->add_option("--quality", arguments->quality, "JPEG quality")->capture_default_str();
+  command->add_option("--quality", arguments->quality, "JPEG quality, 5 to 100: that of every picture of MJPEG")
+      ->capture_default_str();
+  command->add_option("--breathing", arguments->breathing_percent,
+                      "How much the radius swells with the breath, %, 0 to 15; by default the preset's");
+  command->add_option("--contraction", arguments->contraction_percent,
+                      "Depth of the travelling contraction, % of the radius, 0 to 15; by default the preset's");
+  command->add_option("--tangential", arguments->tangential_percent,
+                      "How far the wall slides along and about the lumen, % of the radius, 0 to 15; by default 0");
+  command->add_option("--exposure", arguments->shutter.exposure,
+                      "Exposure of each row, share of the frame period, 0 to 1; at least 1/500 s");
+  command->add_option("--readout", arguments->shutter.readout,
+                      "Rolling shutter: from the first row to the last, share of the frame period, 0 to 1");
+  command->add_option("--field-lag", arguments->shutter.field_lag,
+                      "Odd rows are later by this share of the frame period; 0.5: interlaced video");
+  command->add_option(
+      "--calibration-error", arguments->calibration_error,
+      "F[,CX,CY,K1]: calib.yaml is wrong by F % of the focal length, CX and CY pixels of the centre, K1 "
+      "of the first coefficient; calib_true.yaml is right");
   AddOverwriteFlag(*command, arguments->overwrite);
   command->callback([arguments, &action] { action = [arguments] { return RunRender(*arguments); }; });
 }

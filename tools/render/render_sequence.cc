@@ -11,6 +11,7 @@
 #include "tools/command/output_folder.h"
 #include "tools/command/sequence_content.h"
 #include "tools/render/exposure.h"
+#include "tools/render/interlace.h"
 #include "tools/render/parallel_for.h"
 #include "tools/render/revisits.h"
 #include "tools/render/sequence_model.h"
@@ -54,8 +55,10 @@ Status WriteDescription(const std::string& folder, const SequenceModel& model) {
   HAUSTRA_TRY(WriteTimes(folder, times_s));
   HAUSTRA_TRY(WriteGroundTruth(folder, times_s, world_from_cam));
   HAUSTRA_TRY(WriteEvents(folder, model.spans()));
-  HAUSTRA_TRY(WriteRevisits(folder, FindRevisits(world_from_cam, options.rate_hz, model.spans())));
-  HAUSTRA_TRY(WriteCalibration(folder + "/calib.yaml", model.camera().calibration()));
+  HAUSTRA_TRY(WriteRevisits(folder, FindRevisits(world_from_cam, options.rate_hz, HiddenSpans(model.spans()))));
+  const CameraCalibration& camera = model.camera().calibration();
+  HAUSTRA_TRY(WriteCalibration(folder + "/calib.yaml", Misjudged(camera, options.calibration_error)));
+  if (!options.calibration_error.is_none()) HAUSTRA_TRY(WriteCalibration(folder + "/calib_true.yaml", camera));
   return WritePng(folder + "/mask.png", model.window().mask());
 }
 
@@ -78,8 +81,15 @@ Status RenderOptions::Validate() const {
   if (width_px < 64 || width_px > 4096) return OutOfRange("width", width_px, "[64, 4096]");
   if (height_px < 64 || height_px > 4096) return OutOfRange("height", height_px, "[64, 4096]");
   if (num_threads < 1 || num_threads > 256) return OutOfRange("threads", num_threads, "[1, 256]");
-  if (jpeg_quality < 50 || jpeg_quality > 100) return OutOfRange("quality", jpeg_quality, "[50, 100]");
-  return Status::Ok();
+  if (jpeg_quality < 5 || jpeg_quality > 100) return OutOfRange("quality", jpeg_quality, "[5, 100]");
+  const Breathing& breathing = preset.colon.breathing;
+  for (const auto& [name, value] :
+       {std::pair("breathing", breathing.amplitude), std::pair("contraction", breathing.wave_amplitude),
+        std::pair("tangential", breathing.tangential)}) {
+    if (!(value >= 0.0 && value <= Breathing::kMaxAmplitude)) return OutOfRange(name, value, "[0, 0.15] of the radius");
+  }
+  HAUSTRA_TRY(shutter.Validate());
+  return calibration_error.Validate(width_px);
 }
 
 int RenderOptions::num_frames() const { return std::max(1, static_cast<int>(std::lround(seconds * rate_hz))); }
@@ -108,6 +118,9 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
   std::vector<Image> pictures(num_threads);
   const int batch = std::min(num_frames, kBatchPerThread * num_threads);
   std::vector<LinearImage> light(batch, LinearImage(options.width_px, options.height_px));
+  const bool has_fields = options.shutter.field_lag > 0.0;
+  std::vector<LinearImage> second_light(has_fields ? batch : 0, LinearImage(options.width_px, options.height_px));
+  std::vector<Image> second_fields(num_threads);
   std::vector<Metering> metering(batch);
   std::vector<float> gain(batch);
 
@@ -121,6 +134,7 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
     const int count = std::min(batch, num_frames - begin);
     ParallelFor(count, num_threads, [&](int i, int worker) {
       model->Expose(begin + i, renderers[worker].get(), &light[i]);
+      if (has_fields) model->Expose(model->SecondFieldS(begin + i), renderers[worker].get(), &second_light[i]);
       metering[i] = Meter(light[i], model->window());
     });
     for (int i = 0; i < count; ++i) {
@@ -130,6 +144,10 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
     }
     ParallelFor(count, num_threads, [&](int i, int worker) {
       model->sensor().Develop(gain[i], begin + i, &light[i], &pictures[worker]);
+      if (has_fields) {
+        model->sensor().Develop(gain[i], begin + i, &second_light[i], &second_fields[worker]);
+        WeaveFields(second_fields[worker], &pictures[worker]);
+      }
       error.Note(WriteJpeg(FramePath(folder, begin + i), pictures[worker].view(), options.jpeg_quality));
       const std::lock_guard<std::mutex> lock(progress_mutex);
       ++num_done;

@@ -1,5 +1,6 @@
 // A whole sequence: the folder that `haustra run` reads, with exact ground truth.
 //   frames/%06d.jpg, times.txt (s), calib.yaml, mask.png,
+//   calib_true.yaml  the camera that took the pictures; only when calib.yaml was made to differ from it
 //   groundtruth.txt  TUM, world_from_cam, mm; the middle of the exposure
 //   events.csv       first_frame,last_frame,kind,visible
 //   revisits.csv     frame_a,frame_b,dt_s,distance_mm,axis_angle_deg
@@ -13,7 +14,9 @@
 #include "engine/geometry/se3.h"
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
+#include "tools/render/calibration_error.h"
 #include "tools/render/preset.h"
+#include "tools/render/shutter.h"
 
 namespace haustra::render {
 
@@ -25,8 +28,10 @@ struct RenderOptions {
   int width_px = 720;     // [64, 4096]
   int height_px = 540;    // [64, 4096]
   std::uint64_t seed = 1;
-  int num_threads = 1;     // [1, 256]; the pictures do not depend on it
-  int jpeg_quality = 92;   // [50, 100]
+  int num_threads = 1;    // [1, 256]; the pictures do not depend on it
+  int jpeg_quality = 92;  // [5, 100]
+  Shutter shutter;
+  CalibrationError calibration_error;
   bool overwrite = false;  // replace a sequence that is already there
 
   // The preset as it is: its length, rate, size and events.

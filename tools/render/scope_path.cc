@@ -83,6 +83,7 @@ ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const
   PlanArc(duration_s);
   const double low = style.start_arc_mm - 4.0, high = style.start_arc_mm + reach_mm_ + 4.0;
   for (const Event& event : events) {
+    if (!HidesScene(event.kind)) continue;
     double size_mm = 0.0, turn_deg = 0.0;
     switch (event.kind) {
       case EventKind::kJump: size_mm = rng.Uniform(22.0, 30.0), turn_deg = rng.Uniform(16.0, 24.0); break;

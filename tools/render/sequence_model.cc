@@ -10,7 +10,8 @@ namespace {
 constexpr double kUnseenMotionPx = 1.6;
 constexpr double kMotionStepPx = 2.2;
 constexpr int kMaxExposures = 12;
-constexpr double kNearMm = 15.0;  // depth at which the motion is judged
+constexpr int kMaxFixedExposures = 32;  // of an exposure that was asked for
+constexpr double kNearMm = 15.0;        // depth at which the motion is judged
 
 }  // namespace
 
@@ -43,6 +44,7 @@ SequenceModel::SequenceModel(const RenderOptions& options, const CameraModel& ca
       mucosa_(options.preset.mucosa, colon_, options.seed, options.num_threads),
       path_(options.preset.path, colon_.centreline(), options.events, options.seconds, options.seed),
       effects_(options.events, window_, options.seed),
+      instrument_(options.events, options.seed),
       sensor_(window_, options.width_px, options.height_px, options.preset.noise, options.seed),
       spans_(FrameSpans(options.events, options.rate_hz, options.num_frames())) {}
 
@@ -53,16 +55,44 @@ double SequenceModel::MotionPx(double time_s, double shutter_s) const {
   return camera_.focal_px() * (turn + shift);
 }
 
-void SequenceModel::Expose(int frame, FrameRenderer* renderer, LinearImage* light) const {
-  const double time_s = TimeS(frame), shutter_s = path_.ShutterS(time_s);
+bool SequenceModel::IsNarrowBand(double time_s) const {
+  // The processor switches between two frames.
+  return std::any_of(options_.events.begin(), options_.events.end(), [&](const Event& event) {
+    return event.kind == EventKind::kNarrowBand && time_s >= event.start_s &&
+           time_s <= event.start_s + event.duration_s;
+  });
+}
+
+double SequenceModel::ShutterS(double time_s) const {
+  return std::max(options_.shutter.exposure / options_.rate_hz, path_.ShutterS(time_s));
+}
+
+double SequenceModel::RowDelayS(int row) const {
+  const double share = (row + 0.5) / options_.height_px - 0.5;
+  return share * options_.shutter.readout / options_.rate_hz;
+}
+
+std::vector<ExposureMoment> SequenceModel::RowsAt(double time_s) const {
+  const int num_rows = options_.shutter.readout > 0.0 ? options_.height_px : 1;
+  std::vector<ExposureMoment> rows(num_rows);
+  for (int y = 0; y < num_rows; ++y) {
+    const double t = num_rows > 1 ? time_s + RowDelayS(y) : time_s;
+    rows[y] = {t, path_.ArcMm(t), path_.WorldFromCam(t), IsNarrowBand(t), instrument_.At(t)};
+  }
+  return rows;
+}
+
+void SequenceModel::Expose(double time_s, FrameRenderer* renderer, LinearImage* light) const {
+  const double shutter_s = ShutterS(time_s);
   const double motion_px = MotionPx(time_s, shutter_s);
+  const int max_count = options_.shutter.exposure > 0.0 ? kMaxFixedExposures : kMaxExposures;
   const int count = motion_px < kUnseenMotionPx
                         ? 1
-                        : std::clamp(static_cast<int>(std::ceil(motion_px / kMotionStepPx)), 2, kMaxExposures);
+                        : std::clamp(static_cast<int>(std::ceil(motion_px / kMotionStepPx)), 2, max_count);
   std::fill(light->rgb.begin(), light->rgb.end(), 0.0f);
   for (int i = 0; i < count; ++i) {
     const double t = time_s + shutter_s * ((i + 0.5) / count - 0.5);
-    renderer->Accumulate(path_.WorldFromCam(t), path_.ArcMm(t), t, 1.0f / static_cast<float>(count), light);
+    renderer->Accumulate(RowsAt(t), 1.0f / static_cast<float>(count), light);
   }
   if (effects_.IsActive(time_s)) effects_.Apply(time_s, light);
 }

@@ -8,6 +8,7 @@
 #include "tools/render/colon.h"
 #include "tools/render/event_script.h"
 #include "tools/render/frame_renderer.h"
+#include "tools/render/instrument.h"
 #include "tools/render/lens_effects.h"
 #include "tools/render/mucosa_texture.h"
 #include "tools/render/render_sequence.h"
@@ -41,10 +42,20 @@ class SequenceModel {
   double TimeS(int frame) const { return frame / options_.rate_hz; }
 
   // The light of one frame, motion blur and lens effects included. `renderer` is this model's, of the calling thread.
-  void Expose(int frame, FrameRenderer* renderer, LinearImage* light) const;
+  void Expose(int frame, FrameRenderer* renderer, LinearImage* light) const { Expose(TimeS(frame), renderer, light); }
+  // The same of a picture whose middle row is half exposed at that time.
+  void Expose(double time_s, FrameRenderer* renderer, LinearImage* light) const;
+  // When the second of two fields is exposed; TimeS(frame) where there are no fields.
+  double SecondFieldS(int frame) const { return TimeS(frame) + options_.shutter.field_lag / options_.rate_hz; }
+  // Later than the middle row by so much, a row in the middle of its exposure; 0 without a rolling shutter.
+  double RowDelayS(int row) const;
 
  private:
   SequenceModel(const RenderOptions& options, const CameraModel& camera);
+  bool IsNarrowBand(double time_s) const;
+  double ShutterS(double time_s) const;
+  // The moments of the rows of a picture, one for all when they are the same.
+  std::vector<ExposureMoment> RowsAt(double time_s) const;
   // How far the picture moves at most while the shutter is open, pixels.
   double MotionPx(double time_s, double shutter_s) const;
 
@@ -55,6 +66,7 @@ class SequenceModel {
   MucosaTexture mucosa_;
   ScopePath path_;
   LensEffects effects_;
+  Instrument instrument_;
   Sensor sensor_;
   std::vector<FrameSpan> spans_;
 };

@@ -55,7 +55,8 @@ Status WriteGroundTruth(const std::string& folder, const std::vector<double>& ti
 Status WriteEvents(const std::string& folder, const std::vector<FrameSpan>& spans) {
   std::string text = "first_frame,last_frame,kind,visible\n";
   for (const FrameSpan& span : spans) {
-    text += Line("%d,%d,%s,0\n", span.first_frame, span.last_frame, std::string(ToString(span.kind)).c_str());
+    text += Line("%d,%d,%s,%d\n", span.first_frame, span.last_frame, std::string(ToString(span.kind)).c_str(),
+                 HidesScene(span.kind) ? 0 : 1);
   }
   return WriteFile(folder + "/events.csv", text);
 }

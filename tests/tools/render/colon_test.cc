@@ -144,6 +144,51 @@ TEST(Breathing, StaysWithinItsAmplitude) {
   EXPECT_LE(high, 1.04 + 1e-12);
 }
 
+TEST(Breathing, RingTravelsAlongTheWall) {
+  Breathing breathing;
+  breathing.wave_amplitude = 0.12;
+  double deepest = 1.0;
+  for (double s = 0.0; s < 200.0; s += 1.0) {
+    EXPECT_NEAR(breathing.Gain(s, 2.0), breathing.Gain(s - 3.0 * breathing.wave_speed_mm_per_s, 5.0), 1e-12);
+    deepest = std::min(deepest, breathing.Gain(s, 2.0));
+  }
+  EXPECT_NEAR(deepest, 0.88, 0.005);
+}
+
+TEST(Breathing, TangentialMotionKeepsTheRadiusAndTheOrderOfTheRings) {
+  const Colon colon(Style(120.0), 2);
+  const ColonMesh& mesh = colon.mesh();
+  Breathing breathing;
+  breathing.tangential = Breathing::kMaxAmplitude;
+  double farthest = 0.0;
+  for (const double t : {0.0, 1.3, 4.1}) {
+    for (int i = 0; i + 1 < mesh.num_rings(); ++i) {
+      const WallMotion motion = breathing.Motion(mesh.ring(i).arc_mm, t);
+      const WallMotion next = breathing.Motion(mesh.ring(i + 1).arc_mm, t);
+      EXPECT_EQ(motion.gain, 1.0);
+      const Eigen::Vector3d from_axis = mesh.Moved(i, 7, motion) - mesh.ring(i).frame.position;
+      const double along = from_axis.dot(mesh.ring(i).frame.tangent);
+      EXPECT_NEAR((from_axis - along * mesh.ring(i).frame.tangent).norm(), mesh.Radius(i, 7), 1e-6);
+      EXPECT_GT(mesh.ring(i + 1).arc_mm + next.along_mm, mesh.ring(i).arc_mm + motion.along_mm);
+      farthest = std::max(farthest, (mesh.Moved(i, 7, motion) - mesh.Position(i, 7, 1.0)).norm());
+    }
+  }
+  EXPECT_GT(farthest, 0.15 * 22.0);
+  EXPECT_LT(farthest, 1.8 * 0.15 * 22.0);
+}
+
+TEST(Breathing, WithoutTangentialMotionPlacesAreThoseOfTheGain) {
+  const Colon colon(Style(120.0), 2);
+  Breathing breathing;
+  breathing.amplitude = 0.06;
+  breathing.wave_amplitude = 0.12;
+  for (int i = 0; i < colon.mesh().num_rings(); i += 9) {
+    const WallMotion motion = breathing.Motion(colon.mesh().ring(i).arc_mm, 3.0);
+    EXPECT_EQ(colon.mesh().Moved(i, 5, motion), colon.mesh().Position(i, 5, motion.gain));
+    EXPECT_EQ(motion.gain, breathing.Gain(colon.mesh().ring(i).arc_mm, 3.0));
+  }
+}
+
 TEST(TwinSegment, CopyHasTheShapeOfTheOriginal) {
   ColonStyle style = Style(240.0);
   style.twin.start_mm = 30.0;

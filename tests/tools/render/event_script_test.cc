@@ -24,7 +24,7 @@ TEST(EventScript, NoneGivesNoEvents) {
 
 TEST(EventScript, EveryKindReadsBackFromItsName) {
   for (const EventKind kind : {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris,
-                               EventKind::kBlur, EventKind::kJump}) {
+                               EventKind::kBlur, EventKind::kJump, EventKind::kNarrowBand, EventKind::kInstrument}) {
     const auto events = ParseEvents(std::string(ToString(kind)) + "@1");
     ASSERT_TRUE(events.ok()) << ToString(kind);
     EXPECT_EQ((*events)[0].kind, kind);
@@ -66,6 +66,18 @@ TEST(FrameSpans, CoverEveryFrameThatAnEventTouches) {
       EXPECT_TRUE(is_covered) << frame;
     }
   }
+}
+
+TEST(FrameSpans, ThoseThatShowTheSceneAreNotHidden) {
+  const auto events = ParseEvents("narrowband@1+1,water@1.5+1,instrument@2+1");
+  ASSERT_TRUE(events.ok());
+  const auto spans = FrameSpans(*events, 25.0, 100);
+  ASSERT_EQ(spans.size(), 3u);
+  const auto hidden = HiddenSpans(spans);
+  ASSERT_EQ(hidden.size(), 1u);
+  EXPECT_EQ(hidden[0].kind, EventKind::kWater);
+  EXPECT_TRUE(HidesScene(EventKind::kJump));
+  EXPECT_FALSE(HidesScene(EventKind::kNarrowBand));
 }
 
 TEST(FrameSpans, AreCutAtTheEndOfTheSequence) {

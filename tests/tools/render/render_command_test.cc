@@ -28,6 +28,13 @@ TEST(RenderCommand, WrongArgumentsAreUsageErrors) {
   EXPECT_EQ(Render({out, "--size", "720x540x3"}), kExitUsage);
   EXPECT_EQ(Render({out, "--events", "smoke@2"}), kExitUsage);
   EXPECT_EQ(Render({out, "--seconds", "-3"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--calibration-error", "2 %"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--breathing", "16"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--contraction", "-1"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--tangential", "20"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--exposure", "1.5"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--readout", "2"}), kExitUsage);
+  EXPECT_EQ(Render({out, "--field-lag", "1"}), kExitUsage);
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 

@@ -65,9 +65,77 @@ TEST_F(RenderSequenceTest, SameSeedGivesSameBytesOnAnyNumberOfThreads) {
   EXPECT_NE(a.at("groundtruth.txt"), c.at("groundtruth.txt"));
 }
 
+TEST_F(RenderSequenceTest, StrengthsOfZeroChangeNoByte) {
+  RenderOptions options = Small(0.4);
+  options.preset = *FindPreset("breathing");
+  options.preset.path.start_arc_mm = 14.0;
+  ASSERT_TRUE(RenderSequence(Folder("a"), options, nullptr).ok());
+  options.shutter = Shutter{0.0, 0.0, 0.0};
+  options.calibration_error = *ParseCalibrationError("0,0,0,0");
+  options.preset.colon.breathing.tangential = 0.0;
+  ASSERT_TRUE(RenderSequence(Folder("b"), options, nullptr).ok());
+  EXPECT_EQ(Content(Folder("a")), Content(Folder("b")));
+}
+
+TEST_F(RenderSequenceTest, EveryStrengthGivesTheSameBytesOnAnyNumberOfThreads) {
+  RenderOptions options = Small(0.3);
+  options.shutter = {0.5, 0.6, 0.5};
+  options.events = {{EventKind::kInstrument, 0.0, 0.3}, {EventKind::kNarrowBand, 0.1, 0.1}};
+  options.preset.colon.breathing.amplitude = 0.1;
+  options.preset.colon.breathing.wave_amplitude = 0.1;
+  options.preset.colon.breathing.tangential = 0.1;
+  options.num_threads = 1;
+  ASSERT_TRUE(RenderSequence(Folder("a"), options, nullptr).ok());
+  options.num_threads = 3;
+  ASSERT_TRUE(RenderSequence(Folder("b"), options, nullptr).ok());
+  EXPECT_EQ(Content(Folder("a")), Content(Folder("b")));
+  ASSERT_TRUE(RenderSequence(Folder("c"), Small(0.3), nullptr).ok());
+  EXPECT_NE(Content(Folder("a")).at("frames/000003.jpg"), Content(Folder("c")).at("frames/000003.jpg"));
+  // The truth is about the camera alone.
+  EXPECT_EQ(Content(Folder("a")).at("groundtruth.txt"), Content(Folder("c")).at("groundtruth.txt"));
+}
+
+TEST_F(RenderSequenceTest, WrongCalibrationLeavesPicturesAndTheTruthAsTheyAre) {
+  RenderOptions options = Small(0.2);
+  ASSERT_TRUE(RenderSequence(Folder("right"), options, nullptr).ok());
+  options.calibration_error = {2.0, 3.0, -1.0, 0.01};
+  ASSERT_TRUE(RenderSequence(Folder("wrong"), options, nullptr).ok());
+  auto right = Content(Folder("right")), wrong = Content(Folder("wrong"));
+  EXPECT_EQ(wrong.at("calib_true.yaml"), right.at("calib.yaml"));
+  EXPECT_NE(wrong.at("calib.yaml"), right.at("calib.yaml"));
+  EXPECT_EQ(right.count("calib_true.yaml"), 0u);
+  const auto written = ReadCalibration(Folder("wrong") + "/calib.yaml");
+  ASSERT_TRUE(written.ok()) << written.status().message();
+  EXPECT_NEAR(written->fx, 1.02 * CalibrationFor(240, 180, 25.0).fx, 1e-6);
+  wrong.erase("calib_true.yaml");
+  wrong["calib.yaml"] = right["calib.yaml"];
+  EXPECT_EQ(wrong, right);
+  // The file is one of those that a sequence is made of.
+  options.calibration_error = {};
+  options.overwrite = true;
+  ASSERT_TRUE(RenderSequence(Folder("wrong"), options, nullptr).ok());
+  EXPECT_EQ(Content(Folder("wrong")), right);
+}
+
+TEST_F(RenderSequenceTest, FieldsAreTheRowsOfTwoMoments) {
+  RenderOptions options = Small(0.8);
+  options.events = {{EventKind::kJump, 0.28, 0.44}};
+  ASSERT_TRUE(RenderSequence(Folder("whole"), options, nullptr).ok());
+  options.shutter.field_lag = 0.5;
+  ASSERT_TRUE(RenderSequence(Folder("fields"), options, nullptr).ok());
+  const auto whole = ReadImage(Folder("whole") + "/frames/000012.jpg", ChannelChoice::kGrey);
+  const auto fields = ReadImage(Folder("fields") + "/frames/000012.jpg", ChannelChoice::kGrey);
+  ASSERT_TRUE(whole.ok() && fields.ok());
+  double change[2] = {0.0, 0.0};  // of even and odd rows
+  for (int y = 60; y < 120; ++y) {
+    for (int x = 60; x < 180; ++x) change[y % 2] += std::abs(whole->row(y)[x] - fields->row(y)[x]);
+  }
+  EXPECT_GT(change[1], 2.5 * change[0]);  // JPEG carries some of it over
+}
+
 TEST_F(RenderSequenceTest, WidePicturesSurviveEveryEvent) {
-  for (const EventKind kind :
-       {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris, EventKind::kBlur}) {
+  for (const EventKind kind : {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris,
+                               EventKind::kBlur, EventKind::kNarrowBand, EventKind::kInstrument}) {
     RenderOptions options = Small(0.6);
     options.width_px = 256;
     options.height_px = 144;
@@ -163,6 +231,19 @@ TEST_F(RenderSequenceTest, EventsAreMarkedAndHideTheScene) {
   EXPECT_GT(detail(24), 0.6 * detail(5));
 }
 
+TEST_F(RenderSequenceTest, EventsThatShowTheSceneCountAsVisibleAndChangeTheirFramesAlone) {
+  RenderOptions options = Small(1.0);
+  ASSERT_TRUE(RenderSequence(Folder("without"), options, nullptr).ok());
+  options.events = {{EventKind::kNarrowBand, 0.6, 0.2}, {EventKind::kInstrument, 0.56, 0.4}};
+  ASSERT_TRUE(RenderSequence(Folder("with"), options, nullptr).ok());
+  auto without = Content(Folder("without")), with = Content(Folder("with"));
+  EXPECT_EQ(with.at("events.csv"), "first_frame,last_frame,kind,visible\n14,24,instrument,1\n15,20,narrowband,1\n");
+  EXPECT_EQ(with.at("groundtruth.txt"), without.at("groundtruth.txt"));
+  EXPECT_EQ(with.at("revisits.csv"), without.at("revisits.csv"));
+  EXPECT_EQ(with.at("frames/000014.jpg"), without.at("frames/000014.jpg"));
+  EXPECT_NE(with.at("frames/000015.jpg"), without.at("frames/000015.jpg"));
+}
+
 TEST_F(RenderSequenceTest, ExistingFramesAreKeptUnlessOverwriteIsAsked) {
   RenderOptions options = Small(0.4);
   ASSERT_TRUE(RenderSequence(Folder("out"), options, nullptr).ok());
@@ -197,6 +278,16 @@ TEST(RenderOptions, OutOfRangeIsNamed) {
   EXPECT_NE(with([](RenderOptions& o) { o.width_px = 10; }).message().find("width"), std::string::npos);
   EXPECT_NE(with([](RenderOptions& o) { o.height_px = 100000; }).message().find("height"), std::string::npos);
   EXPECT_NE(with([](RenderOptions& o) { o.num_threads = 0; }).message().find("threads"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.jpeg_quality = 4; }).message().find("quality"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.shutter.readout = 2; }).message().find("readout"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.calibration_error.k1 = 1; }).message().find("k1"), std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.preset.colon.breathing.amplitude = 0.16; }).message().find("breathing"),
+            std::string::npos);
+  EXPECT_NE(
+      with([](RenderOptions& o) { o.preset.colon.breathing.wave_amplitude = -0.1; }).message().find("contraction"),
+      std::string::npos);
+  EXPECT_NE(with([](RenderOptions& o) { o.preset.colon.breathing.tangential = NAN; }).message().find("tangential"),
+            std::string::npos);
   EXPECT_NE(with([](RenderOptions& o) { o.jpeg_quality = 101; }).message().find("quality"), std::string::npos);
 }
 

@@ -48,6 +48,16 @@ TEST_P(EveryPreset, KeepsClearOfTheWall) {
   }
 }
 
+TEST_P(EveryPreset, MeetsNoWallThatMovesAsFarAsItMay) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset(GetParam()));
+  const Journey journey(options);
+  const double gain = 1.0 - 2.0 * Breathing::kMaxAmplitude;
+  for (double t = 0.0; t < options.seconds; t += 0.5) {
+    const double clearance = journey.colon.mesh().Clearance(journey.path.WorldFromCam(t).translation, gain);
+    EXPECT_GT(clearance, 1.0) << t << " s";
+  }
+}
+
 TEST_P(EveryPreset, MovesLikeAHandBetweenEvents) {
   RenderOptions options = RenderOptions::FromPreset(*FindPreset(GetParam()));
   options.seed = 3;

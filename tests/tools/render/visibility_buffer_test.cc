@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <limits>
 
 #include "tools/render/preset.h"
@@ -45,7 +46,7 @@ TEST(VisibilityBuffer, FindsWhatRayTracingFinds) {
   Rng rng(4);
   int num_same = 0, num_compared = 0;
   for (const double t : {1.0, 9.0}) {
-    mesh.Project(colon, *camera, path.WorldFromCam(t), path.ArcMm(t), t);
+    mesh.Project(colon, *camera, std::array{ExposureMoment{t, path.ArcMm(t), path.WorldFromCam(t), false, {}}});
     buffer.Rasterise(mesh);
     for (int k = 0; k < 40; ++k) {
       const int i = 100 + static_cast<int>(rng.UniformInt(1240)), j = 100 + static_cast<int>(rng.UniformInt(880));
@@ -73,7 +74,7 @@ TEST(VisibilityBuffer, LeavesNoHolesInTheWall) {
   const auto camera = CameraModel::Create(CalibrationFor(720, 540, 25.0));
   VisibilityBuffer buffer(720, 540);
   ProjectedMesh mesh;
-  mesh.Project(colon, *camera, path.WorldFromCam(10.0), path.ArcMm(10.0), 10.0);
+  mesh.Project(colon, *camera, std::array{ExposureMoment{10.0, path.ArcMm(10.0), path.WorldFromCam(10.0), false, {}}});
   buffer.Rasterise(mesh);
   int num_holes = 0;
   for (int j = 0; j < 1080; ++j) {

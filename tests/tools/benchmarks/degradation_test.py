@@ -1,0 +1,157 @@
+#!/usr/bin/env python3
+"""The sweep of hardships with a made-up program: what is rendered, what is made again when, the tables, where a curve breaks.
+With the real program as the first argument one short point is made as well.
+
+    degradation_test.py [HAUSTRA]
+"""
+
+import json
+import os
+import stat
+import subprocess
+import sys
+import tempfile
+import unittest
+import xml.etree.ElementTree
+from pathlib import Path
+
+SCRIPTS = Path(__file__).resolve().parents[3] / "tools" / "benchmarks"
+sys.path.insert(0, str(SCRIPTS))
+import degradation  # noqa: E402
+
+HAUSTRA = Path(sys.argv.pop(1)).resolve() if len(sys.argv) > 1 and os.path.isfile(sys.argv[1]) else None
+
+# Notes every call beside itself. Live coverage falls by 40 with the exposure, and by 1 a seed; contraction splits the map.
+FAKE_PROGRAM = """#!{python}
+import json, pathlib, sys
+arguments = sys.argv[1:]
+with open(pathlib.Path(__file__).parent / "calls.txt", "a") as calls:
+    calls.write(" ".join(arguments) + "\\n")
+value = lambda name: float(arguments[arguments.index(name) + 1]) if name in arguments else 0.0
+if arguments[0] == "render":
+    if value("--readout") == 1.0:
+        sys.exit("this cannot be rendered")
+    sequence = pathlib.Path(arguments[1])
+    (sequence / "frames").mkdir(parents=True, exist_ok=True)
+    (sequence / "frames" / "000000.jpg").write_text("picture")
+    (sequence / "groundtruth.txt").write_text(json.dumps([value("--exposure"), value("--contraction"), value("--seed")]))
+elif arguments[0] == "run":
+    out = pathlib.Path(arguments[arguments.index("--out") + 1])
+    out.mkdir(exist_ok=True)
+    (out / "summary.json").write_text("")
+else:
+    exposure, contraction, seed = json.loads(pathlib.Path(arguments[arguments.index("--groundtruth") + 1]).read_text())
+    count = {{"made": 1, "judged": 1, "false": 0}}
+    pathlib.Path(arguments[arguments.index("--json") + 1]).write_text(json.dumps({{
+        "run": arguments[1], "live_coverage": 1.0, "live_visible_coverage": 98 - 40 * exposure - seed, "maps": 1 + (contraction > 8),
+        "rms_ate": 0.4, "scene_depth": 40.0, "losses": 2, "join_counts": {{"merges": count}}, "stages": [1],
+        "recall": {{"merges": {{"occasions": 2, "taken": 1}}, "relocalisations": None}}}}))
+"""
+
+
+class DegradationTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.program = self.folder / "haustra"
+        self.program.write_text(FAKE_PROGRAM.format(python=sys.executable), encoding="utf-8")
+        self.program.chmod(self.program.stat().st_mode | stat.S_IXUSR)
+
+    def call(self, *arguments):
+        """Exit code, what was printed, what the program was asked."""
+        command = [sys.executable, SCRIPTS / "degradation.py", "--haustra", self.program, "--out", self.folder / "out",
+                   "--results", self.folder / "results", "--commit", "1234567", "--seeds", "3", *arguments]
+        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False)
+        calls = self.folder / "calls.txt"
+        asked = calls.read_text(encoding="utf-8").splitlines() if calls.exists() else []
+        calls.unlink(missing_ok=True)
+        return done.returncode, done.stdout + done.stderr, asked
+
+    def test_tables_figures_and_curves_are_written(self):
+        code, output, asked = self.call("--jobs", "2", "exposure", "contraction")
+        self.assertEqual(code, 0, output)
+        # Strength zero is shared: 1 + 4 + 5 points, three seeds, three calls each.
+        self.assertEqual(len(asked), 90)
+        files = sorted((self.folder / "results").iterdir())
+        self.assertEqual([f.suffix for f in files], [".json", ".md", ".svg"])
+        text = files[1].read_text(encoding="utf-8")
+        self.assertIn("| 0 | 3 | 96.0 (95.0) | 1 (1) | 1.00 (1.00) | 50 (50) | 2 (2) | 0 |", text)
+        self.assertIn("| 1 | 3 | 56.0 (55.0) |", text)
+        self.assertIn("Breaks at 0.25 of the frame period: live coverage 96.0 to 86.0 %.", text)
+        self.assertIn("Breaks at 9 % of the radius: maps 1 to 2.", text)
+        self.assertIn("--seeds 3 --seconds 36 exposure contraction`", text)
+        document = json.loads(files[0].read_text(encoding="utf-8"))
+        self.assertEqual(document["points"]["exposure_1 2"]["live_visible_coverage"], 56)
+        self.assertNotIn("stages", document["points"]["exposure_1 2"])
+        root = xml.etree.ElementTree.parse(files[2]).getroot()
+        self.assertEqual(len([e for e in root.iter() if e.tag.endswith("polyline")]), 8)
+        self.assertEqual(len([e for e in root.iter() if e.tag.endswith("circle")]), 4 * 3 * (5 + 6))
+        for file in files:
+            self.assertNotIn(str(self.folder), file.read_text(encoding="utf-8"))
+        self.assertFalse(list((self.folder / "out").rglob("frames")))
+
+    def test_only_what_is_missing_or_has_changed_is_made(self):
+        self.assertEqual(len(self.call("exposure")[2]), 45)
+        self.assertEqual(self.call("exposure", "--overwrite")[2], [])
+        (self.folder / "out" / "exposure_0.5" / "seed_2" / "figures.json").unlink()  # broken off before it was judged
+        asked = self.call("exposure", "--overwrite")[2]
+        self.assertEqual([line.split()[0] for line in asked], ["render", "run", "evaluate"])
+        self.assertIn("--exposure 0.5", asked[0])
+        self.assertEqual(len(self.call("exposure", "--overwrite", "--seconds", "20")[2]), 45)
+        self.program.write_text(self.program.read_text() + "# another\n")
+        self.assertEqual(len(self.call("exposure", "--overwrite", "--seconds", "20")[2]), 45)
+
+    def test_results_that_are_there_stay_unless_told(self):
+        self.assertEqual(self.call("exposure")[0], 0)
+        code, output, asked = self.call("exposure")
+        self.assertEqual((code, asked), (1, []))
+        self.assertIn("is there already", output)
+
+    def test_failed_point_writes_no_results_and_the_others_are_kept(self):
+        code, output, _ = self.call("--ends-only", "readout")
+        self.assertEqual(code, 1)
+        self.assertIn("readout_1 seed 1: rendering failed: this cannot be rendered", output)
+        self.assertFalse((self.folder / "results").exists())
+        self.assertTrue((self.folder / "out" / "zero" / "seed_3" / "figures.json").exists())
+
+    def test_unknown_curve_and_program_are_named(self):
+        for arguments, words in ((["fog"], "no curve 'fog'"), (["--haustra", self.folder / "none"], "no such program")):
+            code, output, asked = self.call(*arguments)
+            self.assertEqual((code, asked), (1, []))
+            self.assertIn(words, output)
+
+    def test_strength_zero_of_every_curve_is_the_same_sequence(self):
+        zero = degradation.render_options("focal", 0, 36)
+        for name, (_, _, _, strengths) in degradation.CURVES.items():
+            self.assertEqual(degradation.render_options(name, strengths[0], 36), zero, name)
+            for strength in strengths[1:]:
+                self.assertNotEqual(degradation.render_options(name, strength, 36), zero, name)
+        self.assertIn("instrument@21.56+8", degradation.render_options("instrument", 8, 36))
+
+
+@unittest.skipUnless(HAUSTRA, "no program was named")
+class RenderedPointTest(unittest.TestCase):
+    def test_program_takes_the_options_of_every_curve(self):
+        for name, (_, _, _, strengths) in degradation.CURVES.items():
+            # Too small to be rendered, so what is wrong is that alone.
+            options = degradation.render_options(name, strengths[-1], 36) + ["--size", "63x63"]
+            with tempfile.TemporaryDirectory() as folder:
+                options.remove(degradation.SIZE)
+                options.remove("--size")
+                done = subprocess.run([HAUSTRA, "render", Path(folder) / "out", *options], capture_output=True, text=True,
+                                      check=False)
+                self.assertIn("width is 63", done.stderr, name)
+
+    def test_one_point_is_made_and_judged(self):
+        with tempfile.TemporaryDirectory() as folder:
+            render = ["--preset", "clear", "--seconds", "3", "--size", "240x180", "--quiet", "--contraction", "6"]
+            figures = degradation.made_point(Path(folder) / "point", HAUSTRA, 1, render, False)
+            self.assertIsInstance(figures, dict, figures)
+            self.assertGreater(degradation.live(figures), 50.0)
+            self.assertLess(degradation.error(figures), 10.0)
+            self.assertFalse((Path(folder) / "point" / "run").exists())
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -152,9 +152,12 @@ def middle(reports, measure):
 
 
 def breaks(points):
-    """(strength, why) where a curve breaks first, or None. points: (strength, reports), the first one of strength zero."""
+    """(strength, the one before it, why) where a curve breaks first, or None.
+
+    points: (strength, reports), the first one of strength zero.
+    """
     base = [middle(points[0][1], measure) for _, measure, _, _ in MEASURES]
-    for strength, reports in points[1:]:
+    for (before, _), (strength, reports) in zip(points, points[1:]):
         coverage, maps, error_percent, taken = (middle(reports, measure) for _, measure, _, _ in MEASURES)
         reasons = []
         if coverage is not None and base[0] is not None and coverage < base[0] - 5:
@@ -166,7 +169,7 @@ def breaks(points):
         if taken is not None and base[3] is not None and taken < base[3] - 20:
             reasons.append(f"joins taken {base[3]:.0f} to {taken:.0f} %")
         if reasons:
-            return strength, ", ".join(reasons)
+            return strength, before, ", ".join(reasons)
     return None
 
 
@@ -180,7 +183,9 @@ def table(curve, points):
         cells += [real_clips.cell([r["losses"] for r in reports], 0, max), str(sum(map(runs.count_false, reports)))]
         lines.append("| " + " | ".join(cells) + " |")
     found = breaks(points)
-    verdict = f"Breaks at {found[0]:g}{' ' + unit if unit else ''}: {found[1]}." if found else "Does not break in this range."
+    verdict = "Does not break in this range."
+    if found:
+        verdict = f"Breaks between {found[1]:g} and {found[0]:g}{' ' + unit if unit else ''}: {found[2]}."
     return "\n".join(lines) + f"\n\n{verdict}\n"
 
 

@@ -170,6 +170,23 @@ TEST_F(InitialiserTest, ViewAfterAReferenceThatNothingExplainsFoundsTheMap) {
   colon_.device().ReleaseFeatureSet(proposal.reference.features.set);
 }
 
+// The reference has its turn again and again; what nothing explains for long is given up, with half of what was kept.
+TEST_F(InitialiserTest, ReferenceThatNothingExplainsForLongIsGivenUp) {
+  ProposedView spoilt = See(1);
+  MoveWall(120.0, &spoilt);
+  initialiser_.Keep(spoilt);
+  for (int i = 0; i < 2; ++i) {
+    const ProposedView view = See(5);
+    EXPECT_EQ(Try(view, Duration{0}), TrackingReason::kNoEpipolarGeometry);
+    EXPECT_FALSE(initialiser_.is_worn_out());
+  }
+  const ProposedView view = See(5);
+  EXPECT_EQ(Try(view, Duration{0}), TrackingReason::kNoEpipolarGeometry);
+  EXPECT_TRUE(initialiser_.is_worn_out());
+  initialiser_.RenewReference();
+  EXPECT_FALSE(initialiser_.has_reference());
+}
+
 // While parallax is wanting, younger views have still less: the oldest stays the one that is compared with.
 TEST_F(InitialiserTest, ReferenceIsComparedAgainWhileParallaxIsWanting) {
   InitialisationConfig& options = colon_.config().initialisation;

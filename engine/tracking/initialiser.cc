@@ -78,8 +78,6 @@ void Initialiser::ThinOut() {
 }
 
 void Initialiser::RenewReference() {
-  num_skipped_ = 0;
-  is_unexplained_ = false;
   if (num_between_ > 0) {
     BeginWith(num_between_ / 2);
   } else {
@@ -95,6 +93,8 @@ void Initialiser::BeginWith(std::size_t kept) {
   std::rotate(between_.begin(), between_.begin() + static_cast<std::ptrdiff_t>(kept) + 1,
               between_.begin() + static_cast<std::ptrdiff_t>(num_between_));
   num_between_ -= kept + 1;
+  num_skipped_ = 0;
+  is_unexplained_ = false;
 }
 
 const ProposedView& Initialiser::EarlierView(std::size_t num_skipped) const {

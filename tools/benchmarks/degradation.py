@@ -295,9 +295,9 @@ def main():
             "Rendered colons (preset `losses`), "
             f"{arguments.seconds:g} s at {SIZE}; a colon a seed. Median over the seeds, in brackets the worst. *Live*: of the frames in\n"
             "which the scene can be seen, those with a pose at the time. *Error*: RMS of the camera centres, a Sim(3) a map. *Joins\n"
-            "taken*: of the pairs of maps that share a view and the losses whose map came into view again. A curve breaks where, by the\n"
-            "medians, live coverage is more than 5 points lower than at the first strength, there is one more map, the error is above\n"
-            "2 % of the depth and has doubled, or 20 points fewer joins are taken.\n\n"
+            "taken*: of the pairs of maps that share a view and the losses whose map came into view again.\n\n"
+            "A curve breaks where the medians are worse than at the first strength, in one of four ways. Live coverage is more than 5\n"
+            "points lower; there is one more map; the error is above 2 % of the depth and has doubled; or 20 points fewer joins are taken.\n\n"
             + "\n".join(f"## {name}\n{table(name, points)}" for name, points in curves.items()))
     target.write_text(text, encoding="utf-8")
     target.with_suffix(".svg").write_text(page(curves), encoding="utf-8")

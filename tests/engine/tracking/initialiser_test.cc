@@ -162,6 +162,8 @@ TEST_F(InitialiserTest, ViewAfterAReferenceThatNothingExplainsFoundsTheMap) {
   EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kNoEpipolarGeometry);
   EXPECT_TRUE(initialiser_.has_reference());
   EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kMapProposed);
+  // The mapper had no room for the proposal: the next frame founds the map with the same view.
+  EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kMapProposed);
 
   KeyframeProposal proposal(colon_.config().features.max, colon_.config().initialisation.kept_views);
   initialiser_.MoveInto(&proposal);

@@ -86,7 +86,9 @@ std::uint64_t MemoryLimitOfGroups(const std::string& groups, const std::string& 
     // A group may lie above what this process sees of the tree; then its folder is not there.
     for (std::string group = line.substr(second + 1);; group.resize(group.rfind('/'))) {
       std::uint64_t bytes = 0;  // the file says "max" where there is none
-      if (std::ifstream file(root + group + name); file >> bytes && bytes > 0 && (least == 0 || bytes < least)) {
+      std::string path = root;
+      path.append(group).append(name);
+      if (std::ifstream file(path); file >> bytes && bytes > 0 && (least == 0 || bytes < least)) {
         least = bytes;
       }
       if (group.find('/') == std::string::npos) break;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <tuple>
 
+#include "kernels/common/request_checks.h"
+
 namespace haustra::kernels {
 namespace {
 

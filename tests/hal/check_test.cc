@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "tests/hal/fatal_trap.h"
 
 namespace haustra {
@@ -43,6 +45,14 @@ TEST(Check, HookIsPutBack) {
   { const FatalTrap trap; }
   EXPECT_EQ(SetFatalHook(before), before);
 }
+
+#ifdef __SANITIZE_ADDRESS__
+// That of undefined behaviour goes with it. By itself it prints what it found and goes on, and the test passes.
+TEST(SanitizerDeathTest, UndefinedBehaviourEndsTheProgram) {
+  volatile int largest = std::numeric_limits<int>::max();
+  EXPECT_DEATH(largest = largest + 1, "signed integer overflow");
+}
+#endif
 
 }  // namespace
 }  // namespace haustra

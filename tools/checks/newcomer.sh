@@ -10,7 +10,7 @@
 set -euo pipefail
 
 source_folder="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)"
-source "$source_folder/tools/packaging/bare_root.sh"
+source "$source_folder/tools/checks/bare_root.sh"
 [ "$#" -ge 1 ] && [ "$#" -le 2 ] || fail "usage: newcomer.sh VIDEO.mp4 [ROOT]"
 [ "$(id -u)" -eq 0 ] || fail "only root can mount what is wanted"
 video="$(realpath -e -- "$1")" || fail "$1: no such video"

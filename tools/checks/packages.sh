@@ -18,7 +18,7 @@ skip() {
   exit 77
 }
 command -v mmdebstrap > /dev/null || skip "mmdebstrap is not installed"
-source tools/packaging/bare_root.sh
+source tools/checks/bare_root.sh
 in_namespaces -c "mount -t tmpfs none /mnt && mount -t proc none /proc" 2> /dev/null || skip "no namespaces with mounts here"
 
 cmake --preset package > /dev/null
@@ -29,14 +29,14 @@ for part in "$@"; do
       bare_root_at build/bare-root || skip "no bare root can be made here"
       rm -rf --one-file-system -- build/package/bundle
       cmake --install build/package --prefix build/package/bundle > /dev/null
-      tools/packaging/check_bundle.sh build/package/bundle
+      tools/checks/bundle.sh build/package/bundle
       ;;
     deb)
       bare_root_at build/deb-root systemd procps || skip "no bare root can be made here"
       rm -f -- build/package/*.deb
       (cd build/package && cpack -G DEB > cpack.log) || { cat build/package/cpack.log >&2; exit 1; }
       packages=(build/package/*.deb)
-      tools/packaging/check_deb.sh "${packages[0]}"
+      tools/checks/deb.sh "${packages[0]}"
       ;;
   esac
 done

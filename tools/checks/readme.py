@@ -4,8 +4,8 @@
     readme.py [ROOT]      ROOT defaults to the repository that this file lies in
 
 - README.md has at most 120 lines, and every top folder has a README.md.
-- No sentence of a README.md or a decision record has more than 35 words. Code, tables, headings and comments do not count; a
-  piece of inline code and a link's text are one word and its words.
+- No sentence of a README.md, a decision record, CHANGELOG.md or CONTRIBUTING.md has more than 35 words. Code, tables, headings
+  and comments do not count; a piece of inline code and a link's text are one word and its words.
 - A decision record is a page at most: 60 lines.
 - Source files and scripts that inline code of a README.md names are in the tree, at any place that ends with the name.
 - Links to files of the tree resolve, in every .md file.
@@ -28,6 +28,7 @@ from pathlib import Path
 from checker import Violations, root_of, verdict
 
 MAX_LINES, MAX_RECORD_LINES, MAX_WORDS = 120, 60, 35
+PLAIN = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
 TOP_FOLDERS = ["hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"]
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 PEERS = "tools/benchmarks/peers.json"
@@ -220,10 +221,10 @@ class Checker(Violations):
             self.check_links(path, text)
             if path.parent.name == "decisions":
                 self.check_lines(path, text, MAX_RECORD_LINES)
+            if path.parent.name == "decisions" or path.name in PLAIN:
                 self.check_sentences(path, text)
             if path.name != "README.md":
                 continue
-            self.check_sentences(path, text)
             self.check_names(path, text, places)
             self.check_prose(path, text)
             if path.parent == self.root:

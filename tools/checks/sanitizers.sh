@@ -3,8 +3,7 @@
 #
 #     tools/checks/sanitizers.sh                            everything with both: ten times as long as tools/test.sh
 #     tools/checks/sanitizers.sh PRESET                     everything with one: asan-ubsan, tsan
-#     tools/checks/sanitizers.sh PRESET [-L LABEL] NAME...  the unit tests NAME/...; with the label, these only. A_B is A/B
-#                                                           where that has a program of its own
+#     tools/checks/sanitizers.sh PRESET [-L LABEL] NAME...  the tests of the programs test_NAME; with the label, these only
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 bash tools/setup.sh
@@ -25,9 +24,7 @@ if [ "$#" -gt 0 ]; then
   programs=(--target "${@/#/test_}")
   # No sanitizer looks at the GPU's code.
   cuda=OFF
-  # What starts the program itself is no unit test, and a test that replaces malloc has no place beside a sanitizer.
-  names="$(IFS='|'; echo "$*")"
-  tests+=(-R "^(($names)/|(${names//_//})\$)" -E '^(tools/(benchmarks|manual)|platform/fixed_memory)$')
+  tests+=(-L "^test_($(IFS='|'; echo "$*"))\$")
 fi
 cmake --preset "$preset" -DHAUSTRA_CUDA="$cuda" > /dev/null
 cmake --build --preset "$preset" "${programs[@]}"

@@ -2,7 +2,7 @@
 # Proves that an installed bundle is self-contained: starts it in a root file system that has only Debian's essential
 # packages, in two places (it must not matter where it lies), and renders and maps a few frames of colon there.
 #
-#     tools/packaging/check_bundle.sh BUNDLE [ROOT]
+#     tools/checks/bundle.sh BUNDLE [ROOT]
 #
 # BUNDLE: a folder made by `cmake --install BUILD --prefix BUNDLE`, or a .tar.gz or .deb made by cpack. ROOT (default
 # build/bare-root): the bare file system; made with mmdebstrap when it is not there, used as it is otherwise. Nothing is
@@ -10,8 +10,8 @@
 set -euo pipefail
 
 source_folder="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)"
-source "$source_folder/tools/packaging/bare_root.sh"
-[ "$#" -ge 1 ] && [ "$#" -le 2 ] || fail "usage: check_bundle.sh BUNDLE [ROOT]"
+source "$source_folder/tools/checks/bare_root.sh"
+[ "$#" -ge 1 ] && [ "$#" -le 2 ] || fail "usage: bundle.sh BUNDLE [ROOT]"
 bundle="$(realpath -e -- "$1")" || fail "$1: no such bundle"
 bare_root_at "${2:-$source_folder/build/bare-root}"
 

@@ -2,7 +2,7 @@
 # Proves that the .deb installs, runs and goes away again on a machine that has only Debian's essential packages, systemd and
 # procps.
 #
-#     tools/packaging/check_deb.sh PACKAGE.deb [ROOT]
+#     tools/checks/deb.sh PACKAGE.deb [ROOT]
 #
 # ROOT (default build/deb-root): the bare file system; made with mmdebstrap when it is not there. It is only read: what is
 # installed goes to a layer in temporary memory, in namespaces that end with this script. Needs root or user namespaces, and
@@ -10,8 +10,8 @@
 set -euo pipefail
 
 source_folder="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)"
-source "$source_folder/tools/packaging/bare_root.sh"
-[ "$#" -ge 1 ] && [ "$#" -le 2 ] || fail "usage: check_deb.sh PACKAGE.deb [ROOT]"
+source "$source_folder/tools/checks/bare_root.sh"
+[ "$#" -ge 1 ] && [ "$#" -le 2 ] || fail "usage: deb.sh PACKAGE.deb [ROOT]"
 package="$(realpath -e -- "$1")" || fail "$1: no such package"
 bare_root_at "${2:-$source_folder/build/deb-root}" systemd procps
 
@@ -50,7 +50,7 @@ cp -- "$scratch/pose_client" "$root/pose_client"
 exec chroot "$root" /bin/bash -c '
   set -euo pipefail
   export PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root
-  said() { echo "check_deb.sh: $*" >&2; exit 1; }
+  said() { echo "deb.sh: $*" >&2; exit 1; }
   dpkg -i /haustra.deb > /dev/null
   [ "$(dpkg-query -W -f "\${Status}" haustra)" = "install ok installed" ] || said "dpkg does not call it installed"
   getent passwd haustra > /dev/null || said "the user of the service was not made"

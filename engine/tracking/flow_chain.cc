@@ -100,11 +100,12 @@ FlowChain::Witness FlowChain::Judge(MapId map_id, const SE3& cam_from_map, TimeP
   const SE3 now_from_anchor = cam_from_map * anchor_from_map_.Inverse();
   const Count of_map = CountAgreeing(now_from_anchor, 0, num_of_map_);
   const Count others = CountAgreeing(now_from_anchor, num_of_map_, points_.size());
-  const int num = of_map.num + others.num, num_agreeing = of_map.num_agreeing + others.num_agreeing;
+  const int num = of_map.num + others.num;
   Witness witness;
-  witness.num_against = num - num_agreeing;
+  witness.num_for = of_map.num_agreeing + others.num_agreeing;
+  witness.num_against = num - witness.num_for;
   witness.denies = of_map.num >= kMinPoints ? of_map.num_agreeing < kMinAgreeingMapShare * of_map.num
-                                            : num >= kMinPoints && num_agreeing < kMinAgreeingShare * num;
+                                            : num >= kMinPoints && witness.num_for < kMinAgreeingShare * num;
   return witness;
 }
 

@@ -5,6 +5,7 @@
 // thread-bound(tracking); rt-safe after construction. Full: no more points than features.max.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -43,10 +44,13 @@ class FlowChain {
   double AgeMs(TimePoint now) const { return ToMilliseconds(now - begun_); }
   // Young enough, and with points enough, to judge a pose in its map at that time.
   bool CanJudge(TimePoint now) const;
-  // What the points say of a pose: the picture moved in another way than it, or they cannot judge it.
+  // What the points say of a pose.
   struct Witness {
-    bool denies = false;
-    int num_against = 0;  // points that disagree with it
+    bool denies = false;  // the picture moved in another way than it; false as well when they cannot judge it
+    int num_for = 0;      // points that agree with it
+    int num_against = 0;  // points that do not
+    // A pose with a prediction and so many inliers falls only where more speaks against it than for it.
+    bool DeniesTracked(int num_inliers) const { return denies && num_against > std::max(num_for, num_inliers); }
   };
   Witness Judge(MapId map_id, const SE3& cam_from_map, TimePoint now) const;
 

@@ -199,12 +199,11 @@ Tracker::Outcome Tracker::TrackMap(FrameResult* result) {
 }
 
 // A pose that was chosen without a prediction needs the flow not to deny it. One that was tracked has a witness of its
-// own, and falls only where more points deny it than hold it.
+// own.
 bool Tracker::IsDeniedByFlow(MapId map_id, bool is_tracked) const {
   if (is_tracked && IsHeldByMap()) return false;
   const FlowChain::Witness witness = chain_.Judge(map_id, search_.estimate().cam_from_map, current_.timestamp);
-  if (!is_tracked) return witness.denies;
-  return witness.denies && witness.num_against > static_cast<int>(search_.estimate().matches.size());
+  return is_tracked ? witness.DeniesTracked(static_cast<int>(search_.estimate().matches.size())) : witness.denies;
 }
 
 // kTracked, or why the estimate is not to be believed.

@@ -126,6 +126,29 @@ TEST_F(FlowChainTest, WithoutPointsOfTheMapAQuarterIsEnough) {
   EXPECT_TRUE(Denies(motion_));
 }
 
+// A film runs over the lens and takes most of what showed map points along; the rest of the wall goes with the pose.
+TEST_F(FlowChainTest, ATrackedPoseStandsWhileMoreSpeaksForItThanAgainst) {
+  const SE3 truth = Turned(1.0, {0.3, 0.0, 0.1});
+  const Eigen::Vector3d film(0.6, 0.5, 0.0);
+  const auto judge = [&](int num_on_film) {
+    Anchor(100);
+    std::vector<FollowedPoint> to;
+    for (int i = 0; i < kNumPoints; ++i) {
+      to.push_back(See(i < num_on_film ? Eigen::Vector3d(points_[i] + film) : points_[i], truth));
+    }
+    chain_.Advance(to);
+    return chain_.Judge(kMap, truth * cam_from_map_, kBegin + milliseconds(200));
+  };
+  const FlowChain::Witness in_part = judge(70);
+  EXPECT_TRUE(in_part.denies);
+  EXPECT_GE(in_part.num_for, 130);
+  EXPECT_FALSE(in_part.DeniesTracked(0));
+  // Nearly all of the picture: the inliers of the pose are what is left to hold it.
+  const FlowChain::Witness nearly_all = judge(190);
+  EXPECT_TRUE(nearly_all.DeniesTracked(100));
+  EXPECT_FALSE(nearly_all.DeniesTracked(nearly_all.num_against));
+}
+
 TEST_F(FlowChainTest, JudgesNoPoseOfAnotherMapAndNoneForLong) {
   Anchor(0);
   Move(motion_, kNumPoints);

@@ -10,6 +10,7 @@
 namespace haustra {
 namespace {
 
+constexpr std::uint64_t kGroupStream = 13;
 // The first similarity comes from few matches; the second search profits from what the first one added.
 constexpr int kGuidedRounds = 2;
 // A correction smaller than this share of the depth needs no explanation by drift.
@@ -53,15 +54,20 @@ CommonAreaVerifier::CommonAreaVerifier(const EngineConfig& config, const CommonA
                                        const NoiseModel& noise, const CameraModel& camera, VisionDevice& device)
     : config_(config),
       noise_(noise),
+      tolerated_(noise),
       options_(options),
       camera_(camera),
       device_(device),
       ransac_(config.features.max),
-      search_(config, noise, camera, device),
-      found_matches_(static_cast<std::size_t>(config.features.max)) {}
+      search_(config, tolerated_, camera, device),
+      matcher_(config, options, device),
+      group_similarity_(config, options, noise, camera, matcher_),
+      group_rng_(config.seed, kGroupStream) {}
 
 bool CommonAreaVerifier::Verify(const GroupExcerpt& a, const GroupExcerpt& b, Rng& rng, CommonArea* out) {
   *out = CommonArea{};
+  tolerated_ = noise_;
+  is_by_group_ = false;
   out->keyframe_a = a.keyframe;
   out->keyframe_b = b.keyframe;
   out->anchor_a = {a.first().cam_from_map, a.scale};
@@ -87,20 +93,11 @@ CommonAreaVerdict CommonAreaVerifier::Run(const Sides& sides, Rng& rng, CommonAr
   if (counts.num_matches < options_.min_matches) return CommonAreaVerdict::kFewMatches;
 
   FillMatches(sides);
-  Sim3Ransac::Options ransac;
-  ransac.max_iterations = options_.ransac_iterations;
-  ransac.min_inliers = options_.min_ransac_inliers;
-  ransac.chi2_gate = kChi2TwoDof;
-  Sim3Ransac::Estimate estimate;
-  if (!ransac_.Run(camera_, matches_, views_a_, views_b_, ransac, rng, &estimate)) {
-    return CommonAreaVerdict::kNoSimilarity;
-  }
-  counts.num_ransac_inliers = estimate.num_inliers;
   Sim3OptimizerResult result;
-  if (!Refine(sides, estimate.b_from_a, &result)) return CommonAreaVerdict::kNoSimilarity;
-  counts.num_agreeing = result.num_inliers;
+  const CommonAreaVerdict first = FindSimilarity(sides, rng, &counts, &result);
+  if (first == CommonAreaVerdict::kNoSimilarity) return first;
   out->b_from_a = result.b_from_a;
-  if (counts.num_agreeing < options_.min_match_share * counts.num_matches) return CommonAreaVerdict::kLowMatchShare;
+  if (first != CommonAreaVerdict::kAccepted) return first;
 
   for (int round = 0; round < kGuidedRounds; ++round) {
     const auto verdict = SearchBothWays(sides, result.b_from_a, &counts.num_visible);
@@ -117,42 +114,51 @@ CommonAreaVerdict CommonAreaVerifier::Run(const Sides& sides, Rng& rng, CommonAr
   }
   if (counts.num_inliers < options_.min_inliers) return CommonAreaVerdict::kFewInliers;
   if (counts.num_inliers < options_.min_inlier_share * counts.num_guided) return CommonAreaVerdict::kLowInlierShare;
-  if (counts.num_inliers < options_.min_visible_share * counts.num_visible) return CommonAreaVerdict::kLowVisibleShare;
+  const double min_visible_share = is_by_group_ ? options_.min_group_visible_share : options_.min_visible_share;
+  if (counts.num_inliers < min_visible_share * counts.num_visible) return CommonAreaVerdict::kLowVisibleShare;
   counts.spread = Spread(sides);
-  if (counts.spread < options_.min_spread) return CommonAreaVerdict::kLowSpread;
+  const double min_spread = is_by_group_ ? options_.min_group_spread : options_.min_spread;
+  if (counts.spread < min_spread) return CommonAreaVerdict::kLowSpread;
   if (const auto verdict = CheckView(sides, result, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
   if (const auto verdict = CheckNeighbours(sides, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
   return CheckDrift(sides, out);
 }
 
+// From pairs of points, or where those do not tell it, from the poses of the keyframes around K_a.
+CommonAreaVerdict CommonAreaVerifier::FindSimilarity(const Sides& sides, Rng& rng, CommonAreaCounts* counts,
+                                                     Sim3OptimizerResult* result) {
+  Sim3Ransac::Options ransac;
+  ransac.max_iterations = options_.ransac_iterations;
+  ransac.min_inliers = options_.min_ransac_inliers;
+  ransac.chi2_gate = kChi2TwoDof;
+  Sim3Ransac::Estimate estimate;
+  if (ransac_.Run(camera_, matches_, views_a_, views_b_, ransac, rng, &estimate)) {
+    counts->num_ransac_inliers = estimate.num_inliers;
+    if (Refine(sides, estimate.b_from_a, result)) {
+      counts->num_agreeing = result->num_inliers;
+      const bool is_likely = counts->num_agreeing >= options_.min_match_share * counts->num_matches;
+      return is_likely ? CommonAreaVerdict::kAccepted : CommonAreaVerdict::kLowMatchShare;
+    }
+  }
+  // Inside one map tracking knows better: what its keyframes show in common is compact where the map has bent.
+  if (sides.a.map_id == sides.b.map_id) return CommonAreaVerdict::kNoSimilarity;
+  GroupSimilarity::Estimate group;
+  if (!group_similarity_.Find(sides.a, sides.b, views_b_, group_rng_, &group)) return CommonAreaVerdict::kNoSimilarity;
+  counts->num_agreeing = group.num_agreeing;
+  result->b_from_a = group.b_from_a;
+  tolerated_ = BetweenMaps(noise_);
+  is_by_group_ = true;
+  const bool is_likely = group.num_agreeing >= options_.min_match_share * group.num_matches;
+  return is_likely ? CommonAreaVerdict::kAccepted : CommonAreaVerdict::kLowMatchShare;
+}
+
 CommonAreaVerdict CommonAreaVerifier::MatchGroup(const Sides& sides) {
   pairs_.clear();
   const KeyframeExcerpt& a = sides.a.first();
-  features_a_.clear();
-  for (std::int32_t i = 0; i < a.num; ++i) {
-    if (a.points[i] >= 0) features_a_.push_back(i);
-  }
-  for (int view = 0; view < sides.b.num_keyframes; ++view) {
-    const KeyframeExcerpt& b = sides.b.keyframes[view];
-    features_b_.clear();
-    for (std::int32_t i = 0; i < b.num; ++i) {
-      if (b.points[i] >= 0) features_b_.push_back(i);
-    }
-    if (features_b_.empty()) continue;
-    std::int32_t num_matches = 0;
-    MatchRequest request;
-    request.query = DescriptorList::Subset(a.set, features_a_);
-    request.train = DescriptorList::Subset(b.set, features_b_);
-    request.options = {static_cast<float>(config_.matching.min_similarity),
-                       static_cast<float>(options_.max_angle_ratio), true};
-    request.matches = found_matches_;
-    request.num_matches = &num_matches;
-    if (!MatchAndWait(device_, Lane::kBackground, request).ok()) return CommonAreaVerdict::kDeviceFailed;
-    for (std::int32_t m = 0; m < num_matches; ++m) {
-      const Match& match = found_matches_[m];
-      const std::int32_t feature_a = features_a_[match.query], feature_b = features_b_[match.train];
-      pairs_.push_back({a.points[feature_a], b.points[feature_b], feature_a, feature_b, view, 1, match.similarity});
-    }
+  if (!matcher_.Compare(a, sides.b, &group_matches_).ok()) return CommonAreaVerdict::kDeviceFailed;
+  for (const GroupMatch& match : group_matches_) {
+    pairs_.push_back({a.points[match.feature_a], sides.b.keyframes[match.view_b].points[match.feature_b],
+                      match.feature_a, match.feature_b, match.view_b, 1, match.similarity});
   }
   KeepOneToOne(sides);
   return CommonAreaVerdict::kAccepted;
@@ -256,8 +262,8 @@ void CommonAreaVerifier::FillMatches(const Sides& sides) {
     match.point_in_b = sides.b.points[pair.point_b].position;
     match.pixel_in_a = a.pixel(pair.feature_a);
     match.pixel_in_b = b.pixel(pair.feature_b);
-    match.sigma_a_px = noise_.SigmaPx(a.keypoints[pair.feature_a].scale_px);
-    match.sigma_b_px = noise_.SigmaPx(b.keypoints[pair.feature_b].scale_px);
+    match.sigma_a_px = tolerated_.SigmaPx(a.keypoints[pair.feature_a].scale_px);
+    match.sigma_b_px = tolerated_.SigmaPx(b.keypoints[pair.feature_b].scale_px);
     match.view_b = pair.view_b;
     matches_.push_back(match);
   }
@@ -352,7 +358,7 @@ CommonAreaVerdict CommonAreaVerifier::CheckNeighbours(const Sides& sides, Common
       const Eigen::Vector3d position = out->b_from_a * sides.a.points[point_a].position;
       Eigen::Vector2d pixel;
       if (!camera_.Project(sight.cam_from_map * position, &pixel)) continue;
-      const double sigma = noise_.SigmaPx(sight.scale_px);
+      const double sigma = tolerated_.SigmaPx(sight.scale_px);
       if ((pixel - sight.pixel).squaredNorm() <= kChi2TwoDof * sigma * sigma) ++num_inliers;
     }
     if (num_inliers >= options_.min_confirming_inliers) ++counts.num_confirming;

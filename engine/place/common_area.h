@@ -1,7 +1,8 @@
 // Proof that two keyframes show one piece of wall, and the similarity between their maps (system.md 9; paper, section
 // on place recognition and map merging):
 //   1. mutual brute-force matches between K_a and the group {K_b, its best covisible keyframes}, features with a point
-//   2. Sim(3) by RANSAC with reprojection checks in both directions, non-linear refinement
+//   2. Sim(3) by RANSAC with reprojection checks in both directions, non-linear refinement; where that tells none, by
+//      the poses of K_a and its neighbours in map b (group_similarity.h)
 //   3. guided search of the points of each side in the other, refinement on all that is found; twice
 //   4. acceptance: enough inliers, few outliers, enough of what should be visible found, spread over both images,
 //      plausible scale and view, small uncertainty, and the consent of K_a's neighbours
@@ -23,6 +24,8 @@
 #include "engine/geometry/sim3_ransac.h"
 #include "engine/noise_model.h"
 #include "engine/optim/sim3_optimizer.h"
+#include "engine/place/group_matcher.h"
+#include "engine/place/group_similarity.h"
 #include "engine/place/place_config.h"
 #include "engine/place/place_excerpt.h"
 #include "engine/place/projected_search.h"
@@ -128,6 +131,8 @@ class CommonAreaVerifier {
   };
 
   CommonAreaVerdict Run(const Sides& sides, Rng& rng, CommonArea* out);
+  CommonAreaVerdict FindSimilarity(const Sides& sides, Rng& rng, CommonAreaCounts* counts,
+                                   Sim3OptimizerResult* result);
   CommonAreaVerdict MatchGroup(const Sides& sides);
   CommonAreaVerdict SearchBothWays(const Sides& sides, const Sim3& b_from_a, int* num_visible);
   void KeepOneToOne(const Sides& sides);
@@ -143,11 +148,16 @@ class CommonAreaVerifier {
 
   const EngineConfig& config_;
   const NoiseModel& noise_;
+  NoiseModel tolerated_;  // that of a view, or between two maps (group_similarity.h)
+  bool is_by_group_ = false;  // the similarity is that of several keyframes
   const CommonAreaConfig& options_;
   const CameraModel& camera_;
   VisionDevice& device_;
   Sim3Ransac ransac_;
   ProjectedSearch search_;
+  GroupMatcher matcher_;
+  GroupSimilarity group_similarity_;
+  Rng group_rng_;
 
   std::array<SE3, 1> views_a_;
   std::vector<SE3> views_b_;
@@ -155,9 +165,7 @@ class CommonAreaVerifier {
   std::vector<Sim3Match> matches_;  // of pairs_
   std::vector<std::uint8_t> inliers_;
 
-  std::vector<std::int32_t> features_a_;
-  std::vector<std::int32_t> features_b_;
-  std::vector<Match> found_matches_;
+  std::vector<GroupMatch> group_matches_;
   std::vector<FoundPoint> found_;
   std::vector<std::uint8_t> allowed_;
   // By point of the excerpts.

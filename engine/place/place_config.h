@@ -31,6 +31,12 @@ struct CommonAreaConfig {
   double min_inlier_share = 0.6;     // of the guided matches that agree with the refined similarity [0, 1]
   double min_visible_share = 0.1;    // of the points that should be seen from both sides, those that are found [0, 1]
   double min_spread = 0.08;          // image share of the ellipse around the inliers, in both keyframes [0, 1]
+  // Where not one keyframe but the poses of several tell the similarity (group_similarity.h). They bear witness for each
+  // other, so that a compact piece of wall will do as long as it holds all seven degrees of freedom: on living tissue
+  // two views a second apart have a patch in common, and 4 to 8 % of what should be visible is found.
+  int min_group_poses = 3;                // keyframes that find a pose; all where there are fewer [1, 41]
+  double min_group_visible_share = 0.04;  // in the place of min_visible_share [0, 1]
+  double min_group_spread = 0.02;         // in the place of min_spread [0, 1]
   double max_scale_ratio = 20.0;     // between two maps, each of unit median depth when it was founded [1, 1000]
   double max_view_angle_deg = 60.0;  // between the optical axes of the two keyframes [1, 180]
   double max_rotation_sigma_deg = 1.5;  // uncertainty of the similarity that the inliers leave [0.01, 90]

@@ -50,6 +50,36 @@ TEST_F(CommonAreaTest, OverlappingMapsGiveTheirSimilarity) {
   EXPECT_GE(area_.counts.num_confirming, 1);
 }
 
+// As on living tissue: the younger map has its points at rough depths, seen from the keyframe that made each.
+void RoughenDepths(double share, MapHandle map, Atlas* atlas) {
+  Rng rng(9);
+  atlas->points().ForEach([&](MapPointHandle handle, const MapPoint& point) {
+    if (!(point.map == map)) return;
+    const Keyframe& observer = atlas->keyframe(point.observations.begin()->keyframe);
+    const Eigen::Vector3d centre = observer.cam_from_map.InverseTranslation();
+    const double factor = 1.0 + rng.Uniform(-share, share);
+    atlas->point(handle).position = centre + factor * (point.position - centre);
+  });
+}
+
+TEST_F(CommonAreaTest, PosesOfSeveralKeyframesTellWhatRoughPointsDoNot) {
+  RecordProperty("req", "MRG-001");
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
+  const KeyframeHandle a = colon_.frames()[first + 2].keyframe;
+  RoughenDepths(0.4, atlas_.keyframe(a).map, &atlas_);
+  options_.ransac_iterations = 10;  // too few to meet three pairs that happen to be good, as wrong matches make it
+  options_.min_inlier_share = 0.2;  // of points so rough
+  ASSERT_TRUE(Verify(first + 2, 11)) << verdict();
+  EXPECT_EQ(area_.counts.num_ransac_inliers, 0) << "three pairs of points told the similarity";
+  const Eigen::Vector3d centre = atlas_.keyframe(a).cam_from_map.InverseTranslation();
+  const Sim3Error error = ErrorAt(area_.b_from_a, map_from_world_.Inverse(), centre, 1.5);
+  EXPECT_LT(error.position, 0.05);
+  EXPECT_LT(error.rotation_deg, 1.0);
+  EXPECT_LT(error.scale, 0.1);
+}
+
 TEST_F(CommonAreaTest, SameInputGivesTheSameBits) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});

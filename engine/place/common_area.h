@@ -131,8 +131,7 @@ class CommonAreaVerifier {
   };
 
   CommonAreaVerdict Run(const Sides& sides, Rng& rng, CommonArea* out);
-  CommonAreaVerdict FindSimilarity(const Sides& sides, Rng& rng, CommonAreaCounts* counts,
-                                   Sim3OptimizerResult* result);
+  CommonAreaVerdict FindSimilarity(const Sides& sides, Rng& rng, CommonAreaCounts* counts, Sim3OptimizerResult* result);
   CommonAreaVerdict MatchGroup(const Sides& sides);
   CommonAreaVerdict SearchBothWays(const Sides& sides, const Sim3& b_from_a, int* num_visible);
   void KeepOneToOne(const Sides& sides);
@@ -148,7 +147,7 @@ class CommonAreaVerifier {
 
   const EngineConfig& config_;
   const NoiseModel& noise_;
-  NoiseModel tolerated_;  // that of a view, or between two maps (group_similarity.h)
+  NoiseModel tolerated_;      // that of a view, or between two maps (group_similarity.h)
   bool is_by_group_ = false;  // the similarity is that of several keyframes
   const CommonAreaConfig& options_;
   const CameraModel& camera_;

@@ -20,31 +20,31 @@ struct RetrievalConfig {
 
 // When two groups of keyframes show one piece of wall. Precision comes first: a false merge is worse than ten missed.
 struct CommonAreaConfig {
-  int group_size = 3;                // keyframe and its best covisible ones on the other side (paper: 1-to-3) [1, 3]
-  int min_points = 30;               // a keyframe with fewer carries no proof [4, 8000]
-  double max_angle_ratio = 0.85;     // of a brute-force match [0.1, 1]
-  int min_matches = 15;              // of points, before any geometry [4, 8000]
-  int ransac_iterations = 500;       // [10, 10000]
-  int min_ransac_inliers = 12;       // [4, 8000]
-  double min_match_share = 0.2;      // of the brute-force matches that agree; where walls are only alike, few do [0, 1]
-  int min_inliers = 30;              // of points, after guided matching and the last refinement [4, 8000]
-  double min_inlier_share = 0.6;     // of the guided matches that agree with the refined similarity [0, 1]
-  double min_visible_share = 0.1;    // of the points that should be seen from both sides, those that are found [0, 1]
-  double min_spread = 0.08;          // image share of the ellipse around the inliers, in both keyframes [0, 1]
-  // Where not one keyframe but the poses of several tell the similarity (group_similarity.h). They bear witness for each
-  // other, so that a compact piece of wall will do as long as it holds all seven degrees of freedom: on living tissue
-  // two views a second apart have a patch in common, and 4 to 8 % of what should be visible is found.
+  int group_size = 3;              // keyframe and its best covisible ones on the other side (paper: 1-to-3) [1, 3]
+  int min_points = 30;             // a keyframe with fewer carries no proof [4, 8000]
+  double max_angle_ratio = 0.85;   // of a brute-force match [0.1, 1]
+  int min_matches = 15;            // of points, before any geometry [4, 8000]
+  int ransac_iterations = 500;     // [10, 10000]
+  int min_ransac_inliers = 12;     // [4, 8000]
+  double min_match_share = 0.2;    // of the brute-force matches that agree; where walls are only alike, few do [0, 1]
+  int min_inliers = 30;            // of points, after guided matching and the last refinement [4, 8000]
+  double min_inlier_share = 0.6;   // of the guided matches that agree with the refined similarity [0, 1]
+  double min_visible_share = 0.1;  // of the points that should be seen from both sides, those that are found [0, 1]
+  double min_spread = 0.08;        // image share of the ellipse around the inliers, in both keyframes [0, 1]
+  // Where not one keyframe but the poses of several tell the similarity (group_similarity.h). They bear witness for
+  // each other, so that a compact piece of wall will do as long as it holds all seven degrees of freedom: on living
+  // tissue two views a second apart have a patch in common, and 4 to 8 % of what should be visible is found.
   int min_group_poses = 3;                // keyframes that find a pose; all where there are fewer [1, 41]
   double min_group_visible_share = 0.04;  // in the place of min_visible_share [0, 1]
   double min_group_spread = 0.02;         // in the place of min_spread [0, 1]
-  double max_scale_ratio = 20.0;     // between two maps, each of unit median depth when it was founded [1, 1000]
-  double max_view_angle_deg = 60.0;  // between the optical axes of the two keyframes [1, 180]
-  double max_rotation_sigma_deg = 1.5;  // uncertainty of the similarity that the inliers leave [0.01, 90]
-  double max_scale_sigma = 0.05;        // relative [0.001, 1]
-  double max_position_sigma = 0.05;     // of the camera, over the median depth [0.001, 1]
-  int confirming_keyframes = 5;         // neighbours of the new keyframe that are asked [1, 40]
-  int min_confirming = 1;               // neighbours that must see the same area, when there are so many [0, 40]
-  int min_confirming_inliers = 15;      // points for a neighbour's consent [4, 8000]
+  double max_scale_ratio = 20.0;          // between two maps, each of unit median depth when it was founded [1, 1000]
+  double max_view_angle_deg = 60.0;       // between the optical axes of the two keyframes [1, 180]
+  double max_rotation_sigma_deg = 1.5;    // uncertainty of the similarity that the inliers leave [0.01, 90]
+  double max_scale_sigma = 0.05;          // relative [0.001, 1]
+  double max_position_sigma = 0.05;       // of the camera, over the median depth [0.001, 1]
+  int confirming_keyframes = 5;           // neighbours of the new keyframe that are asked [1, 40]
+  int min_confirming = 1;                 // neighbours that must see the same area, when there are so many [0, 40]
+  int min_confirming_inliers = 15;        // points for a neighbour's consent [4, 8000]
   double max_drift_share = 0.25;  // inside one map: what a loop corrects over the length of the way round [0.01, 1]
   double max_drift_scale = 1.6;   // the same for the scale, as a ratio [1, 10]
   double max_drift_deg = 30.0;    // the same for the rotation [1, 180]

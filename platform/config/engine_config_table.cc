@@ -245,8 +245,7 @@ void AddCommonArea(Fields* out) {
                                       "image share of the ellipse around the inliers, in both keyframes"));
   out->push_back(Area<&C::min_group_poses>("min_group_poses", {1, 41}, "keyframes",
                                            "that find a pose where several tell the similarity"));
-  out->push_back(
-      Area<&C::min_group_visible_share>("min_group_visible_share", {0, 1}, "", "min_visible_share, there"));
+  out->push_back(Area<&C::min_group_visible_share>("min_group_visible_share", {0, 1}, "", "min_visible_share, there"));
   out->push_back(Area<&C::min_group_spread>("min_group_spread", {0, 1}, "", "min_spread, there"));
   out->push_back(Area<&C::max_scale_ratio>("max_scale_ratio", {1, 1000}, "",
                                            "between two maps, each of unit median depth when it was founded"));

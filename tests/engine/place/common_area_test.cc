@@ -80,6 +80,22 @@ TEST_F(CommonAreaTest, PosesOfSeveralKeyframesTellWhatRoughPointsDoNot) {
   EXPECT_LT(error.scale, 0.1);
 }
 
+// Inside one map tracking knows better.
+TEST_F(CommonAreaTest, PosesOfSeveralKeyframesCloseNoLoop) {
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
+  const MapHandle old_map = atlas_.keyframe(colon_.frames()[0].keyframe).map;
+  const MapHandle young_map = atlas_.keyframe(colon_.frames()[first].keyframe).map;
+  RoughenDepths(0.4, young_map, &atlas_);
+  options_.ransac_iterations = 10;
+  options_.min_inlier_share = 0.2;
+  ASSERT_TRUE(Verify(first + 2, 11)) << verdict();
+  for (const auto& frame : colon_.frames()) atlas_.keyframe(frame.keyframe).map = old_map;
+  EXPECT_FALSE(Verify(first + 2, 11));
+  EXPECT_EQ(verdict(), "no_similarity");
+}
+
 TEST_F(CommonAreaTest, SameInputGivesTheSameBits) {
   colon_.AddWall(0.0, 9.0, 3000);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});

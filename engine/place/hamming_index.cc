@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::uint64_t kSeed = 1;
 constexpr std::uint8_t kFar = 255;
-// A mean of bytes is kept to an eighth. With it, four rotations grow the longest descriptor to 4e8: 32 bits are enough.
+// A mean of bytes is kept to an eighth. With it, three rotations grow the longest descriptor to 4e7: 32 bits are
+// enough.
 constexpr std::int32_t kScale = 8;
 
 // Without an instruction of its own, which the baseline of x86-64 lacks (Warren 2012, "Hacker's Delight", 5-1).
@@ -25,11 +26,31 @@ inline int CountBits(std::uint64_t bits) {
 // What a vote is worth that `num` keyframes get.
 constexpr std::uint64_t RarityOf(std::size_t num) { return (std::uint64_t{1} << 20) / num; }
 
+struct LongAxis {
+  std::int32_t length = -1;
+  int code = 0;  // 2 * axis + (1 where negative)
+};
+
+// The four longest, longest first; of equals the first.
+std::array<LongAxis, 4> LongestOf(std::span<const std::int32_t> axes) {
+  std::array<LongAxis, 4> longest;
+  for (std::size_t k = 0; k < axes.size(); ++k) {
+    const LongAxis axis = {std::abs(axes[k]), static_cast<int>(2 * k) + (axes[k] < 0 ? 1 : 0)};
+    if (axis.length <= longest.back().length) continue;
+    std::size_t place = longest.size() - 1;
+    for (; place > 0 && axis.length > longest[place - 1].length; --place) longest[place] = longest[place - 1];
+    longest[place] = axis;
+  }
+  return longest;
+}
+
 }  // namespace
 
 HammingIndex::HammingIndex(int max_keyframes, int max_descriptors)
     : max_descriptors_(static_cast<std::uint32_t>(max_descriptors)),
       blocks_(NumBlocks(max_keyframes, max_descriptors)),
+      signatures_(blocks_.size() * kBlockSize),
+      owners_(signatures_.size()),
       num_of_slot_(static_cast<std::size_t>(max_keyframes), 0u),
       entry_of_owner_(static_cast<std::size_t>(max_keyframes) * max_descriptors_),
       cell_of_owner_(entry_of_owner_.size()),
@@ -53,8 +74,9 @@ std::size_t HammingIndex::NumBlocks(int max_keyframes, int max_descriptors) {
 
 std::size_t HammingIndex::BytesFor(int max_keyframes, int max_descriptors) {
   const auto num_keyframes = static_cast<std::size_t>(max_keyframes);
-  return NumBlocks(max_keyframes, max_descriptors) * sizeof(Block) +
-         num_keyframes * static_cast<std::size_t>(max_descriptors) * (sizeof(std::uint32_t) + sizeof(std::uint8_t)) +
+  return NumBlocks(max_keyframes, max_descriptors) *
+             (sizeof(Block) + kBlockSize * (sizeof(std::uint64_t) + sizeof(std::uint32_t))) +
+         num_keyframes * static_cast<std::size_t>(max_descriptors) * (sizeof(std::uint32_t) + sizeof(std::uint16_t)) +
          num_keyframes * (2 * sizeof(std::uint32_t) + sizeof(std::uint8_t));
 }
 
@@ -90,30 +112,33 @@ void HammingIndex::Rotate(int rotation, Axes* axes) const {
 HammingIndex::Embedded HammingIndex::Embed(const std::uint8_t* descriptor) const {
   Axes axes;
   for (std::size_t k = 0; k < axes.size(); ++k) axes[k] = descriptor[k] * kScale - mean_[k];
-  // Three rotations are as good as a random one (Andoni et al. 2015, section 4).
-  for (int rotation = 0; rotation < kNumRotations - 1; ++rotation) Rotate(rotation, &axes);
+  for (int rotation = 0; rotation < kNumRotations; ++rotation) Rotate(rotation, &axes);
+  const auto first = LongestOf(std::span(axes).first<kGroupSize>());
+  const auto second = LongestOf(std::span(axes).subspan<kGroupSize, kGroupSize>());
   Embedded embedded;
   std::array<std::int32_t, kNumProbes> lengths;
   lengths.fill(-1);
-  for (std::size_t k = 0; k < axes.size(); ++k) {
-    const std::int32_t length = std::abs(axes[k]);
-    if (length <= lengths.back()) continue;
-    std::size_t place = kNumProbes - 1;
-    for (; place > 0 && length > lengths[place - 1]; --place) {
-      lengths[place] = lengths[place - 1];
-      embedded.cells[place] = embedded.cells[place - 1];
+  for (const LongAxis& a : first) {
+    for (const LongAxis& b : second) {
+      const std::int32_t length = a.length + b.length;
+      // Of equals the one that came before stays.
+      if (length <= lengths.back()) continue;
+      std::size_t place = kNumProbes - 1;
+      for (; place > 0 && length > lengths[place - 1]; --place) {
+        lengths[place] = lengths[place - 1];
+        embedded.cells[place] = embedded.cells[place - 1];
+      }
+      lengths[place] = length;
+      embedded.cells[place] = static_cast<std::uint16_t>(a.code * 2 * kGroupSize + b.code);
     }
-    lengths[place] = length;
-    embedded.cells[place] = static_cast<std::uint8_t>(2 * k + (axes[k] < 0 ? 1 : 0));
   }
-  Rotate(kNumRotations - 1, &axes);
-  for (int bit = 0; bit < 64; ++bit) {
-    embedded.signature |= static_cast<std::uint64_t>(axes[static_cast<std::size_t>(bit)] > 0) << bit;
+  for (std::size_t bit = 0; bit < 64; ++bit) {
+    embedded.signature |= static_cast<std::uint64_t>(axes[2 * kGroupSize + bit] > 0 ? 1 : 0) << bit;
   }
   return embedded;
 }
 
-void HammingIndex::Insert(std::uint8_t cell, std::uint64_t signature, std::uint32_t owner) {
+void HammingIndex::Insert(std::uint16_t cell, std::uint64_t signature, std::uint32_t owner) {
   std::uint32_t& first = first_of_cell_[cell];
   if (first == kNone || blocks_[first].num == kBlockSize) {
     const std::uint32_t block = first_free_;
@@ -122,28 +147,29 @@ void HammingIndex::Insert(std::uint8_t cell, std::uint64_t signature, std::uint3
     blocks_[block].next = first;
     first = block;
   }
-  Block& block = blocks_[first];
-  block.signatures[block.num] = signature;
-  block.owners[block.num] = owner;
-  entry_of_owner_[owner] = first * kBlockSize + block.num;
+  const std::uint32_t entry = first * kBlockSize + blocks_[first].num++;
+  signatures_[entry] = signature;
+  owners_[entry] = owner;
+  entry_of_owner_[owner] = entry;
   cell_of_owner_[owner] = cell;
-  ++block.num;
+  ++num_of_cell_[cell];
+  ++num_entries_;
 }
 
 // The last entry of the cell's first block takes the place.
 void HammingIndex::Erase(std::uint32_t owner) {
   const std::uint32_t entry = entry_of_owner_[owner];
   std::uint32_t& first = first_of_cell_[cell_of_owner_[owner]];
-  Block& from = blocks_[first];
-  Block& to = blocks_[entry / kBlockSize];
-  --from.num;
-  to.signatures[entry % kBlockSize] = from.signatures[from.num];
-  to.owners[entry % kBlockSize] = from.owners[from.num];
-  entry_of_owner_[from.owners[from.num]] = entry;
-  if (from.num > 0) return;
+  --num_of_cell_[cell_of_owner_[owner]];
+  --num_entries_;
+  const std::uint32_t last = first * kBlockSize + --blocks_[first].num;
+  signatures_[entry] = signatures_[last];
+  owners_[entry] = owners_[last];
+  entry_of_owner_[owners_[last]] = entry;
+  if (blocks_[first].num > 0) return;
   const std::uint32_t empty = first;
-  first = from.next;
-  from.next = first_free_;
+  first = blocks_[empty].next;
+  blocks_[empty].next = first_free_;
   first_free_ = empty;
 }
 
@@ -163,13 +189,15 @@ void HammingIndex::Remove(std::uint32_t slot) {
 }
 
 void HammingIndex::FindNear(const Embedded& query, std::span<const std::uint8_t> is_eligible) {
-  for (const std::uint8_t cell : query.cells) {
+  const std::uint32_t stop = std::max(kMinStopEntries, num_entries_ / kNumCells * kStopRatio);
+  for (const std::uint16_t cell : query.cells) {
+    if (num_of_cell_[cell] > stop) continue;
     for (std::uint32_t i = first_of_cell_[cell]; i != kNone; i = blocks_[i].next) {
-      const Block& block = blocks_[i];
-      for (std::uint32_t k = 0; k < block.num; ++k) {
-        const int distance = CountBits(block.signatures[k] ^ query.signature);
+      const std::uint32_t begin = i * kBlockSize;
+      for (std::uint32_t entry = begin; entry < begin + blocks_[i].num; ++entry) {
+        const int distance = CountBits(signatures_[entry] ^ query.signature);
         if (distance > kMaxDistance) continue;
-        const std::uint32_t slot = block.owners[k] / max_descriptors_;
+        const std::uint32_t slot = owners_[entry] / max_descriptors_;
         if (is_eligible[slot] == 0 || distance >= nearest_[slot]) continue;
         if (nearest_[slot] == kFar) touched_.push_back(slot);
         nearest_[slot] = static_cast<std::uint8_t>(distance);

@@ -12,11 +12,11 @@ std::size_t MaxEntries(const EngineConfig& config, const RetrievalConfig& retrie
   return static_cast<std::size_t>(std::min(retrieval.max_keyframes_per_query, config.memory.max_keyframes));
 }
 
-std::size_t MaxVoters(const EngineConfig& config, const RetrievalConfig& retrieval) {
+}  // namespace
+
+std::size_t VoteList::MaxVoters(const EngineConfig& config, const RetrievalConfig& retrieval) {
   return static_cast<std::size_t>(std::min(retrieval.max_descriptors, config.features.max));
 }
-
-}  // namespace
 
 VoteList::VoteList(const EngineConfig& config, const RetrievalConfig& retrieval, std::pmr::memory_resource* memory)
     : query(memory), entries(memory), features(memory) {

@@ -1,5 +1,6 @@
-// The second half of a query of exhaustive retrieval (exhaustive_retrieval.h): the index has been read and the features
-// that vote are listed; what is left are the matches, one small one a keyframe, which need neither index nor atlas.
+// The second half of a query of exhaustive retrieval (exhaustive_retrieval.h): the keyframes are chosen and the
+// features that vote are listed; what is left are the matches, one small one a keyframe, which need neither index nor
+// atlas.
 #pragma once
 
 #include <cstdint>
@@ -24,6 +25,8 @@ struct VoteList {
 
   VoteList(const EngineConfig& config, const RetrievalConfig& retrieval, std::pmr::memory_resource* memory);
   static std::size_t BytesFor(const EngineConfig& config, const RetrievalConfig& retrieval);
+  // Features of one view that vote, at most.
+  static std::size_t MaxVoters(const EngineConfig& config, const RetrievalConfig& retrieval);
 
   void Clear() {
     query.clear();

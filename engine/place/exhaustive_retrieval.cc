@@ -1,6 +1,7 @@
 #include "engine/place/exhaustive_retrieval.h"
 
 #include <algorithm>
+#include <string>
 
 #include "engine/place/strongest_features.h"
 
@@ -8,32 +9,64 @@ namespace haustra {
 
 ExhaustiveRetrieval::ExhaustiveRetrieval(const EngineConfig& config, const RetrievalConfig& retrieval,
                                          VisionDevice& device)
-    : config_(config),
-      retrieval_(retrieval),
+    : retrieval_(retrieval),
+      device_(device),
+      max_voters_(VoteList::MaxVoters(config, retrieval)),
       vote_(config, retrieval, device),
-      votes_(config, retrieval, std::pmr::get_default_resource()) {
-  entries_.reserve(static_cast<std::size_t>(config.memory.max_keyframes));
+      votes_(config, retrieval, std::pmr::get_default_resource()),
+      index_(config.memory.max_keyframes, static_cast<int>(max_voters_)),
+      slots_(static_cast<std::size_t>(config.memory.max_keyframes)),
+      voters_(slots_.size() * max_voters_),
+      descriptors_(static_cast<std::size_t>(device.plan().max_features) * kDescriptorBytes),
+      is_eligible_(slots_.size()),
+      scores_(slots_.size()) {
+  strongest_.reserve(static_cast<std::size_t>(device.plan().max_features));
+  chosen_.reserve(slots_.size());
 }
 
 std::size_t ExhaustiveRetrieval::BytesFor(const EngineConfig& config) {
   const RetrievalConfig& retrieval = config.place.retrieval;
   const auto num_keyframes = static_cast<std::size_t>(config.memory.max_keyframes);
-  const auto num_descriptors = static_cast<std::size_t>(retrieval.max_descriptors);
-  return num_keyframes * (sizeof(Entry) + sizeof(std::size_t) + num_descriptors * sizeof(std::int32_t)) +
+  const auto num_features = static_cast<std::size_t>(config.features.max);
+  const std::size_t max_voters = VoteList::MaxVoters(config, retrieval);
+  return num_keyframes * (sizeof(Slot) + sizeof(std::uint8_t) + sizeof(std::uint64_t) + sizeof(Ranked) +
+                          max_voters * sizeof(std::int32_t)) +
+         num_features * (kDescriptorBytes + sizeof(std::int32_t)) +
+         HammingIndex::BytesFor(config.memory.max_keyframes, static_cast<int>(max_voters)) +
          VoteList::BytesFor(config, retrieval) + DescriptorVote::BytesFor(retrieval);
 }
 
-Status ExhaustiveRetrieval::Add(const Atlas& atlas, KeyframeHandle keyframe) {
-  if (atlas.GetKeyframe(keyframe) == nullptr) return InvalidArgument("retrieval: the keyframe is not in the atlas");
-  if (entries_.size() >= static_cast<std::size_t>(config_.memory.max_keyframes)) {
-    return CapacityExceeded("retrieval: " + std::to_string(entries_.size()) + " keyframes are all there is room for");
+Status ExhaustiveRetrieval::ReadDescriptors(FeatureSetHandle set, std::span<const std::int32_t> features) {
+  for (const std::int32_t feature : features) {
+    if (feature < 0 || feature >= device_.plan().max_features) {
+      return InvalidArgument("retrieval: there is no feature " + std::to_string(feature));
+    }
   }
-  entries_.push_back({keyframe, {}, -1});
+  return device_.ReadDescriptors(set, descriptors_);
+}
+
+Status ExhaustiveRetrieval::Add(const Atlas& atlas, KeyframeHandle handle) {
+  const Keyframe* keyframe = atlas.GetKeyframe(handle);
+  if (keyframe == nullptr) return InvalidArgument("retrieval: the keyframe is not in the atlas");
+  const auto free = std::find_if(slots_.begin(), slots_.end(), [](const Slot& s) { return !s.keyframe.is_valid(); });
+  if (free == slots_.end()) {
+    return CapacityExceeded("retrieval: " + std::to_string(slots_.size()) + " keyframes are all there is room for");
+  }
+  // Of a new keyframe few features have a map point yet, and which of them will is told by the keyframes to come; to
+  // index it anew with every point costs more than what the strongest miss.
+  SelectStrongest(keyframe->features, static_cast<int>(max_voters_), &strongest_);
+  HAUSTRA_TRY(ReadDescriptors(keyframe->features.set, strongest_));
+  *free = {handle, -1, 0};
+  index_.Add(static_cast<std::uint32_t>(free - slots_.begin()), descriptors_, strongest_);
   return Status::Ok();
 }
 
-void ExhaustiveRetrieval::Remove(KeyframeHandle keyframe) {
-  std::erase_if(entries_, [&](const Entry& entry) { return entry.keyframe == keyframe; });
+void ExhaustiveRetrieval::Remove(KeyframeHandle handle) {
+  const auto slot = std::find_if(slots_.begin(), slots_.end(),
+                                 [&](const Slot& s) { return s.keyframe == handle && handle.is_valid(); });
+  if (slot == slots_.end()) return;
+  index_.Remove(static_cast<std::uint32_t>(slot - slots_.begin()));
+  *slot = {};
 }
 
 Status ExhaustiveRetrieval::Query(const Atlas& atlas, const RetrievalQuery& query,
@@ -42,40 +75,55 @@ Status ExhaustiveRetrieval::Query(const Atlas& atlas, const RetrievalQuery& quer
   return vote_.Count(votes_, out);
 }
 
+Status ExhaustiveRetrieval::Choose(const Atlas& atlas, const RetrievalQuery& query) {
+  chosen_.clear();
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    const Keyframe* keyframe = atlas.GetKeyframe(slots_[i].keyframe);
+    is_eligible_[i] =
+        keyframe != nullptr && !(query.is_excluded && query.is_excluded(slots_[i].keyframe, *keyframe)) ? 1 : 0;
+    if (is_eligible_[i] != 0) chosen_.push_back({0, keyframe->id, static_cast<std::uint32_t>(i)});
+  }
+  const auto limit = static_cast<std::size_t>(retrieval_.max_keyframes_per_query);
+  if (chosen_.size() <= limit) return Status::Ok();
+  HAUSTRA_TRY(ReadDescriptors(query.set, query.strongest));
+  index_.Score(descriptors_, query.strongest, is_eligible_, scores_);
+  for (Ranked& ranked : chosen_) ranked.score = scores_[ranked.slot];
+  std::partial_sort(
+      chosen_.begin(), chosen_.begin() + static_cast<std::ptrdiff_t>(limit), chosen_.end(),
+      [](const Ranked& a, const Ranked& b) { return a.score != b.score ? a.score > b.score : a.id < b.id; });
+  chosen_.resize(limit);
+  return Status::Ok();
+}
+
+std::span<const std::int32_t> ExhaustiveRetrieval::VotersOf(std::uint32_t slot_idx, const Keyframe& keyframe) {
+  Slot& slot = slots_[slot_idx];
+  std::int32_t* voters = &voters_[slot_idx * max_voters_];
+  if (slot.num_points != keyframe.num_points) {
+    SelectStrongestWithPoint(keyframe, static_cast<int>(max_voters_), &strongest_);
+    std::copy(strongest_.begin(), strongest_.end(), voters);
+    slot.num_points = keyframe.num_points;
+    slot.num_voters = static_cast<std::uint32_t>(strongest_.size());
+  }
+  return {voters, slot.num_voters};
+}
+
 Status ExhaustiveRetrieval::Prepare(const Atlas& atlas, const RetrievalQuery& query, VoteList* votes,
                                     std::vector<RetrievalCandidate>* out) {
   out->clear();
-  // Entries stand in order of insertion, which is the order of the ids.
-  chosen_.clear();
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < entries_.size(); ++i) {
-    const Keyframe* keyframe = atlas.GetKeyframe(entries_[i].keyframe);
-    if (keyframe == nullptr || (query.is_excluded && query.is_excluded(entries_[i].keyframe, *keyframe))) continue;
-    if (keyframe->id < next_id_) ++first;
-    chosen_.push_back(i);
-  }
-  const std::size_t limit = static_cast<std::size_t>(retrieval_.max_keyframes_per_query);
-  if (chosen_.size() > limit) {
-    std::rotate(chosen_.begin(), chosen_.begin() + static_cast<std::ptrdiff_t>(first % chosen_.size()), chosen_.end());
-    next_id_ = atlas.keyframe(entries_[chosen_[limit]].keyframe).id;
-    chosen_.resize(limit);
-  }
   votes->Clear();
+  HAUSTRA_TRY(Choose(atlas, query));
   votes->query_set = query.set;
   votes->max_results = query.max_results;
-  const std::size_t num_voters = std::min(query.strongest.size(), static_cast<std::size_t>(retrieval_.max_descriptors));
-  votes->query.assign(query.strongest.begin(), query.strongest.begin() + static_cast<std::ptrdiff_t>(num_voters));
-  for (const std::size_t entry_idx : chosen_) {
-    Entry& entry = entries_[entry_idx];
-    const Keyframe& keyframe = atlas.keyframe(entry.keyframe);
-    if (entry.num_points != keyframe.num_points) {
-      SelectStrongestWithPoint(keyframe, retrieval_.max_descriptors, &entry.strongest);
-      entry.num_points = keyframe.num_points;
-    }
-    votes->entries.push_back({entry.keyframe, keyframe.id, keyframe.features.set,
+  const std::span<const std::int32_t> voters = query.strongest.first(std::min(query.strongest.size(), max_voters_));
+  votes->query.assign(voters.begin(), voters.end());
+  for (const Ranked& ranked : chosen_) {
+    const KeyframeHandle handle = slots_[ranked.slot].keyframe;
+    const Keyframe& keyframe = atlas.keyframe(handle);
+    const std::span<const std::int32_t> strongest = VotersOf(ranked.slot, keyframe);
+    votes->entries.push_back({handle, keyframe.id, keyframe.features.set,
                               static_cast<std::uint32_t>(votes->features.size()),
-                              static_cast<std::uint32_t>(entry.strongest.size())});
-    votes->features.insert(votes->features.end(), entry.strongest.begin(), entry.strongest.end());
+                              static_cast<std::uint32_t>(strongest.size())});
+    votes->features.insert(votes->features.end(), strongest.begin(), strongest.end());
   }
   return Status::Ok();
 }

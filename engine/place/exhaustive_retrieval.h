@@ -1,14 +1,15 @@
 // Retrieval by voting: the view's strongest descriptors are matched by brute force against the strongest of each
-// keyframe that show a map point; mutual matches that pass the ratio test are votes. Exact, needs no training, and its
-// cost is one small match a keyframe, bounded by max_keyframes_per_query: a query that does not reach all keyframes
-// leaves the rest to the next one, which begins there. Those matches may be left to another thread (Prepare).
-// thread-bound(mapping).
+// keyframe that show a map point; mutual matches that pass the ratio test are votes. Needs no training. While there are
+// no more than max_keyframes_per_query keyframes all of them are voted on; of more, those that an index of binary
+// signatures ranks first (hamming_index.h), which bounds what a query costs. The matches may be left to another thread
+// (Prepare). thread-bound(mapping).
 #pragma once
 
 #include <vector>
 
 #include "engine/config.h"
 #include "engine/place/descriptor_vote.h"
+#include "engine/place/hamming_index.h"
 #include "engine/place/place_config.h"
 #include "engine/place/retrieval.h"
 
@@ -19,29 +20,54 @@ class ExhaustiveRetrieval final : public KeyframeRetrieval {
   // The configurations and the device outlive it. `memory` gives the number of keyframes.
   ExhaustiveRetrieval(const EngineConfig& config, const RetrievalConfig& retrieval, VisionDevice& device);
 
-  // At most, when all keyframes are there.
+  // Taken at construction.
   static std::size_t BytesFor(const EngineConfig& config);
 
+  // The index has the keyframe's strongest features, with or without a map point; they are read from the device here,
+  // once. kCapacityExceeded: as many keyframes as there is room for. Errors of the device: the keyframe is not added.
   Status Add(const Atlas& atlas, KeyframeHandle keyframe) override;
   void Remove(KeyframeHandle keyframe) override;
   Status Query(const Atlas& atlas, const RetrievalQuery& query, std::vector<RetrievalCandidate>* out) override;
+  // What is left are the matches. With more than max_keyframes_per_query keyframes the view's descriptors are read from
+  // the device here, and ranking 3000 of them takes about 10 ms on one core
+  // (decisions/2026-11-25-an-index-before-the-vote.md).
   Status Prepare(const Atlas& atlas, const RetrievalQuery& query, VoteList* votes,
                  std::vector<RetrievalCandidate>* out) override;
 
  private:
-  struct Entry {
-    KeyframeHandle keyframe;
-    std::vector<std::int32_t> strongest;  // features that vote
-    int num_points = -1;                  // of the keyframe when `strongest` was chosen
+  struct Slot {
+    KeyframeHandle keyframe;       // invalid: free
+    std::int32_t num_points = -1;  // of the keyframe when its voters were chosen
+    std::uint32_t num_voters = 0;
   };
 
-  const EngineConfig& config_;
+  // Keyframes that may be found, into chosen_, best first, and not more than the limit.
+  Status Choose(const Atlas& atlas, const RetrievalQuery& query);
+  // The keyframe's strongest features with a map point, as they are now.
+  std::span<const std::int32_t> VotersOf(std::uint32_t slot, const Keyframe& keyframe);
+  // kInvalidArgument: one of the features cannot be there. Errors of the device.
+  Status ReadDescriptors(FeatureSetHandle set, std::span<const std::int32_t> features);
+
   const RetrievalConfig& retrieval_;
+  VisionDevice& device_;
+  const std::size_t max_voters_;  // of a keyframe or a view
   DescriptorVote vote_;
-  VoteList votes_;              // of Query
-  std::vector<Entry> entries_;  // in order of insertion
-  std::uint32_t next_id_ = 0;   // keyframe id at which the next query begins
-  std::vector<std::size_t> chosen_;
+  VoteList votes_;  // of Query
+  HammingIndex index_;
+  std::vector<Slot> slots_;
+  std::vector<std::int32_t> voters_;  // max_voters_ for each slot
+
+  // Workspace.
+  std::vector<std::uint8_t> descriptors_;
+  std::vector<std::int32_t> strongest_;
+  std::vector<std::uint8_t> is_eligible_;  // by slot
+  std::vector<std::uint64_t> scores_;      // by slot
+  struct Ranked {
+    std::uint64_t score = 0;
+    KeyframeId id = kNoId;
+    std::uint32_t slot = 0;
+  };
+  std::vector<Ranked> chosen_;
 };
 
 }  // namespace haustra

@@ -8,10 +8,10 @@ namespace haustra {
 
 // Which keyframes look alike at all.
 struct RetrievalConfig {
-  int max_descriptors = 256;          // strongest ones of each side that vote [16, 8000]
-  int max_keyframes_per_query = 400;  // bounds the time of one query; the next one goes on where it ended [1, 100000]
-  double max_angle_ratio = 0.85;      // of a vote [0.1, 1]
-  int min_votes = 6;                  // fewer are chance [1, 1000]
+  int max_descriptors = 256;         // strongest ones of each side that vote [16, 8000]
+  int max_keyframes_per_query = 64;  // voted on; of more, those that the index ranks first [1, 100000]
+  double max_angle_ratio = 0.85;     // of a vote [0.1, 1]
+  int min_votes = 6;                 // fewer are chance [1, 1000]
   // exhaustive: by matching descriptors, needs no training; vocabulary: by visual words (vocabulary_retrieval.h), for
   // which the two limits of matching above mean nothing.
   std::string kind = "exhaustive";

@@ -40,6 +40,14 @@ std::array<std::uint8_t, kDescriptorBytes> EncodeAppearance(const ScriptedAppear
   std::array<std::uint8_t, kDescriptorBytes> bytes{};
   EncodeWord(appearance.landmark_id, bytes.data());
   EncodeWord(appearance.look_alike_group, bytes.data() + 4);
+  // The rest tells appearances apart by distance, too, and look-alikes hardly (the high bits of an LCG, Knuth
+  // 1997, 3.2.1).
+  std::uint64_t state =
+      appearance.look_alike_group != 0 ? appearance.look_alike_group : ~std::uint64_t{appearance.landmark_id};
+  for (std::size_t i = 8; i < bytes.size(); ++i) {
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    bytes[i] = static_cast<std::uint8_t>(state >> 56);
+  }
   return bytes;
 }
 

@@ -206,8 +206,8 @@ void AddRetrieval(Fields* out) {
   using C = RetrievalConfig;
   out->push_back(Retrieval<&C::max_descriptors>("max_descriptors", {16, 8000}, "descriptors",
                                                 "strongest ones of each side that vote"));
-  out->push_back(Retrieval<&C::max_keyframes_per_query>(
-      "max_keyframes_per_query", {1, 100000}, "", "bounds the time of one query; the next one goes on where it ended"));
+  out->push_back(Retrieval<&C::max_keyframes_per_query>("max_keyframes_per_query", {1, 100000}, "keyframes",
+                                                        "voted on; of more, those that the index ranks first"));
   out->push_back(Retrieval<&C::max_angle_ratio>("max_angle_ratio", {0.1, 1}, "", "of a vote"));
   out->push_back(Retrieval<&C::min_votes>("min_votes", {1, 1000}, "votes", "fewer are chance"));
   out->push_back(BindChoice<&EngineConfig::place, &PlaceConfig::retrieval, &C::kind>(

@@ -6,6 +6,7 @@
 
 #include "engine/place/strongest_features.h"
 #include "tests/engine/place/synthetic_colon.h"
+#include "tests/geometry/allocation_counter.h"
 
 namespace haustra::test {
 namespace {
@@ -85,20 +86,106 @@ TEST_F(ExhaustiveRetrievalTest, KeyframeThatLeftTheAtlasIsSkipped) {
   for (const RetrievalCandidate& candidate : found_) EXPECT_NE(candidate.keyframe, gone);
 }
 
-TEST_F(ExhaustiveRetrievalTest, BoundedQueriesReachEveryKeyframeInTurn) {
+TEST_F(ExhaustiveRetrievalTest, BoundedQueryFindsTheViewItself) {
+  ExhaustiveRetrieval all(colon_.config(), options_, colon_.device());
+  AddAll(&all);
+  RetrievalConfig bounded_options = options_;
+  bounded_options.max_keyframes_per_query = 4;
+  ExhaustiveRetrieval bounded(colon_.config(), bounded_options, colon_.device());
+  AddAll(&bounded);
+  std::vector<RetrievalCandidate> expected;
+  for (int i = 0; i < 40; ++i) {
+    RetrievalQuery query = QueryOf(i);
+    query.is_excluded = nullptr;
+    ASSERT_TRUE(all.Query(atlas_, query, &expected).ok());
+    ASSERT_TRUE(bounded.Query(atlas_, query, &found_).ok());
+    ASSERT_FALSE(expected.empty());
+    ASSERT_FALSE(found_.empty()) << i;
+    EXPECT_EQ(expected.front().keyframe, keyframe(i));
+    EXPECT_EQ(found_.front().keyframe, keyframe(i));
+    EXPECT_EQ(found_.front().num_votes, expected.front().num_votes) << i;
+  }
+}
+
+TEST_F(ExhaustiveRetrievalTest, ExcludedAndRemovedKeyframesTakeNoPlaceOfTheBound) {
+  options_.max_keyframes_per_query = 10;
+  options_.min_votes = 0;
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  AddAll(&retrieval);
+  // Those that look most like the view.
+  for (const int gone : {17, 20, 23}) retrieval.Remove(keyframe(gone));
+  const std::set<KeyframeHandle> excluded = {keyframe(18), keyframe(19), keyframe(21), keyframe(22)};
+  RetrievalQuery query = QueryOf(20);
+  query.max_results = 100;
+  query.is_excluded = [&](KeyframeHandle handle, const Keyframe&) { return excluded.contains(handle); };
+  ASSERT_TRUE(retrieval.Query(atlas_, query, &found_).ok());
+  EXPECT_EQ(found_.size(), 10u);
+  for (const RetrievalCandidate& candidate : found_) {
+    EXPECT_FALSE(excluded.contains(candidate.keyframe));
+    for (const int gone : {17, 20, 23}) EXPECT_NE(candidate.keyframe, keyframe(gone));
+  }
+}
+
+TEST_F(ExhaustiveRetrievalTest, BoundedQueryVotesOnNoMoreThanTheBound) {
   options_.max_keyframes_per_query = 15;
   options_.min_votes = 0;
   ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
   AddAll(&retrieval);
   RetrievalQuery query = QueryOf(20);
   query.max_results = 100;
-  std::set<KeyframeHandle> reached;
-  for (int i = 0; i < 3; ++i) {
-    ASSERT_TRUE(retrieval.Query(atlas_, query, &found_).ok());
-    EXPECT_EQ(found_.size(), 15u);
-    for (const RetrievalCandidate& candidate : found_) reached.insert(candidate.keyframe);
+  const auto calls = colon_.device().num_calls(ScriptedVisionDevice::Operation::kMatch);
+  ASSERT_TRUE(retrieval.Query(atlas_, query, &found_).ok());
+  EXPECT_EQ(colon_.device().num_calls(ScriptedVisionDevice::Operation::kMatch), calls + 15);
+  EXPECT_EQ(found_.size(), 15u);
+}
+
+TEST_F(ExhaustiveRetrievalTest, VotersAreThoseWithAPointNow) {
+  // A keyframe that had no points when it was added is found once it has some.
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  const MapHandle map = atlas_.CreateMap();
+  const KeyframeHandle late = colon_.AddKeyframe(&atlas_, map, colon_.frames()[20].cam_from_world, Sim3{});
+  ASSERT_TRUE(retrieval.Add(atlas_, late).ok());
+  ASSERT_TRUE(retrieval.Query(atlas_, QueryOf(20), &found_).ok());
+  EXPECT_TRUE(found_.empty());
+  colon_.Link(&atlas_, static_cast<int>(colon_.frames().size()) - 1, 20, Sim3{});
+  ASSERT_TRUE(retrieval.Query(atlas_, QueryOf(20), &found_).ok());
+  ASSERT_EQ(found_.size(), 1u);
+  EXPECT_EQ(found_.front().keyframe, late);
+}
+
+TEST_F(ExhaustiveRetrievalTest, ReleasedFeatureSetIsNotAddedAndTakesNoRoom) {
+  colon_.config().memory.max_keyframes = 1;
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  colon_.device().ReleaseFeatureSet(atlas_.keyframe(keyframe(0)).features.set);
+  EXPECT_EQ(retrieval.Add(atlas_, keyframe(0)).code(), StatusCode::kInvalidArgument);
+  EXPECT_TRUE(retrieval.Add(atlas_, keyframe(1)).ok());
+}
+
+TEST_F(ExhaustiveRetrievalTest, FeatureThatIsNotThereIsAnError) {
+  options_.max_keyframes_per_query = 15;
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  AddAll(&retrieval);
+  const std::int32_t strongest[] = {0, SyntheticColon::kMaxFeatures};
+  RetrievalQuery query = QueryOf(0);
+  query.strongest = strongest;
+  EXPECT_EQ(retrieval.Query(atlas_, query, &found_).code(), StatusCode::kInvalidArgument);
+  EXPECT_TRUE(found_.empty());
+}
+
+TEST_F(ExhaustiveRetrievalTest, TakesItsMemoryAtConstruction) {
+  options_.max_keyframes_per_query = 15;
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  RetrievalQuery query = QueryOf(20);
+  found_.reserve(100);
+  if (!AllocationCounter::IsAvailable()) GTEST_SKIP() << "allocations cannot be counted here";
+  const AllocationCounter allocations;
+  for (int round = 0; round < 2; ++round) {
+    for (int i = 0; i < 40; ++i) (void)retrieval.Add(atlas_, keyframe(i));
+    (void)retrieval.Query(atlas_, query, &found_);
+    for (int i = 0; i < 40; ++i) retrieval.Remove(keyframe(i));
   }
-  EXPECT_EQ(reached.size(), 39u);
+  EXPECT_EQ(allocations.count(), 0u);
+  EXPECT_FALSE(found_.empty());
 }
 
 TEST_F(ExhaustiveRetrievalTest, FailingDeviceGivesItsErrorAndNothing) {

@@ -1,9 +1,11 @@
-// How the wall moves: its radius swells with breathing, a slow ring of contraction travels along it (peristalsis), and
-// it slides and turns along itself.
+// How the wall moves: its radius swells with breathing, a slow ring of contraction travels along it (peristalsis), it
+// slides and turns along itself, and the whole lumen narrows and widens with the pressure of the air in it.
 #pragma once
 
 #include <cmath>
 #include <numbers>
+
+#include "tools/render/pressure_curve.h"
 
 namespace haustra::render {
 
@@ -28,15 +30,18 @@ struct Breathing {
   // How far the wall slides along the lumen with the rings, and about it with the breath: share of the usual radius,
   // [0, kMaxAmplitude]. The wall is stretched and squeezed by this times 2 pi 22 / 90, and never folds over.
   double tangential = 0.0;
+  PressureCurve pressure;
 
-  bool is_active() const { return amplitude > 0.0 || wave_amplitude > 0.0 || tangential > 0.0; }
+  bool is_active() const {
+    return amplitude > 0.0 || wave_amplitude > 0.0 || tangential > 0.0 || pressure.collapse > 0.0;
+  }
   // Factor on the wall's radius; 1 at rest.
   double Gain(double arc_mm, double time_s) const {
     if (!is_active()) return 1.0;
     // The breath reaches the near wall a little before the far one.
     const double breath = std::sin(BreathPhase(arc_mm, time_s));
     const double ring = std::cos(RingPhase(arc_mm, time_s));
-    return 1.0 + amplitude * breath - wave_amplitude * std::exp(5.0 * (ring - 1.0));
+    return (1.0 + amplitude * breath - wave_amplitude * std::exp(5.0 * (ring - 1.0))) * pressure.RadiusGain(time_s);
   }
   WallMotion Motion(double arc_mm, double time_s) const {
     WallMotion motion;
@@ -48,7 +53,7 @@ struct Breathing {
     return motion;
   }
   // Smallest gain at any place and time.
-  double MinGain() const { return 1.0 - amplitude - wave_amplitude; }
+  double MinGain() const { return (1.0 - amplitude - wave_amplitude) * (1.0 - pressure.collapse); }
 
  private:
   static constexpr double kTurn = 2.0 * std::numbers::pi;

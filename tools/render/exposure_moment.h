@@ -12,6 +12,7 @@ struct ExposureMoment {
   SE3 world_from_cam;
   bool is_narrow_band = false;  // the light
   InstrumentShape instrument;
+  float blood_share = 0.0f;  // of the wall
 };
 
 }  // namespace haustra::render

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "tools/render/blood.h"
 #include "tools/render/lighting.h"
 #include "tools/render/narrow_band.h"
 
@@ -145,6 +146,7 @@ float FrameRenderer::ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray
   point.footprint_mm = footprint.minor_mm;
 
   MucosaSample mucosa = mucosa_.Sample(footprint);
+  if (moment.blood_share > 0.0f) CoverWithBlood(moment.blood_share, &mucosa);
   if (moment.is_narrow_band) ShowInNarrowBand(&mucosa);
   Shade(point, mucosa, moment.instrument, rgb);
   // What lies far down the lumen fades out before the rendered part of the wall ends.

@@ -13,7 +13,8 @@ constexpr int kNetCells = 44;       // meshes of the capillary net of about 3 mm
 constexpr int kFollicleCells = 13;  // pale lymph follicles, one every 10 mm or so
 constexpr float kFollicleScale = static_cast<float>(kFollicleCells) / kMucosaColumns;
 constexpr float kFollicleRadius = 0.085f;  // cells
-constexpr int kCoarse = 8;                 // texels between two samples of what varies slowly
+constexpr float kBloodPatchMm = 13.0f;
+constexpr int kCoarse = 8;  // texels between two samples of what varies slowly
 constexpr int kCoarseColumns = kMucosaColumns / kCoarse;
 
 int CellsAround(float wavelength_mm) { return std::max(1, static_cast<int>(kMucosaGirthMm / wavelength_mm)); }
@@ -42,6 +43,8 @@ MucosaPainter::MucosaPainter(const MucosaStyle& style, const LumenShape& shape, 
       follicles_(rng_.Next(), kFollicleCells) {
   DrawVessels(style_.arteries, rng_, &arteries_);
   DrawVessels(style_.veins, rng_, &veins_);
+  if (style_.stool > 0.0) stool_.emplace(style_.stool, rows, seed);
+  if (style_.blood.share > 0.0) blood_.emplace(static_cast<std::uint32_t>(seed) * 37u + 0xb100du, rows, kBloodPatchMm);
 }
 
 MucosaPainter::Slow MucosaPainter::SlowAt(int row, int column) const {
@@ -114,6 +117,8 @@ MucosaTexel MucosaPainter::At(int row, int column, double arc_mm, const Slow& sl
   out.height_mm = style_.relief * (0.140f * slow.coarse_relief + 0.050f * relief_[1].At(row, column) +
                                    0.013f * relief_[2].At(row, column) + 0.0030f * relief_[3].At(row, column) +
                                    0.020f * artery + 0.009f * border + 0.04f * follicle);
+  if (stool_) stool_->Cover(row, column, &out);
+  if (blood_) out.blood_rank = blood_->Rank(row, column);
   return out;
 }
 

@@ -2,16 +2,29 @@
 // texel depends on the seed and the place alone. Rows run along the wall, columns around the girth.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "engine/geometry/rng.h"
+#include "tools/render/cover_order.h"
 #include "tools/render/lattice_noise.h"
 #include "tools/render/lumen_shape.h"
+#include "tools/render/stool_film.h"
 #include "tools/render/vessel_network.h"
 
 namespace haustra::render {
+
+struct BloodStyle {
+  double share = 0.0;      // of the wall that is covered in the end, [0, 1]
+  double spread_s = 10.0;  // from nothing to that, [0, 3600]; 0: covered from the start
+
+  double ShareAt(double time_s) const {
+    return share * (spread_s > 0.0 ? std::clamp(time_s / spread_s, 0.0, 1.0) : 1.0);
+  }
+};
 
 struct MucosaStyle {
   std::array<float, 3> base_rgb = {0.60f, 0.192f, 0.122f};  // linear reflectance
@@ -20,6 +33,8 @@ struct MucosaStyle {
   float mottle = 1.0f;                                      // gain on the slow changes of colour
   float relief = 1.0f;                                      // gain on the slopes that break up highlights
   float wetness = 1.0f;                                     // gain on the specular reflection
+  double stool = 0.0;                                       // share of the wall below a film of stool, [0, 1]
+  BloodStyle blood;
   VesselStyle arteries;
   VesselStyle veins;
 };
@@ -31,9 +46,10 @@ inline constexpr float kMucosaGirthMm = 138.23f;  // of a radius of 22 mm
 inline constexpr float kMucosaTexelMm = kMucosaGirthMm / kMucosaColumns;
 
 struct MucosaTexel {
-  float rgb[3];     // linear reflectance
-  float wetness;    // 0 dry, 1 wet
-  float height_mm;  // of the relief
+  float rgb[3];      // linear reflectance
+  float wetness;     // 0 dry, 1 wet
+  float height_mm;   // of the relief
+  float blood_rank;  // in which order blood covers it, [0, 1]; 0 where there is none
 };
 
 // Immutable after construction, which draws the vessels; reentrant. About 150 ns a texel.
@@ -71,6 +87,8 @@ class MucosaPainter {
   std::array<Octave, 4> grain_, relief_;  // coarse to fine
   Octave net_mask_;
   CellNoise net_, follicles_;
+  std::optional<StoolFilm> stool_;
+  std::optional<CoverOrder> blood_;
 };
 
 }  // namespace haustra::render

@@ -32,6 +32,7 @@ MucosaTexel Mix(const MucosaTexel& a, const MucosaTexel& b, float w) {
   for (int c = 0; c < 3; ++c) out.rgb[c] = a.rgb[c] + w * (b.rgb[c] - a.rgb[c]);
   out.wetness = a.wetness + w * (b.wetness - a.wetness);
   out.height_mm = a.height_mm + w * (b.height_mm - a.height_mm);
+  out.blood_rank = a.blood_rank + w * (b.blood_rank - a.blood_rank);
   return out;
 }
 
@@ -66,6 +67,7 @@ MucosaTexture::MucosaTexture(const MucosaStyle& style, const Colon& colon, std::
       std::uint8_t* out = &base.texels[index * kChannels];
       for (int c = 0; c < 3; ++c) out[c] = EncodeReflectance(texel.rgb[c]);
       out[3] = static_cast<std::uint8_t>(std::lround(255.0f * Saturate(texel.wetness)));
+      out[6] = static_cast<std::uint8_t>(std::lround(255.0f * Saturate(texel.blood_rank)));
       height[index] = texel.height_mm;
     }
   });
@@ -136,6 +138,7 @@ MucosaSample MucosaTexture::Sample(const Footprint& f) const {
   out.wetness = mix(tube.wetness, out.wetness);
   out.slope_u = mix(tube.slope_u, out.slope_u);
   out.slope_v = mix(tube.slope_v, out.slope_v);
+  out.blood_rank = mix(tube.blood_rank, out.blood_rank);
   return out;
 }
 
@@ -193,6 +196,7 @@ MucosaSample MucosaTexture::SampleFlat(const Footprint& f) const {
   out.wetness = sum[0][3] * norm * (1.0f / 255.0f);
   out.slope_u = (sum[1][0] * norm - 128.0f) * (kMaxSlope / 127.0f);
   out.slope_v = (sum[1][1] * norm - 128.0f) * (kMaxSlope / 127.0f);
+  out.blood_rank = sum[1][2] * norm * (1.0f / 255.0f);
   return out;
 }
 

@@ -19,6 +19,7 @@ struct MucosaSample {
   float wetness;  // 0 dry, 1 wet
   float slope_u;  // of the relief, mm per mm
   float slope_v;
+  float blood_rank = 0.0f;  // in which order blood covers it; 0 where there is none
 };
 
 // The part of the wall that one pixel covers, as an ellipse.
@@ -43,7 +44,7 @@ class MucosaTexture {
     int rows = 0, columns = 0;
     std::vector<std::uint8_t> texels;  // kChannels bytes each
   };
-  static constexpr int kChannels = 8;  // colour, wetness, two slopes; two are spare, for alignment
+  static constexpr int kChannels = 8;  // colour, wetness, two slopes, order of blood; one is spare, for alignment
 
   void AddCoarserLevels();
   MucosaSample SampleFlat(const Footprint& footprint) const;

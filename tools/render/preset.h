@@ -10,6 +10,7 @@
 #include "hal/core/status.h"
 #include "tools/render/colon.h"
 #include "tools/render/event_script.h"
+#include "tools/render/lens_drops.h"
 #include "tools/render/mucosa_painter.h"
 #include "tools/render/scope_path.h"
 
@@ -34,6 +35,7 @@ struct Preset {
   ColonStyle colon;  // its length and twin follow from the path
   MucosaStyle mucosa;
   PathStyle path;
+  LensDropsStyle lens_drops;
   std::vector<PresetEvent> events;
 };
 

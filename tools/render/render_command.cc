@@ -28,6 +28,9 @@ struct RenderArguments {
   double seconds = 0.0, rate_hz = 0.0;
   std::uint64_t seed = 1;
   std::optional<double> breathing_percent, contraction_percent, tangential_percent;
+  std::optional<double> collapse_percent, collapse_period_s, stool_percent, blood_percent, blood_s;
+  std::optional<int> lens_drops;
+  std::optional<double> drop_size_percent;
   render::Shutter shutter;
   int threads = 0;
   int quality = 92;
@@ -57,6 +60,14 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   if (arguments.breathing_percent) breathing.amplitude = *arguments.breathing_percent / 100.0;
   if (arguments.contraction_percent) breathing.wave_amplitude = *arguments.contraction_percent / 100.0;
   if (arguments.tangential_percent) breathing.tangential = *arguments.tangential_percent / 100.0;
+  if (arguments.collapse_percent) breathing.pressure.collapse = *arguments.collapse_percent / 100.0;
+  if (arguments.collapse_period_s) breathing.pressure.period_s = *arguments.collapse_period_s;
+  render::MucosaStyle& mucosa = options.preset.mucosa;
+  if (arguments.stool_percent) mucosa.stool = *arguments.stool_percent / 100.0;
+  if (arguments.blood_percent) mucosa.blood.share = *arguments.blood_percent / 100.0;
+  if (arguments.blood_s) mucosa.blood.spread_s = *arguments.blood_s;
+  if (arguments.lens_drops) options.preset.lens_drops.count = *arguments.lens_drops;
+  if (arguments.drop_size_percent) options.preset.lens_drops.size_percent = *arguments.drop_size_percent;
   options.shutter = arguments.shutter;
   if (!arguments.calibration_error.empty()) {
     HAUSTRA_ASSIGN(options.calibration_error, render::ParseCalibrationError(arguments.calibration_error));
@@ -127,6 +138,19 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
                       "Depth of the travelling contraction, % of the radius, 0 to 15; by default the preset's");
   command->add_option("--tangential", arguments->tangential_percent,
                       "How far the wall slides along and about the lumen, % of the radius, 0 to 15; by default 0");
+  command->add_option(
+      "--collapse", arguments->collapse_percent,
+      "The lumen closes as air is lost and is insufflated again, % of the radius, 0 to 40; by default 0");
+  command->add_option("--collapse-period", arguments->collapse_period_s,
+                      "From one insufflation to the next, s, from 2 on; by default 12");
+  command->add_option("--stool", arguments->stool_percent, "Film of stool, % of the wall, 0 to 100; by default 0");
+  command->add_option("--blood", arguments->blood_percent, "Blood, % of the wall in the end, 0 to 100; by default 0");
+  command->add_option("--blood-spread", arguments->blood_s,
+                      "Until blood has spread over its share, s; 0: from the start; by default 10");
+  command->add_option("--lens-drops", arguments->lens_drops,
+                      "Drops that stay on the lens, 0 to 40 at a time; by default 0");
+  command->add_option("--drop-size", arguments->drop_size_percent,
+                      "Mean diameter of the drops, % of the picture's height, 2 to 40; by default 12");
   command->add_option("--exposure", arguments->shutter.exposure,
                       "Exposure of each row, share of the frame period, 0 to 1; at least 1/500 s");
   command->add_option("--readout", arguments->shutter.readout,

@@ -88,6 +88,22 @@ Status RenderOptions::Validate() const {
         std::pair("tangential", breathing.tangential)}) {
     if (!(value >= 0.0 && value <= Breathing::kMaxAmplitude)) return OutOfRange(name, value, "[0, 0.15] of the radius");
   }
+  const PressureCurve& pressure = breathing.pressure;
+  if (!(pressure.collapse >= 0.0 && pressure.collapse <= PressureCurve::kMaxCollapse)) {
+    return OutOfRange("collapse", pressure.collapse, "[0, 0.4] of the radius");
+  }
+  if (!(pressure.period_s >= PressureCurve::kMinPeriodS && pressure.period_s <= 3600.0)) {
+    return OutOfRange("period of the collapse", pressure.period_s, "[2, 3600] s");
+  }
+  HAUSTRA_TRY(preset.lens_drops.Validate());
+  const MucosaStyle& mucosa = preset.mucosa;
+  if (!(mucosa.stool >= 0.0 && mucosa.stool <= 1.0)) return OutOfRange("stool", mucosa.stool, "[0, 1] of the wall");
+  if (!(mucosa.blood.share >= 0.0 && mucosa.blood.share <= 1.0)) {
+    return OutOfRange("blood", mucosa.blood.share, "[0, 1] of the wall");
+  }
+  if (!(mucosa.blood.spread_s >= 0.0 && mucosa.blood.spread_s <= 3600.0)) {
+    return OutOfRange("seconds until blood has spread", mucosa.blood.spread_s, "[0, 3600]");
+  }
   HAUSTRA_TRY(shutter.Validate());
   return calibration_error.Validate(width_px);
 }

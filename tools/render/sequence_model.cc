@@ -43,6 +43,7 @@ SequenceModel::SequenceModel(const RenderOptions& options, const CameraModel& ca
       colon_(ColonStyleFor(options), options.seed),
       mucosa_(options.preset.mucosa, colon_, options.seed, options.num_threads),
       path_(options.preset.path, colon_.centreline(), options.events, options.seconds, options.seed),
+      drops_(options.preset.lens_drops, window_, options.seed),
       effects_(options.events, window_, options.seed),
       instrument_(options.events, options.seed),
       sensor_(window_, options.width_px, options.height_px, options.preset.noise, options.seed),
@@ -77,7 +78,8 @@ std::vector<ExposureMoment> SequenceModel::RowsAt(double time_s) const {
   std::vector<ExposureMoment> rows(num_rows);
   for (int y = 0; y < num_rows; ++y) {
     const double t = num_rows > 1 ? time_s + RowDelayS(y) : time_s;
-    rows[y] = {t, path_.ArcMm(t), path_.WorldFromCam(t), IsNarrowBand(t), instrument_.At(t)};
+    const auto blood_share = static_cast<float>(options_.preset.mucosa.blood.ShareAt(t));
+    rows[y] = {t, path_.ArcMm(t), path_.WorldFromCam(t), IsNarrowBand(t), instrument_.At(t), blood_share};
   }
   return rows;
 }
@@ -94,6 +96,7 @@ void SequenceModel::Expose(double time_s, FrameRenderer* renderer, LinearImage* 
     const double t = time_s + shutter_s * ((i + 0.5) / count - 0.5);
     renderer->Accumulate(RowsAt(t), 1.0f / static_cast<float>(count), light);
   }
+  if (drops_.is_active()) drops_.Apply(time_s, light);
   if (effects_.IsActive(time_s)) effects_.Apply(time_s, light);
 }
 

@@ -9,6 +9,7 @@
 #include "tools/render/event_script.h"
 #include "tools/render/frame_renderer.h"
 #include "tools/render/instrument.h"
+#include "tools/render/lens_drops.h"
 #include "tools/render/lens_effects.h"
 #include "tools/render/mucosa_texture.h"
 #include "tools/render/render_sequence.h"
@@ -65,6 +66,7 @@ class SequenceModel {
   Colon colon_;
   MucosaTexture mucosa_;
   ScopePath path_;
+  LensDrops drops_;
   LensEffects effects_;
   Instrument instrument_;
   Sensor sensor_;

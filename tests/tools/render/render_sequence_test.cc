@@ -73,6 +73,11 @@ TEST_F(RenderSequenceTest, StrengthsOfZeroChangeNoByte) {
   options.shutter = Shutter{0.0, 0.0, 0.0};
   options.calibration_error = *ParseCalibrationError("0,0,0,0");
   options.preset.colon.breathing.tangential = 0.0;
+  // What a strength of zero does not turn on may be anything.
+  options.preset.colon.breathing.pressure = {0.0, 5.0};
+  options.preset.lens_drops = {0, 30.0, 5.0, 6.0, 2.0};
+  options.preset.mucosa.stool = 0.0;
+  options.preset.mucosa.blood = {0.0, 1.0};
   ASSERT_TRUE(RenderSequence(Folder("b"), options, nullptr).ok());
   EXPECT_EQ(Content(Folder("a")), Content(Folder("b")));
 }
@@ -84,6 +89,10 @@ TEST_F(RenderSequenceTest, EveryStrengthGivesTheSameBytesOnAnyNumberOfThreads) {
   options.preset.colon.breathing.amplitude = 0.1;
   options.preset.colon.breathing.wave_amplitude = 0.1;
   options.preset.colon.breathing.tangential = 0.1;
+  options.preset.colon.breathing.pressure = {0.3, 2.0};
+  options.preset.lens_drops.count = 6;
+  options.preset.mucosa.stool = 0.2;
+  options.preset.mucosa.blood = {0.2, 0.2};
   options.num_threads = 1;
   ASSERT_TRUE(RenderSequence(Folder("a"), options, nullptr).ok());
   options.num_threads = 3;

@@ -111,6 +111,7 @@ Result<FeatureSetHandle> ScriptedVisionDevice::CreateFeatureSet() {
   if (!set) return Status(StatusCode::kCapacityExceeded);
   sets_[set.index].num = 0;
   sets_[set.index].is_taken = false;
+  sets_[set.index].written.clear();
   sets_[set.index].num_owners = 1;
   return set;
 }
@@ -356,6 +357,10 @@ Status ScriptedVisionDevice::ReadDescriptors(FeatureSetHandle set, std::span<std
     return InvalidArgument("read descriptors: " + std::to_string(out.size()) + " bytes for " +
                            std::to_string(found->num) + " descriptors");
   }
+  if (!found->written.empty()) {
+    std::copy(found->written.begin(), found->written.end(), out.begin());
+    return Status::Ok();
+  }
   for (std::int32_t i = 0; i < found->num; ++i) {
     const auto bytes = EncodeAppearance(found->features[i].appearance);
     std::copy(bytes.begin(), bytes.end(), out.begin() + i * kDescriptorBytes);
@@ -379,6 +384,7 @@ Status ScriptedVisionDevice::WriteFeatures(FeatureSetHandle set, std::span<const
   if (target.is_taken) return InvalidArgument("write features: the set is not empty");
   target.is_taken = true;
   target.num = static_cast<std::int32_t>(keypoints.size());
+  target.written.assign(descriptors.begin(), descriptors.end());
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     const std::uint8_t* bytes = descriptors.data() + i * kDescriptorBytes;
     target.features[i] = {keypoints[i], {DecodeWord(bytes), DecodeWord(bytes + 4)}};

@@ -78,6 +78,7 @@ class ScriptedVisionDevice final : public VisionDevice {
 
   struct FeatureSet {
     std::vector<ScriptedFeature> features;  // [0, num)
+    std::vector<std::uint8_t> written;      // descriptors given to WriteFeatures, read back as they are; else empty
     std::int32_t num = 0;
     bool is_taken = false;  // by an extraction or by WriteFeatures: written once
     int num_owners = 0;

@@ -369,6 +369,24 @@ TEST(ScriptedVisionDevice, ReleasingASetThatQueuedWorkNeedsStopsTheProcess) {
   EXPECT_THROW((void)device.Wait(ticket, kNoDeadline), CheckFailure);
 }
 
+TEST(ScriptedVisionDevice, WrittenDescriptorsAreReadBackAsTheyAre) {
+  ScriptedVisionDevice device(SmallPlan(), {});
+  const std::vector<Keypoint> keypoints(1);
+  auto descriptor = EncodeAppearance({2, 0});
+  descriptor.back() ^= 1;  // no appearance gives this
+  const FeatureSetHandle written = *device.CreateFeatureSet();
+  ASSERT_TRUE(device.WriteFeatures(written, keypoints, descriptor).ok());
+  std::array<std::uint8_t, kDescriptorBytes> read{};
+  ASSERT_TRUE(device.ReadDescriptors(written, read).ok());
+  EXPECT_EQ(read, descriptor);
+  // What takes its place knows nothing of it.
+  device.ReleaseFeatureSet(written);
+  device.SetFrame(0, {Feature(2, 10, 1)});
+  const FeatureSetHandle extracted = Extract(device, 0);
+  ASSERT_TRUE(device.ReadDescriptors(extracted, read).ok());
+  EXPECT_EQ(read, EncodeAppearance({2, 0}));
+}
+
 TEST(ScriptedVisionDevice, WrittenFeaturesAreLikeExtractedOnes) {
   ScriptedVisionDevice device(SmallPlan(), {});
   device.SetFrame(0, {Feature(1, 10, 1), Feature(2, 10, 2)});

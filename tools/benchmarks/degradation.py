@@ -80,9 +80,6 @@ CURVES = {
 }
 
 
-KEPT = {"recall", "join_counts"}  # of the figures that are lists and tables
-
-
 def live(figures):
     return ablation.live_coverage(figures)
 
@@ -140,8 +137,7 @@ def made_point(folder, haustra, seed, render, keep_frames):
     found = runs.judged_run(folder, haustra, sequence, options, truth=sequence / "groundtruth.txt")
     if isinstance(found, str):
         return found
-    found = {key: value for key, value in found.items() if key in KEPT or not isinstance(value, (dict, list))}
-    found.pop("run", None)  # a folder of this machine
+    found = runs.figures_only(found)
     figures.write_text(json.dumps(found), encoding="utf-8")
     record.write_text(json.dumps(made_with, indent=2), encoding="utf-8")
     if not keep_frames:

@@ -149,16 +149,18 @@ def machine(device):
     return ", ".join(parts)
 
 
+def shared_options(arguments):
+    """Those of runs.add_arguments that say what is run, and the sequences, without the folders of one machine."""
+    parts = [] if arguments.device == "cpu" else [f"--device {arguments.device}"]
+    if arguments.config:
+        parts.append(f"--config {arguments.config.name}")
+    return parts + [f"--set {setting}" for setting in arguments.set] + [pathlib.Path(s).name for s in arguments.sequences]
+
+
 def command_line(arguments):
     """The call, without the folders of one machine."""
     parts = ["python3 tools/benchmarks/results.py --haustra HAUSTRA --out OUT", f"--seeds {arguments.seeds}"]
-    if arguments.device != "cpu":
-        parts.append(f"--device {arguments.device}")
-    if arguments.config:
-        parts.append(f"--config {arguments.config.name}")
-    parts += [f"--set {setting}" for setting in arguments.set]
-    parts += [pathlib.Path(sequence).name for sequence in arguments.sequences]
-    return " ".join(parts)
+    return " ".join(parts + shared_options(arguments))
 
 
 def block(markdown, name, device, machine_text, date, commit):

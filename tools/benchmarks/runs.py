@@ -120,12 +120,13 @@ def settings_of(arguments):
     return settings + (["--config", arguments.config.resolve()] if arguments.config else [])
 
 
-def run_seeds(arguments, sequences, judge=None):
+def run_variants(arguments, sequences, variants, judge=None):
     """Makes and judges the runs of several sequences; the reasons of those that fail go to standard error.
 
     sequences    each with a name of its own, sequence(out): its folder for `haustra run`, truth: file or None, and
                  judge_options
-    Returns {name: {seed: what `haustra evaluate` found}} and how many failed.
+    variants     name, which is a folder in --out as well, to settings KEY=VALUE beside those of the command line
+    Returns {variant: {name: {seed: what `haustra evaluate` found}}} and how many failed.
     """
     for program in known([arguments.haustra, judge]):
         if not program.is_file():
@@ -137,20 +138,27 @@ def run_seeds(arguments, sequences, judge=None):
     tasks = {}
     for seed in range(1, arguments.seeds + 1):  # seeds first: a series that is broken off has every sequence
         for sequence in sequences:
-            options = ["--mode", "sequential", "--seed", str(seed), "--device", arguments.device, "--threads", "1",
-                       *settings_of(arguments)]
-            tasks[sequence.name, seed] = functools.partial(
-                judged_run, out / sequence.name / f"seed_{seed}", haustra, folders[sequence.name], options,
-                judge=judge.resolve() if judge else None, truth=sequence.truth, judge_options=sequence.judge_options,
-                files=known([arguments.config]))
-    reports, failed = {sequence.name: {} for sequence in sequences}, 0
-    for (name, seed), result in run_all(arguments.jobs, tasks):
+            for variant, settings in variants.items():
+                options = ["--mode", "sequential", "--seed", str(seed), "--device", arguments.device, "--threads", "1",
+                           *settings_of(arguments), *(part for setting in settings for part in ("--set", setting))]
+                tasks[variant, sequence.name, seed] = functools.partial(
+                    judged_run, out / variant / sequence.name / f"seed_{seed}", haustra, folders[sequence.name], options,
+                    judge=judge.resolve() if judge else None, truth=sequence.truth, judge_options=sequence.judge_options,
+                    files=known([arguments.config]))
+    reports, failed = {variant: {sequence.name: {} for sequence in sequences} for variant in variants}, 0
+    for (variant, name, seed), result in run_all(arguments.jobs, tasks):
         if isinstance(result, str):
             failed += 1
-            print(f"{name} seed {seed}: {result}", file=sys.stderr)
+            print(f"{variant}{' ' if variant else ''}{name} seed {seed}: {result}", file=sys.stderr)
         else:
-            reports[name][seed] = result
+            reports[variant][name][seed] = result
     return reports, failed
+
+
+def run_seeds(arguments, sequences, judge=None):
+    """run_variants with the settings of the command line alone: {name: {seed: what was found}}, and how many failed."""
+    reports, failed = run_variants(arguments, sequences, {"": []}, judge)
+    return reports[""], failed
 
 
 def known(values):
@@ -169,6 +177,12 @@ def median(values):
 
 def text(value, digits):
     return "-" if value is None else f"{value:.{digits}f}"
+
+
+def figures_only(report):
+    """A report without its lists, tables and the folder of one machine: what a results file keeps of a run."""
+    return {key: value for key, value in report.items()
+            if key != "run" and (key in ("recall", "join_counts") or not isinstance(value, (dict, list)))}
 
 
 def count_false(run):

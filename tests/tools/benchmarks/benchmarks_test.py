@@ -33,15 +33,18 @@ if arguments[0] == "run":
         sys.exit("this run fails")
     out = pathlib.Path(arguments[arguments.index("--out") + 1])
     out.mkdir(exist_ok="--overwrite" in arguments)
-    (out / "summary.json").write_text(arguments[arguments.index("--seed") + 1])
+    share = max([float(a[len("share="):]) for a in arguments if a.startswith("share=")], default=1.0)
+    (out / "summary.json").write_text(arguments[arguments.index("--seed") + 1] + " " + str(share))
 else:
-    seed = int(pathlib.Path(arguments[1], "summary.json").read_text())
+    seed, share = pathlib.Path(arguments[1], "summary.json").read_text().split()
+    seed, share = int(seed), float(share)
     has_truth = "--groundtruth" in arguments
     count = {{"made": 1, "judged": 1, "false": seed == 3, "precision": 1.0}}
     report = {{
         "live_coverage": 50.0 + 10 * seed, "coverage": 60.0 + 10 * seed, "live_visible_coverage": None,
         "visible_coverage": None, "run": arguments[1], "unit": "mm", "maps_created": seed, "maps": 1, "largest_map_frames": 4 * seed, "losses": 2,
-        "relocalisations": 1, "merges": 0, "loops": 0, "rms_ate": 0.5 if has_truth else None,
+        "relocalisations": 1, "merges": 0, "loops": 0, "rms_ate": 0.5 * share if has_truth else None,
+        "keyframes": 100 * share, "map_points": 4000,
         "largest_map_rms_ate_percent_of_depth": 1.5 * seed if has_truth else None,
         "stages": [{{"stage": "frame/total", "mean": 30.25}}],
         "recall": {{"merges": {{"occasions": seed, "taken": 1}} if has_truth else None, "relocalisations": None}},
@@ -258,6 +261,56 @@ class ResultsTest(ScriptTest):
         peers = {"orb_slam3": {"sequences": {"a": {"coverage": [54.7, 61.8], "maps": [4, 4]}}}}
         self.assertEqual(results.peer_cell(peers, "a"), "54.7 to 61.8, 4")
         self.assertEqual(results.peer_cell(peers, "b"), "-")
+
+
+class SweepTest(ScriptTest):
+    def sweep(self, *arguments):
+        return self.call("sweep.py", "--results", self.folder / "results", "--commit", "1234567", "--seeds", "3", "--key", "share",
+                         *arguments)
+
+    def test_a_table_a_sequence_and_one_of_all(self):
+        colon = self.make_clip("colon", 4, "groundtruth.txt")
+        code, output, asked = self.sweep("--values", "0.5,1", "--jobs", "2", colon, self.clip)
+        self.assertEqual(code, 0, output)
+        self.assertEqual(len(asked), 2 * 2 * 3 * 2)
+        files = sorted((self.folder / "results").iterdir())
+        self.assertEqual([f.suffix for f in files], [".json", ".md"])
+        text = files[1].read_text(encoding="utf-8")
+        # By hand: means of 70 and 70; ratios 0.5 of the colon's error, 1 of the clip's, 0.5 of the keyframes.
+        self.assertIn("| 0.5 | 70.0 | 80.0 | 1.0 | 2.0 | 50.0 | 0.71 | 0.50 | 1.00 | 2 |", text)
+        self.assertIn("| 1 | 70.0 | 80.0 | 1.0 | 2.0 | 50.0 | 1.00 | 1.00 | 1.00 | 2 |", text)
+        colon_table = text[text.index("## colon"):text.index("## clip")]
+        self.assertIn("error, mm", colon_table)
+        self.assertIn("| 0.5 | 3 | 70.0 (60.0) | 80.0 (70.0) | 1 (1) | 2 (2) | 50 (33) | 0.250 (0.250) | 50 (50) | 4000 (4000) | 1 |",
+                      colon_table)
+        self.assertIn("error, %", text[text.index("## clip"):])
+        self.assertIn("--seeds 3 --key share --values 0.5,1 colon clip`", text)
+        document = json.loads(files[0].read_text(encoding="utf-8"))
+        self.assertEqual(document["values"]["0.5"]["colon"]["2"]["keyframes"], 50)
+        self.assertNotIn("stages", document["values"]["0.5"]["colon"]["2"])
+        for file in files:
+            self.assertNotIn(str(self.folder), file.read_text(encoding="utf-8"))
+
+    def test_what_is_there_is_not_made_again_and_results_stay_unless_told(self):
+        self.assertEqual(self.sweep("--values", "0.5,1", self.clip)[0], 0)
+        code, output, asked = self.sweep("--values", "0.5,0.7,1", self.clip)
+        self.assertNotEqual(code, 0)
+        self.assertIn("--overwrite", output)
+        self.assertEqual(asked, [])
+        code, output, asked = self.sweep("--values", "0.5,0.7,1", "--overwrite", self.clip)
+        self.assertEqual(code, 0, output)
+        self.assertEqual(len(asked), 3 * 2)
+
+    def test_values_that_make_no_curve_and_failed_runs_write_nothing(self):
+        for values in ("0.5", "0.5,0.5", "0.5,", ""):
+            code, output, asked = self.sweep("--values", values, self.clip)
+            self.assertNotEqual(code, 0, output)
+            self.assertEqual(asked, [])
+            self.assertNotIn("Traceback", output)
+        code, output, _ = self.sweep("--values", "0.5,1", "--set", "fail=true", self.clip)
+        self.assertIn("6 runs failed", output)
+        self.assertNotEqual(code, 0)
+        self.assertFalse((self.folder / "results").exists())
 
 
 class RunsTest(unittest.TestCase):

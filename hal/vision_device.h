@@ -233,7 +233,8 @@ class VisionDevice {
   // priority. Not rt-safe. kFailedPrecondition: the system refuses.
   virtual Status ServeThisThread(Lane lane);
 
-  // Copies descriptors to the host (saving an atlas, tests). Blocks; not rt-safe. out: N x 128 u8, row-major.
+  // Copies descriptors to the host (indexing a keyframe for retrieval, saving an atlas). Blocks; not rt-safe. out:
+  // N x 128 u8, row-major.
   virtual Status ReadDescriptors(FeatureSetHandle set, std::span<std::uint8_t> out) = 0;
   // Fills an empty set from the host (loading an atlas, tests): N keypoints, N x 128 u8. Blocks; not rt-safe.
   virtual Status WriteFeatures(FeatureSetHandle set, std::span<const Keypoint> keypoints,

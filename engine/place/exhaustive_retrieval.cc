@@ -1,7 +1,6 @@
 #include "engine/place/exhaustive_retrieval.h"
 
 #include <algorithm>
-#include <string>
 
 #include "engine/place/strongest_features.h"
 
@@ -10,14 +9,14 @@ namespace haustra {
 ExhaustiveRetrieval::ExhaustiveRetrieval(const EngineConfig& config, const RetrievalConfig& retrieval,
                                          VisionDevice& device)
     : retrieval_(retrieval),
-      device_(device),
       max_voters_(VoteList::MaxVoters(config, retrieval)),
       vote_(config, retrieval, device),
       votes_(config, retrieval, std::pmr::get_default_resource()),
       index_(config.memory.max_keyframes, static_cast<int>(max_voters_)),
-      slots_(static_cast<std::size_t>(config.memory.max_keyframes)),
+      slots_(config.memory.max_keyframes),
+      voters_of_slot_(slots_.size()),
       voters_(slots_.size() * max_voters_),
-      descriptors_(static_cast<std::size_t>(device.plan().max_features) * kDescriptorBytes),
+      descriptors_(device),
       is_eligible_(slots_.size()),
       scores_(slots_.size()) {
   strongest_.reserve(static_cast<std::size_t>(device.plan().max_features));
@@ -29,44 +28,30 @@ std::size_t ExhaustiveRetrieval::BytesFor(const EngineConfig& config) {
   const auto num_keyframes = static_cast<std::size_t>(config.memory.max_keyframes);
   const auto num_features = static_cast<std::size_t>(config.features.max);
   const std::size_t max_voters = VoteList::MaxVoters(config, retrieval);
-  return num_keyframes * (sizeof(Slot) + sizeof(std::uint8_t) + sizeof(std::uint64_t) + sizeof(Ranked) +
+  return KeyframeSlots::BytesFor(config.memory.max_keyframes) + ViewDescriptors::BytesFor(config.features.max) +
+         num_keyframes * (sizeof(Voters) + sizeof(std::uint8_t) + sizeof(std::uint64_t) + sizeof(Ranked) +
                           max_voters * sizeof(std::int32_t)) +
-         num_features * (kDescriptorBytes + sizeof(std::int32_t)) +
+         num_features * sizeof(std::int32_t) +
          HammingIndex::BytesFor(config.memory.max_keyframes, static_cast<int>(max_voters)) +
          VoteList::BytesFor(config, retrieval) + DescriptorVote::BytesFor(retrieval);
-}
-
-Status ExhaustiveRetrieval::ReadDescriptors(FeatureSetHandle set, std::span<const std::int32_t> features) {
-  for (const std::int32_t feature : features) {
-    if (feature < 0 || feature >= device_.plan().max_features) {
-      return InvalidArgument("retrieval: there is no feature " + std::to_string(feature));
-    }
-  }
-  return device_.ReadDescriptors(set, descriptors_);
 }
 
 Status ExhaustiveRetrieval::Add(const Atlas& atlas, KeyframeHandle handle) {
   const Keyframe* keyframe = atlas.GetKeyframe(handle);
   if (keyframe == nullptr) return InvalidArgument("retrieval: the keyframe is not in the atlas");
-  const auto free = std::find_if(slots_.begin(), slots_.end(), [](const Slot& s) { return !s.keyframe.is_valid(); });
-  if (free == slots_.end()) {
-    return CapacityExceeded("retrieval: " + std::to_string(slots_.size()) + " keyframes are all there is room for");
-  }
+  HAUSTRA_ASSIGN(const std::uint32_t slot, slots_.FindFree());
   // Of a new keyframe few features have a map point yet, and which of them will is told by the keyframes to come; to
   // index it anew with every point costs more than what the strongest miss.
   SelectStrongest(keyframe->features, static_cast<int>(max_voters_), &strongest_);
-  HAUSTRA_TRY(ReadDescriptors(keyframe->features.set, strongest_));
-  *free = {handle, -1, 0};
-  index_.Add(static_cast<std::uint32_t>(free - slots_.begin()), descriptors_, strongest_);
+  HAUSTRA_TRY(descriptors_.Read(keyframe->features.set, strongest_));
+  slots_.Take(slot, handle);
+  voters_of_slot_[slot] = {};
+  index_.Add(slot, descriptors_.all(), strongest_);
   return Status::Ok();
 }
 
 void ExhaustiveRetrieval::Remove(KeyframeHandle handle) {
-  const auto slot = std::find_if(slots_.begin(), slots_.end(),
-                                 [&](const Slot& s) { return s.keyframe == handle && handle.is_valid(); });
-  if (slot == slots_.end()) return;
-  index_.Remove(static_cast<std::uint32_t>(slot - slots_.begin()));
-  *slot = {};
+  if (const auto slot = slots_.Release(handle)) index_.Remove(*slot);
 }
 
 Status ExhaustiveRetrieval::Query(const Atlas& atlas, const RetrievalQuery& query,
@@ -78,15 +63,14 @@ Status ExhaustiveRetrieval::Query(const Atlas& atlas, const RetrievalQuery& quer
 Status ExhaustiveRetrieval::Choose(const Atlas& atlas, const RetrievalQuery& query) {
   chosen_.clear();
   for (std::size_t i = 0; i < slots_.size(); ++i) {
-    const Keyframe* keyframe = atlas.GetKeyframe(slots_[i].keyframe);
-    is_eligible_[i] =
-        keyframe != nullptr && !(query.is_excluded && query.is_excluded(slots_[i].keyframe, *keyframe)) ? 1 : 0;
+    const Keyframe* keyframe = atlas.GetKeyframe(slots_[i]);
+    is_eligible_[i] = keyframe != nullptr && !(query.is_excluded && query.is_excluded(slots_[i], *keyframe)) ? 1 : 0;
     if (is_eligible_[i] != 0) chosen_.push_back({0, keyframe->id, static_cast<std::uint32_t>(i)});
   }
   const auto limit = static_cast<std::size_t>(retrieval_.max_keyframes_per_query);
   if (chosen_.size() <= limit) return Status::Ok();
-  HAUSTRA_TRY(ReadDescriptors(query.set, query.strongest));
-  index_.Score(descriptors_, query.strongest, is_eligible_, scores_);
+  HAUSTRA_TRY(descriptors_.Read(query.set, query.strongest));
+  index_.Score(descriptors_.all(), query.strongest, is_eligible_, scores_);
   for (Ranked& ranked : chosen_) ranked.score = scores_[ranked.slot];
   std::partial_sort(
       chosen_.begin(), chosen_.begin() + static_cast<std::ptrdiff_t>(limit), chosen_.end(),
@@ -95,16 +79,15 @@ Status ExhaustiveRetrieval::Choose(const Atlas& atlas, const RetrievalQuery& que
   return Status::Ok();
 }
 
-std::span<const std::int32_t> ExhaustiveRetrieval::VotersOf(std::uint32_t slot_idx, const Keyframe& keyframe) {
-  Slot& slot = slots_[slot_idx];
-  std::int32_t* voters = &voters_[slot_idx * max_voters_];
-  if (slot.num_points != keyframe.num_points) {
+std::span<const std::int32_t> ExhaustiveRetrieval::VotersOf(std::uint32_t slot, const Keyframe& keyframe) {
+  Voters& chosen = voters_of_slot_[slot];
+  std::int32_t* voters = &voters_[slot * max_voters_];
+  if (chosen.num_points != keyframe.num_points) {
     SelectStrongestWithPoint(keyframe, static_cast<int>(max_voters_), &strongest_);
     std::copy(strongest_.begin(), strongest_.end(), voters);
-    slot.num_points = keyframe.num_points;
-    slot.num_voters = static_cast<std::uint32_t>(strongest_.size());
+    chosen = {keyframe.num_points, static_cast<std::uint32_t>(strongest_.size())};
   }
-  return {voters, slot.num_voters};
+  return {voters, chosen.num};
 }
 
 Status ExhaustiveRetrieval::Prepare(const Atlas& atlas, const RetrievalQuery& query, VoteList* votes,
@@ -117,7 +100,7 @@ Status ExhaustiveRetrieval::Prepare(const Atlas& atlas, const RetrievalQuery& qu
   const std::span<const std::int32_t> voters = query.strongest.first(std::min(query.strongest.size(), max_voters_));
   votes->query.assign(voters.begin(), voters.end());
   for (const Ranked& ranked : chosen_) {
-    const KeyframeHandle handle = slots_[ranked.slot].keyframe;
+    const KeyframeHandle handle = slots_[ranked.slot];
     const Keyframe& keyframe = atlas.keyframe(handle);
     const std::span<const std::int32_t> strongest = VotersOf(ranked.slot, keyframe);
     votes->entries.push_back({handle, keyframe.id, keyframe.features.set,

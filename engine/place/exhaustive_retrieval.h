@@ -10,8 +10,10 @@
 #include "engine/config.h"
 #include "engine/place/descriptor_vote.h"
 #include "engine/place/hamming_index.h"
+#include "engine/place/keyframe_slots.h"
 #include "engine/place/place_config.h"
 #include "engine/place/retrieval.h"
+#include "engine/place/view_descriptors.h"
 
 namespace haustra {
 
@@ -35,30 +37,27 @@ class ExhaustiveRetrieval final : public KeyframeRetrieval {
                  std::vector<RetrievalCandidate>* out) override;
 
  private:
-  struct Slot {
-    KeyframeHandle keyframe;       // invalid: free
-    std::int32_t num_points = -1;  // of the keyframe when its voters were chosen
-    std::uint32_t num_voters = 0;
+  struct Voters {
+    std::int32_t num_points = -1;  // of the keyframe when they were chosen
+    std::uint32_t num = 0;
   };
 
   // Keyframes that may be found, into chosen_, best first, and not more than the limit.
   Status Choose(const Atlas& atlas, const RetrievalQuery& query);
   // The keyframe's strongest features with a map point, as they are now.
   std::span<const std::int32_t> VotersOf(std::uint32_t slot, const Keyframe& keyframe);
-  // kInvalidArgument: one of the features cannot be there. Errors of the device.
-  Status ReadDescriptors(FeatureSetHandle set, std::span<const std::int32_t> features);
 
   const RetrievalConfig& retrieval_;
-  VisionDevice& device_;
   const std::size_t max_voters_;  // of a keyframe or a view
   DescriptorVote vote_;
   VoteList votes_;  // of Query
   HammingIndex index_;
-  std::vector<Slot> slots_;
+  KeyframeSlots slots_;
+  std::vector<Voters> voters_of_slot_;
   std::vector<std::int32_t> voters_;  // max_voters_ for each slot
 
   // Workspace.
-  std::vector<std::uint8_t> descriptors_;
+  ViewDescriptors descriptors_;
   std::vector<std::int32_t> strongest_;
   std::vector<std::uint8_t> is_eligible_;  // by slot
   std::vector<std::uint64_t> scores_;      // by slot

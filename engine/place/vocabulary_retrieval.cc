@@ -1,7 +1,6 @@
 #include "engine/place/vocabulary_retrieval.h"
 
 #include <algorithm>
-#include <string>
 
 #include "engine/place/descriptor_vote.h"
 #include "engine/place/strongest_features.h"
@@ -11,13 +10,13 @@ namespace haustra {
 VocabularyRetrieval::VocabularyRetrieval(const EngineConfig& config, const RetrievalConfig& retrieval,
                                          VisionDevice& device, const Vocabulary& vocabulary)
     : retrieval_(retrieval),
-      device_(device),
       vocabulary_(vocabulary),
       max_words_(static_cast<std::size_t>(std::min(retrieval.max_descriptors, device.plan().max_features))),
-      slots_(static_cast<std::size_t>(config.memory.max_keyframes)),
+      slots_(config.memory.max_keyframes),
+      num_words_of_slot_(slots_.size()),
       entries_(slots_.size() * max_words_),
       first_of_word_(static_cast<std::size_t>(vocabulary.num_words()), kNone),
-      descriptors_(static_cast<std::size_t>(device.plan().max_features) * kDescriptorBytes),
+      descriptors_(device),
       common_(slots_.size()),
       num_common_(slots_.size()) {
   strongest_.reserve(static_cast<std::size_t>(device.plan().max_features));
@@ -29,21 +28,18 @@ std::size_t VocabularyRetrieval::BytesFor(const EngineConfig& config) {
   const auto num_keyframes = static_cast<std::size_t>(config.memory.max_keyframes);
   const auto num_features = static_cast<std::size_t>(config.features.max);
   const auto num_words = std::min(static_cast<std::size_t>(config.place.retrieval.max_descriptors), num_features);
-  return num_keyframes * (sizeof(Slot) + num_words * sizeof(Entry) + sizeof(std::uint32_t) + sizeof(std::int32_t)) +
-         num_features * (kDescriptorBytes + sizeof(std::int32_t)) +
-         num_words * (sizeof(std::int32_t) + sizeof(WordShare));
+  return KeyframeSlots::BytesFor(config.memory.max_keyframes) + ViewDescriptors::BytesFor(config.features.max) +
+         num_keyframes *
+             (sizeof(std::uint32_t) + num_words * sizeof(Entry) + sizeof(std::uint32_t) + sizeof(std::int32_t)) +
+         num_features * sizeof(std::int32_t) + num_words * (sizeof(std::int32_t) + sizeof(WordShare));
 }
 
 Status VocabularyRetrieval::FindWords(FeatureSetHandle set, std::span<const std::int32_t> features) {
   bag_.clear();
   words_.clear();
-  HAUSTRA_TRY(device_.ReadDescriptors(set, descriptors_));
-  for (const std::int32_t feature : features.first(std::min(features.size(), max_words_))) {
-    if (feature < 0 || feature >= device_.plan().max_features) {
-      return InvalidArgument("retrieval: there is no feature " + std::to_string(feature));
-    }
-    words_.push_back(vocabulary_.WordOf(&descriptors_[static_cast<std::size_t>(feature) * kDescriptorBytes]));
-  }
+  const std::span<const std::int32_t> strongest = features.first(std::min(features.size(), max_words_));
+  HAUSTRA_TRY(descriptors_.Read(set, strongest));
+  for (const std::int32_t feature : strongest) words_.push_back(vocabulary_.WordOf(descriptors_.row(feature)));
   std::sort(words_.begin(), words_.end());
   std::uint64_t total = 0;
   for (const std::int32_t word : words_) total += vocabulary_.weight(word);
@@ -59,15 +55,12 @@ Status VocabularyRetrieval::FindWords(FeatureSetHandle set, std::span<const std:
 Status VocabularyRetrieval::Add(const Atlas& atlas, KeyframeHandle handle) {
   const Keyframe* keyframe = atlas.GetKeyframe(handle);
   if (keyframe == nullptr) return InvalidArgument("retrieval: the keyframe is not in the atlas");
-  const auto free = std::find_if(slots_.begin(), slots_.end(), [](const Slot& s) { return !s.keyframe.is_valid(); });
-  if (free == slots_.end()) {
-    return CapacityExceeded("retrieval: " + std::to_string(slots_.size()) + " keyframes are all there is room for");
-  }
+  HAUSTRA_ASSIGN(const std::uint32_t slot, slots_.FindFree());
   SelectStrongest(keyframe->features, static_cast<int>(max_words_), &strongest_);
   HAUSTRA_TRY(FindWords(keyframe->features.set, strongest_));
-  free->keyframe = handle;
-  free->num_words = static_cast<std::uint32_t>(bag_.size());
-  auto entry_idx = static_cast<std::uint32_t>(static_cast<std::size_t>(free - slots_.begin()) * max_words_);
+  slots_.Take(slot, handle);
+  num_words_of_slot_[slot] = static_cast<std::uint32_t>(bag_.size());
+  auto entry_idx = static_cast<std::uint32_t>(slot * max_words_);
   for (const WordShare& word : bag_) {
     std::uint32_t& first = first_of_word_[static_cast<std::size_t>(word.word)];
     entries_[entry_idx] = {word.word, word.share, first, kNone};
@@ -78,11 +71,10 @@ Status VocabularyRetrieval::Add(const Atlas& atlas, KeyframeHandle handle) {
 }
 
 void VocabularyRetrieval::Remove(KeyframeHandle handle) {
-  const auto slot = std::find_if(slots_.begin(), slots_.end(),
-                                 [&](const Slot& s) { return s.keyframe == handle && handle.is_valid(); });
-  if (slot == slots_.end()) return;
-  const std::size_t begin = static_cast<std::size_t>(slot - slots_.begin()) * max_words_;
-  for (std::size_t i = begin; i < begin + slot->num_words; ++i) {
+  const auto slot = slots_.Release(handle);
+  if (!slot) return;
+  const std::size_t begin = *slot * max_words_;
+  for (std::size_t i = begin; i < begin + num_words_of_slot_[*slot]; ++i) {
     const Entry& entry = entries_[i];
     if (entry.next != kNone) entries_[entry.next].previous = entry.previous;
     if (entry.previous != kNone) {
@@ -91,7 +83,6 @@ void VocabularyRetrieval::Remove(KeyframeHandle handle) {
       first_of_word_[static_cast<std::size_t>(entry.word)] = entry.next;
     }
   }
-  *slot = {};
 }
 
 Status VocabularyRetrieval::Query(const Atlas& atlas, const RetrievalQuery& query,
@@ -110,10 +101,9 @@ Status VocabularyRetrieval::Query(const Atlas& atlas, const RetrievalQuery& quer
   }
   for (std::size_t i = 0; i < slots_.size(); ++i) {
     if (num_common_[i] == 0 || num_common_[i] < retrieval_.min_votes) continue;
-    const Keyframe* keyframe = atlas.GetKeyframe(slots_[i].keyframe);
-    if (keyframe == nullptr || (query.is_excluded && query.is_excluded(slots_[i].keyframe, *keyframe))) continue;
-    out->push_back(
-        {slots_[i].keyframe, static_cast<double>(common_[i]) / (1 << kShareBits), num_common_[i], keyframe->id});
+    const Keyframe* keyframe = atlas.GetKeyframe(slots_[i]);
+    if (keyframe == nullptr || (query.is_excluded && query.is_excluded(slots_[i], *keyframe))) continue;
+    out->push_back({slots_[i], static_cast<double>(common_[i]) / (1 << kShareBits), num_common_[i], keyframe->id});
   }
   std::sort(out->begin(), out->end(), [](const RetrievalCandidate& a, const RetrievalCandidate& b) {
     return a.score != b.score ? a.score > b.score : a.id < b.id;

@@ -15,8 +15,10 @@
 #include <vector>
 
 #include "engine/config.h"
+#include "engine/place/keyframe_slots.h"
 #include "engine/place/place_config.h"
 #include "engine/place/retrieval.h"
+#include "engine/place/view_descriptors.h"
 #include "engine/place/vocabulary.h"
 
 namespace haustra {
@@ -57,24 +59,19 @@ class VocabularyRetrieval final : public KeyframeRetrieval {
     std::uint32_t next = kNone;
     std::uint32_t previous = kNone;
   };
-  struct Slot {
-    KeyframeHandle keyframe;  // invalid: free
-    std::uint32_t num_words = 0;
-  };
-
   // The bag of some features of a set, in order of the words; words without weight are left out.
   Status FindWords(FeatureSetHandle set, std::span<const std::int32_t> features);
 
   const RetrievalConfig& retrieval_;
-  VisionDevice& device_;
   const Vocabulary& vocabulary_;
   const std::size_t max_words_;  // of a keyframe
-  std::vector<Slot> slots_;
+  KeyframeSlots slots_;
+  std::vector<std::uint32_t> num_words_of_slot_;
   std::vector<Entry> entries_;
   std::vector<std::uint32_t> first_of_word_;  // entry, or kNone
 
   // Workspace.
-  std::vector<std::uint8_t> descriptors_;
+  ViewDescriptors descriptors_;
   std::vector<std::int32_t> strongest_;
   std::vector<std::int32_t> words_;
   std::vector<WordShare> bag_;

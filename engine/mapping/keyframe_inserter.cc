@@ -137,7 +137,7 @@ void KeyframeInserter::CullKeyframes(KeyframeHandle newest) {
   }
 }
 
-// Nearly all its points are seen in at least three other keyframes at the same or a finer scale.
+// Most of its points are seen in at least three other keyframes at the same or a finer scale.
 bool KeyframeInserter::IsRedundant(KeyframeHandle handle) const {
   const Keyframe& keyframe = state_.atlas.keyframe(handle);
   if (keyframe.num_points == 0) return true;

@@ -147,8 +147,8 @@ struct MappingConfig {
   int point_trial_keyframes = 3;     // made after a point, before it is judged by its observations [1, 1000]
   int min_lasting_observations = 3;  // a point with fewer after its trial is culled [2, 40]
   // A keyframe whose points are seen so much elsewhere is culled [0.5, 1].
-  // 0.7: the knee (decisions/2026-11-25-keyframes-that-maps-need.md in engine/mapping).
-  double redundant_share = 0.70;
+  // 0.8: with 0.7 a loop is missed (decisions/2026-11-25-keyframes-that-maps-need.md in engine/mapping).
+  double redundant_share = 0.80;
   int min_map_keyframes = 4;  // a map with fewer is dropped when it is lost [2, 100]
 };
 

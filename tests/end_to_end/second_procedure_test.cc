@@ -34,6 +34,9 @@ constexpr Part kFirst{0, 125};
 constexpr Part kSecond{125, 250};
 
 std::string Folder() { return std::string(HAUSTRA_END_TO_END_DATA) + "/second_procedure"; }
+// Five seconds of each procedure: more keyframes stay than by default, so that there are enough to align.
+constexpr const char* kManyKeyframes = "mapping.redundant_share=0.9";
+
 std::string AtlasPath() { return Folder() + "/first.atlas"; }
 
 // camera-to-world of every frame of the sequence, mm.
@@ -96,8 +99,8 @@ class SecondProcedure : public testing::Test {
     fs::remove_all(Folder());
     CopyPart(kFirst, Folder() + "/first");
     CopyPart(kSecond, Folder() + "/second");
-    const CommandResult first =
-        HaustraOnCpu({"run", Folder() + "/first", "--out", Folder() + "/first_out", "--save-atlas", AtlasPath()});
+    const CommandResult first = HaustraOnCpu({"run", Folder() + "/first", "--out", Folder() + "/first_out",
+                                              "--save-atlas", AtlasPath(), "--set", kManyKeyframes});
     ASSERT_EQ(first.exit_code, 0) << first.ToString();
     const CommandResult second = Run("second_out", "both.atlas");
     ASSERT_EQ(second.exit_code, 0) << second.ToString();
@@ -105,7 +108,7 @@ class SecondProcedure : public testing::Test {
 
   static CommandResult Run(const std::string& out, const std::string& saved) {
     return HaustraOnCpu({"run", Folder() + "/second", "--out", Folder() + "/" + out, "--load-atlas", AtlasPath(),
-                         "--save-atlas", Folder() + "/" + saved});
+                         "--save-atlas", Folder() + "/" + saved, "--set", kManyKeyframes});
   }
   static std::string Out(const std::string& name) { return Folder() + "/second_out/" + name; }
 

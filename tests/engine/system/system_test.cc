@@ -368,6 +368,7 @@ TEST(System, FullKeyframePoolRefusesKeyframesAndKeepsTracking) {
   RecordProperty("req", "MEM-001");
   EngineConfig config = test::SmallEngineConfig();
   config.memory.max_keyframes = 10;
+  config.mapping.redundant_share = 0.9;  // so many stay that the pool fills on a short way
   Procedure procedure(config);
   procedure.Move(0.0, 1.5, 100);
   procedure.Run();

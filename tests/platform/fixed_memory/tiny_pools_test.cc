@@ -35,6 +35,13 @@ class Observer final : public test::RecordingObserver {
   }
 };
 
+// More keyframes stay than by default, so that pools fill on a short way.
+EngineConfig CrowdedConfig() {
+  EngineConfig config = test::SmallEngineConfig();
+  config.mapping.redundant_share = 0.9;
+  return config;
+}
+
 struct Outcome {
   std::unique_ptr<ScriptedColon> colon;
   std::unique_ptr<Engine> engine;
@@ -111,10 +118,10 @@ void ExpectSound(const Outcome& outcome) {
 }
 
 TEST(TinyPools, KeyframesOfInactiveMapsMakeRoomAndNoFrameIsLost) {
-  const Outcome plenty = RunIn(test::SmallEngineConfig(), FivePlacesAndBack);
+  const Outcome plenty = RunIn(CrowdedConfig(), FivePlacesAndBack);
   ASSERT_EQ(plenty.engine->evictions().num_keyframes, 0u);
   ASSERT_GT(plenty.engine->atlas().keyframes().high_water(), 55u);
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_keyframes = 45;
   const Outcome tight = RunIn(config, FivePlacesAndBack);
   ExpectSound(tight);
@@ -130,7 +137,7 @@ TEST(TinyPools, KeyframesOfInactiveMapsMakeRoomAndNoFrameIsLost) {
 }
 
 TEST(TinyPools, EvictionRepeatsToTheBit) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_keyframes = 20;
   const Outcome a = RunIn(config, FivePlaces);
   const Outcome b = RunIn(config, FivePlaces);
@@ -147,8 +154,8 @@ TEST(TinyPools, EvictionRepeatsToTheBit) {
 }
 
 TEST(TinyPools, OneActiveMapThinsOutBehindTheScope) {
-  const Outcome plenty = RunIn(test::SmallEngineConfig(), OneLongWay);
-  EngineConfig config = test::SmallEngineConfig();
+  const Outcome plenty = RunIn(CrowdedConfig(), OneLongWay);
+  EngineConfig config = CrowdedConfig();
   config.memory.max_keyframes = 26;
   const Outcome tight = RunIn(config, OneLongWay);
   ExpectSound(tight);
@@ -158,7 +165,7 @@ TEST(TinyPools, OneActiveMapThinsOutBehindTheScope) {
 }
 
 TEST(TinyPools, SmallMapsGoAsAWholeWhenNothingElseIsLeft) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_keyframes = 20;
   const Outcome tight = RunIn(config, FivePlaces);
   ExpectSound(tight);
@@ -179,7 +186,7 @@ TEST(TinyPools, SmallMapsGoAsAWholeWhenNothingElseIsLeft) {
 }
 
 TEST(TinyPools, MapPointsMakeRoom) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_map_points = 2400;
   const Outcome tight = RunIn(config, FivePlaces);
   ExpectSound(tight);
@@ -191,7 +198,7 @@ TEST(TinyPools, MapPointsMakeRoom) {
 }
 
 TEST(TinyPools, EntriesOfMapsThatHaveGoneAreUsedAgain) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_maps = 3;
   const Outcome tight = RunIn(config, FivePlaces);
   ExpectSound(tight);
@@ -202,7 +209,7 @@ TEST(TinyPools, EntriesOfMapsThatHaveGoneAreUsedAgain) {
 }
 
 TEST(TinyPools, IdsThatHaveAllBeenGivenRefuseKeyframesAndAreCounted) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_keyframes = 20;
   config.memory.max_keyframe_ids = 30;
   const Outcome tight = RunIn(config, OneLongWay);
@@ -212,7 +219,7 @@ TEST(TinyPools, IdsThatHaveAllBeenGivenRefuseKeyframesAndAreCounted) {
 }
 
 TEST(TinyPools, FullRingsLoseTheNewestAndCountIt) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_map_events = 4;
   ScriptedColon colon(TimePoint{}, config);
   FivePlaces(&colon);
@@ -230,7 +237,7 @@ TEST(TinyPools, FullRingsLoseTheNewestAndCountIt) {
 }
 
 TEST(TinyPools, LatePosesThatNobodyReadsAreLostAndCounted) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_late_poses = 1;
   ScriptedColon colon(TimePoint{}, config);
   FivePlaces(&colon);
@@ -259,7 +266,7 @@ std::vector<FrameResult> TrackWithABusyMapper(ScriptedColon& colon, Engine& engi
 }
 
 TEST(TinyPools, SmallestRingHoldsWhatTrackingProposesWhileTheMapperIsBusy) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_proposals = 2;
   ScriptedColon colon(TimePoint{}, config);
   const auto engine = colon.MakeEngine();
@@ -272,7 +279,7 @@ TEST(TinyPools, SmallestRingHoldsWhatTrackingProposesWhileTheMapperIsBusy) {
 
 // Less than a configuration may ask for: the request for a lost frame's place takes the room of a new map.
 TEST(TinyPools, ProposalsThatFindTheRingFullAreCountedAndLeaveNothingBehind) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_proposals = 1;
   ScriptedColon colon(TimePoint{}, config);
   const auto engine = colon.MakeEngine();
@@ -283,7 +290,7 @@ TEST(TinyPools, ProposalsThatFindTheRingFullAreCountedAndLeaveNothingBehind) {
 }
 
 TEST(TinyPools, SnapshotWithoutRoomLeavesOutWhatIsFarAndIsCounted) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   const Outcome plenty = RunIn(config, OneLongWay);
   EXPECT_EQ(plenty.engine->mapper_counters().num_snapshots_cut, 0u);
   config.memory.max_local_points = 600;
@@ -318,7 +325,7 @@ TEST(TinyPools, WithoutAFeatureSetAFrameIsLostAndTheNextIsNot) {
 }
 
 TEST(TinyPools, ThinnedAtlasIsSavedAndLoaded) {
-  EngineConfig config = test::SmallEngineConfig();
+  EngineConfig config = CrowdedConfig();
   config.memory.max_keyframes = 24;
   const Outcome tight = RunIn(config, FivePlaces);
   ASSERT_GT(tight.engine->evictions().num_keyframes, 0u);

@@ -104,7 +104,7 @@ void LensDrops::Draw(const LensDrop& drop, const LinearImage& before, LinearImag
         const float distance = defocus * std::sqrt((static_cast<float>(k) + 0.5f) / kTaps);
         const float angle = 2.3999632f * static_cast<float>(k);
         const float tx = sx + distance * std::cos(angle), ty = sy + distance * std::sin(angle);
-        const int px = static_cast<int>(tx + 0.5f), py = static_cast<int>(ty + 0.5f);
+        const int px = static_cast<int>(std::lround(tx)), py = static_cast<int>(std::lround(ty));
         if (px < 0 || py < 0 || px >= image->width || py >= image->height) continue;
         if (window_.coverage(px, py) <= 0.0f) continue;
         float rgb[3];

@@ -250,6 +250,7 @@ TEST(MergingThread, KeyframesAreServedBetweenTheSlicesOfAJoin) {
 TEST(MergingThread, JoinThatHadNoTimeIsToldAsNotJoinedAndTriedAgain) {
   ScriptedColon colon;
   AddWayBack(colon);
+  colon.config().mapping.redundant_share = 0.9;  // one question is asked in the step, so that one event comes of it
   colon.config().merging.max_milliseconds = 1;
   const TickingClock clock;
   Parts parts(colon, &clock);

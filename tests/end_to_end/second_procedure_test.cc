@@ -34,10 +34,10 @@ constexpr Part kFirst{0, 125};
 constexpr Part kSecond{125, 250};
 
 std::string Folder() { return std::string(HAUSTRA_END_TO_END_DATA) + "/second_procedure"; }
+std::string AtlasPath() { return Folder() + "/first.atlas"; }
+
 // Five seconds of each procedure: more keyframes stay than by default, so that there are enough to align.
 constexpr const char* kManyKeyframes = "mapping.redundant_share=0.9";
-
-std::string AtlasPath() { return Folder() + "/first.atlas"; }
 
 // camera-to-world of every frame of the sequence, mm.
 std::vector<SE3> GroundTruth() {

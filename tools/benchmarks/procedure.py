@@ -264,9 +264,11 @@ def main():
         rendered = {number: renderer.submit(make_sequence, arguments, number) for number in numbers}
 
         def series(rate):
+            folder = arguments.out / f"{arguments.device}_rate_{rate:g}"
+            _held = runs.claim(folder)
             for number in numbers:
                 rendered[number].result()
-                one_run(arguments, arguments.out / f"{arguments.device}_rate_{rate:g}", rate, number)
+                one_run(arguments, folder, rate, number)
 
         for done in [pool.submit(series, rate) for rate in arguments.rates] + list(rendered.values()):
             done.result()

@@ -11,7 +11,10 @@ constexpr double kMaxOwnShare = 0.5;
 // This part of a pool goes at once.
 constexpr int kBatchesPerPool = 64;
 // A point with this many observations or fewer helped to place keyframes rather than to find them again.
-constexpr std::size_t kMaxPointViews[] = {2, 3, 4};
+constexpr int kFewPointViews = 4;
+// A keyframe with fewer points is hardly found again: relocalisation asks for some tens of inliers.
+constexpr int kThinKeyframePoints = 64;
+constexpr int kPointsPerRichnessStep = 16;
 constexpr int kAnySize = std::numeric_limits<int>::max();
 
 }  // namespace
@@ -50,11 +53,16 @@ bool Evictor::MakeKeyframeRoom(int wanted, KeyframeHandle newest) {
 bool Evictor::MakePointRoom(int wanted, KeyframeHandle newest) {
   wanted = std::min(wanted, config_.memory.max_map_points / 4);
   if (NumFreePoints() >= wanted) return true;
-  const int batch = std::max(wanted, config_.memory.max_map_points / kBatchesPerPool);
+  const int batch = wanted + config_.memory.max_map_points / kBatchesPerPool;
   Protect(newest);
-  for (const std::size_t max_views : kMaxPointViews) EvictPoints(batch, true, max_views);
-  while (NumFreePoints() < wanted && EvictSmallestMap(config_.memory.small_map_keyframes)) continue;
-  if (NumFreePoints() < wanted) EvictPoints(batch, false, kMaxPointViews[0]);
+  CountRanks();
+  int num_evicted = EvictPoints(batch, kFewOfInactive);
+  while (NumFreePoints() < wanted && EvictSmallestMap(config_.memory.small_map_keyframes)) ++num_evicted;
+  while (NumFreePoints() < wanted) {
+    if (num_evicted > 0) CountRanks();
+    num_evicted = EvictPoints(batch, kAnyOfActive);
+    if (num_evicted == 0) break;
+  }
   return NumFreePoints() >= wanted;
 }
 
@@ -157,16 +165,48 @@ bool Evictor::EvictSmallestMap(int max_keyframes) {
   return true;
 }
 
-void Evictor::EvictPoints(int wanted, bool is_inactive, std::size_t max_views) {
+int Evictor::RankOf(const MapPoint& point) const {
+  int thinnest = kAnySize;
+  for (const Observation& observation : point.observations) {
+    if (is_protected_[observation.keyframe.index] != 0) return -1;
+    thinnest = std::min(thinnest, atlas_.keyframe(observation.keyframe).num_points);
+  }
+  const auto num_views = static_cast<int>(point.observations.size());
+  const bool is_thin = thinnest < kThinKeyframePoints, is_inactive = IsInactive(atlas_.map(point.map));
+  const bool is_spent = !is_thin && num_views <= (is_inactive ? kFewPointViews : 2);
+  const RankClass rank_class =
+      is_inactive ? (is_spent ? kFewOfInactive : kAnyOfInactive) : (is_spent ? kTwoOfActive : kAnyOfActive);
+  const int richness = std::min(thinnest / kPointsPerRichnessStep, kRichnessSteps - 1);
+  const int of_views = (is_thin ? kMaxObservations + 1 : 0) + num_views;
+  return rank_class * kRanksOfClass + of_views * kRichnessSteps + kRichnessSteps - 1 - richness;
+}
+
+// The ranks are counted, so that nothing has to be sorted.
+void Evictor::CountRanks() {
+  num_of_rank_.fill(0);
+  atlas_.points().ForEach([&](MapPointHandle, const MapPoint& point) {
+    if (const int rank = RankOf(point); rank >= 0) ++num_of_rank_[static_cast<std::size_t>(rank)];
+  });
+}
+
+// As points go, keyframes become thinner and the ranks of the others rise: those that are not the least useful any more
+// stay for now.
+int Evictor::EvictPoints(int num_free, RankClass last_class) {
+  const int end = (last_class + 1) * kRanksOfClass;
+  int last_rank = -1, num_found = 0;
+  while (num_found < num_free - NumFreePoints() && last_rank + 1 < end) {
+    num_found += num_of_rank_[static_cast<std::size_t>(++last_rank)];
+  }
+  if (num_found == 0) return 0;
+  const std::uint64_t num_before = counters_.num_points;
   atlas_.points().ForEach([&](MapPointHandle handle, const MapPoint& point) {
-    if (NumFreePoints() >= wanted || point.observations.size() > max_views) return;
-    if (IsInactive(atlas_.map(point.map)) != is_inactive) return;
-    for (const Observation& observation : point.observations) {
-      if (is_protected_[observation.keyframe.index] != 0) return;
-    }
+    if (NumFreePoints() >= num_free) return;
+    const int rank = RankOf(point);
+    if (rank < 0 || rank > last_rank) return;
     atlas_.RemovePoint(handle);
     ++counters_.num_points;
   });
+  return static_cast<int>(counters_.num_points - num_before);
 }
 
 }  // namespace haustra

@@ -5,17 +5,21 @@
 //               4. the least useful keyframe of any map, but for the tracker's surroundings, whoever sees its points
 //               5. nothing is left that may go: the caller refuses the new keyframe
 //               1, 2 and 4 leave mapping.min_map_keyframes to every map
-//   map points  1. points of inactive maps with few observations, fewest first; 2. whole small inactive maps, as above;
-//               3. points of the active map with two observations, outside the tracker's surroundings; 4. refused
+//   map points  1. points of inactive maps with few observations; 2. whole small inactive maps, as above; 3. points of
+//               the active map with two observations; 4. any of inactive maps; 5. any of the active map; 6. refused.
+//               None goes that the tracker's surroundings see; 1 and 3 spare places with hardly any points
 //   maps        1. the table's entry of the oldest map that was dropped, then of the oldest that was merged (they hold
 //                  nothing but their place in the table); 2. the smallest inactive map with its entry; 3. refused
 // Useful is a keyframe whose points few others see: it is the number of its points with at most kFewViews observations,
-// ties: the older goes first. Frames that were tracked against a keyframe which goes are resolved through the neighbour
-// that shares most points with it, else the next in its map: a map that is thinned out loses no frame; one that is
-// dropped does. A batch goes at a time, so that the search is not made for every new keyframe.
-// Deterministic. thread-bound(mapping), between two steps of anything that holds handles.
+// ties: the older goes first. Useful is a point that many see; of others the one whose thinnest keyframe has fewest
+// points left: places are thinned out evenly, and those with hardly any points keep them till last. Frames that were
+// tracked against a keyframe which goes are resolved through the neighbour that shares most points with it, else the
+// next in its map: a map that is thinned out loses no frame; one that is dropped does. A batch goes at a time, so that
+// the search is not made for every new keyframe. Deterministic. thread-bound(mapping), between two steps of anything
+// that holds handles.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -53,6 +57,13 @@ class Evictor {
   const EvictionCounters& counters() const { return counters_; }
 
  private:
+  // A point's rank says when it goes, the smallest first. Classes are those of the list above; in each, those with few
+  // observations go first, and of these the ones whose thinnest keyframe has most points left.
+  enum RankClass { kFewOfInactive, kTwoOfActive, kAnyOfInactive, kAnyOfActive, kNumRankClasses };
+  static constexpr int kRichnessSteps = 32;
+  static constexpr int kRanksOfClass = 2 * (kMaxObservations + 1) * kRichnessSteps;
+  static constexpr int kNumRanks = kNumRankClasses * kRanksOfClass;
+
   struct Candidate {
     int num_own = 0;  // points that few others see
     KeyframeId id = kNoId;
@@ -70,7 +81,11 @@ class Evictor {
   void EvictKeyframes(int wanted, Which which, double max_own_share);
   void EvictKeyframe(KeyframeHandle handle);
   bool EvictSmallestMap(int max_keyframes);
-  void EvictPoints(int wanted, bool is_inactive, std::size_t max_views);
+  // In [0, kNumRanks); negative: it stays.
+  int RankOf(const MapPoint& point) const;
+  void CountRanks();
+  // After CountRanks: until so many are free, points of the classes up to this one. How many went.
+  int EvictPoints(int num_free, RankClass last_class);
 
   const EngineConfig& config_;
   Atlas& atlas_;
@@ -82,6 +97,7 @@ class Evictor {
   std::vector<std::uint8_t> is_protected_;  // by keyframe slot
   std::vector<Covisible> covisible_;
   std::vector<FeatureSetHandle> sets_;
+  std::array<int, kNumRanks> num_of_rank_{};  // points that may go
 };
 
 }  // namespace haustra

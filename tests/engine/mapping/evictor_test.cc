@@ -1,0 +1,153 @@
+// Which points go when the pool is full, in atlases that are put together point by point.
+#include "engine/mapping/evictor.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <vector>
+
+#include "engine/atlas/invariants.h"
+
+namespace haustra {
+namespace {
+
+constexpr int kFeatures = 640, kPool = 640;
+
+class NoRetrieval final : public KeyframeRetrieval {
+ public:
+  Status Add(const Atlas&, KeyframeHandle) override { return Status::Ok(); }
+  void Remove(KeyframeHandle) override {}
+  Status Query(const Atlas&, const RetrievalQuery&, std::vector<RetrievalCandidate>*) override { return Status::Ok(); }
+  Status Prepare(const Atlas&, const RetrievalQuery&, VoteList*, std::vector<RetrievalCandidate>*) override {
+    return Status::Ok();
+  }
+};
+
+class EvictorTest : public testing::Test {
+ protected:
+  EvictorTest()
+      : config_(MakeConfig()),
+        atlas_({config_.memory.max_keyframes, kPool, 8, 64, kFeatures}),
+        evictor_(
+            config_, atlas_, retrieval_, [](FeatureSetHandle) {}, [](MapHandle) {}) {}
+
+  static EngineConfig MakeConfig() {
+    EngineConfig config;
+    config.features.max = kFeatures;
+    config.memory.max_keyframes = 24;
+    config.memory.max_map_points = kPool;
+    config.memory.small_map_keyframes = 0;
+    return config;
+  }
+  KeyframeHandle AddKeyframe(MapHandle map) {
+    FrameFeatures features(kFeatures);
+    features.num = kFeatures;
+    return atlas_.AddKeyframe(map, num_frames_++, TimePoint{}, SE3{}, features);
+  }
+  std::vector<KeyframeHandle> AddKeyframes(MapHandle map, int count) {
+    std::vector<KeyframeHandle> keyframes;
+    for (int i = 0; i < count; ++i) keyframes.push_back(AddKeyframe(map));
+    return keyframes;
+  }
+  // So many points that all of these keyframes see.
+  std::vector<MapPointHandle> AddPoints(const std::vector<KeyframeHandle>& seen_by, int count) {
+    std::vector<MapPointHandle> points;
+    for (int i = 0; i < count; ++i) {
+      const MapHandle map = atlas_.keyframe(seen_by[0]).map;
+      const MapPointHandle point = atlas_.AddPoint(map, Eigen::Vector3d::UnitZ(), 0);
+      for (const KeyframeHandle keyframe : seen_by) {
+        EXPECT_TRUE(atlas_.AddObservation(point, keyframe, atlas_.keyframe(keyframe).num_points));
+      }
+      points.push_back(point);
+    }
+    return points;
+  }
+  int NumLeft(const std::vector<MapPointHandle>& points) const {
+    return static_cast<int>(
+        std::count_if(points.begin(), points.end(), [&](MapPointHandle p) { return atlas_.GetPoint(p) != nullptr; }));
+  }
+
+  EngineConfig config_;
+  Atlas atlas_;
+  NoRetrieval retrieval_;
+  Evictor evictor_;
+  std::uint32_t num_frames_ = 0;
+};
+
+// The scope goes on where everything known is well known.
+TEST_F(EvictorTest, AMapOfEstablishedPointsMakesRoomForNewOnes) {
+  const MapHandle map = atlas_.CreateMap();
+  const auto old = AddKeyframes(map, 4), older = AddKeyframes(map, 4), here = AddKeyframes(map, 4);
+  const auto of_old = AddPoints(old, 200), of_older = AddPoints(older, 200), near = AddPoints(here, 240);
+  ASSERT_EQ(atlas_.points().size(), atlas_.points().capacity());
+  EXPECT_TRUE(evictor_.MakePointRoom(100, here.back()));
+  EXPECT_GE(atlas_.points().capacity() - atlas_.points().size(), 100u);
+  EXPECT_EQ(NumLeft(near), 240);
+  EXPECT_EQ(evictor_.counters().num_points, atlas_.points().capacity() - atlas_.points().size());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  // Both places can be found again.
+  EXPECT_GT(NumLeft(of_old), 120);
+  EXPECT_GT(NumLeft(of_older), 120);
+}
+
+TEST_F(EvictorTest, PointsThatFewSeeGoFirst) {
+  const MapHandle map = atlas_.CreateMap();
+  const auto there = AddKeyframes(map, 3), here = AddKeyframes(map, 2);
+  const auto by_all = AddPoints(there, 200), by_two = AddPoints({there[0], there[1]}, 200);
+  AddPoints(here, 240);
+  EXPECT_TRUE(evictor_.MakePointRoom(100, here.back()));
+  EXPECT_EQ(NumLeft(by_all), 200);
+  EXPECT_EQ(NumLeft(by_two), 100 - kPool / 64);
+}
+
+// Made first, the points of the thin place have the lowest slots.
+TEST_F(EvictorTest, APlaceWithFewPointsKeepsThem) {
+  const MapHandle map = atlas_.CreateMap();
+  const auto thin = AddKeyframes(map, 2), rich = AddKeyframes(map, 2), richer = AddKeyframes(map, 2);
+  const auto here = AddKeyframes(map, 2);
+  const auto few = AddPoints(thin, 60), many = AddPoints(rich, 190), more = AddPoints(richer, 220);
+  AddPoints(here, kPool - static_cast<int>(atlas_.points().size()));
+  EXPECT_TRUE(evictor_.MakePointRoom(120, here.back()));
+  EXPECT_EQ(NumLeft(few), 60);
+  EXPECT_LT(std::abs(NumLeft(many) - NumLeft(more)), 20);
+}
+
+// A place that a few points hold gives them last, even where nobody else sees them.
+TEST_F(EvictorTest, NoPlaceIsEmptiedWhileOthersHaveMore) {
+  const MapHandle map = atlas_.CreateMap();
+  const auto thin = AddKeyframes(map, 2), rich = AddKeyframes(map, 4), here = AddKeyframes(map, 2);
+  const auto few = AddPoints(thin, 20), many = AddPoints(rich, 380);
+  AddPoints(here, 240);
+  EXPECT_TRUE(evictor_.MakePointRoom(150, here.back()));
+  EXPECT_EQ(NumLeft(few), 20);
+  EXPECT_EQ(NumLeft(many), 230 - kPool / 64);
+}
+
+TEST_F(EvictorTest, OtherMapsGiveBeforeTheActiveOne) {
+  const MapHandle stored = atlas_.CreateMap();
+  const auto there = AddKeyframes(stored, 6);
+  const auto of_stored = AddPoints(there, 200);
+  atlas_.map(stored).status = MapStatus::kStored;
+  const MapHandle map = atlas_.CreateMap();
+  const auto far = AddKeyframes(map, 4), here = AddKeyframes(map, 4);
+  const auto of_active = AddPoints(far, 200);
+  AddPoints(here, 240);
+  EXPECT_TRUE(evictor_.MakePointRoom(100, here.back()));
+  EXPECT_EQ(NumLeft(of_active), 200);
+  EXPECT_EQ(NumLeft(of_stored), 100 - kPool / 64);
+}
+
+// Everything is around the tracker: nothing may go.
+TEST_F(EvictorTest, TheTrackersSurroundingsStay) {
+  const MapHandle map = atlas_.CreateMap();
+  const auto here = AddKeyframes(map, 12);
+  for (int i = 0; i + 1 < 12; ++i) AddPoints({here[i], here[i + 1]}, 50);
+  AddPoints(here, 90);  // all are covisible
+  EXPECT_EQ(atlas_.points().size(), atlas_.points().capacity());
+  EXPECT_FALSE(evictor_.MakePointRoom(10, here.back()));
+  EXPECT_EQ(atlas_.points().size(), atlas_.points().capacity());
+}
+
+}  // namespace
+}  // namespace haustra

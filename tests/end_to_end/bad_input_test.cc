@@ -316,6 +316,21 @@ TEST_F(BadInput, MissingCalibrationOfAMeasurementNamesTheCommandThatEstimatesOne
   }
 }
 
+TEST_F(BadInput, FileThatIsNoVideoIsSaidToBeNone) {
+  sequence_ = Write("clip.mp4", "not a video");
+  const CommandResult run = Run();
+  ExpectOutcome(run, kExitBadData, {sequence_});
+  EXPECT_EQ(run.err.find("calib.yaml"), std::string::npos) << "a calibration would not help: " << run.err;
+  EXPECT_FALSE(Exists(out_));
+}
+
+TEST_F(BadInput, FolderOfAFileToWriteIsLookedForBeforeTheWork) {
+  const std::string file = scratch_ + "/none/file";
+  ExpectOutcome(HaustraOnCpu({"calibrate", sequence_, "--out", file}), kExitIo, {file, "its folder does not exist"});
+  ExpectOutcome(HaustraOnCpu({"soak", sequence_, "--csv", file}), kExitIo, {file, "its folder does not exist"});
+  ExpectRefusal(kExitIo, {file, "its folder does not exist"}, {"--save-atlas", file});
+}
+
 TEST_F(BadInput, FilesThatAreThereAreKeptUnlessOverwriteIsSaid) {
   const std::string file = Write("results.json", "precious");
   const std::vector<std::string> evaluate = {"evaluate", ResultFolder("standard"), "--json", file};

@@ -116,7 +116,7 @@ void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(1, Vocabulary::kMaxDepth))
       ->capture_default_str();
   command->add_option("--seed", arguments->options.seed, "Seed of the clustering")
-      ->check(NonNegativeNumber())
+      ->check(WholeNumber<std::uint64_t>())
       ->capture_default_str();
   command->add_option("--config", arguments->config, "Configuration file (YAML): its features are those of the words");
   command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value")

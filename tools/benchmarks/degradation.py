@@ -10,7 +10,7 @@ rendered, run on one thread of the CPU, judged by their ground truth, and drawn 
 
 Seed N makes the colon and the run. The point of strength zero is the same for all curves. A point is made again only when
 the program or its options have changed, so a sweep that was broken off goes on; its frames are deleted when it is judged.
-This folder and a program are enough: it needs no tree, no git, and only the standard library.
+This folder and a program are enough: it needs no tree, no git, and only the standard library; for the curve h264 ffmpeg.
 """
 
 import argparse
@@ -29,6 +29,7 @@ import results
 import runs
 
 SECONDS, SIZE = 36, "360x270"
+ENCODER = "--h264"  # stands among the options of rendering; with the constant rate factor of x264, larger is coarser
 # Losses of several kinds; places are seen again. As shares of the length.
 LOSSES = (("redout", 0.20, 1.4), ("jump", 0.425, 0.44), ("bubbles", 0.55, 1.4), ("water", 0.87, 1.4))
 
@@ -53,6 +54,11 @@ def both_moves(percent):
     return ["--contraction", f"{percent:g}", "--breathing", f"{percent / 2:g}"]
 
 
+def video(crf):
+    """Of no program of ours: the pictures go through an encoder and back."""
+    return [ENCODER, f"{crf:g}"]
+
+
 def event(kind):
     """Of so many seconds, about the middle of the part between two losses that is the longest."""
     return lambda seconds: ["--events", f"{kind}@{{middle}}+{seconds:g}"]
@@ -67,6 +73,7 @@ CURVES = {
     "readout": ("rolling shutter", "of the frame period", option("readout"), [0, 0.25, 0.5, 0.75, 1]),
     "fields": ("fields", "of the frame period", option("field-lag"), [0, 0.1, 0.25, 0.5]),
     "jpeg": ("compression: 100 less the JPEG quality", "", lambda s: ["--quality", f"{100 - s:g}"], [8, 30, 50, 70, 80, 90]),
+    "h264": ("H.264 video: constant rate factor of x264", "", video, [0, 18, 23, 28, 33, 38]),
     "breathing": ("breathing", "% of the radius", option("breathing"), [0, 3, 6, 9, 12, 15]),
     "contraction": ("travelling contraction", "% of the radius", option("contraction"), [0, 3, 6, 9, 12, 15]),
     "tangential": ("sliding wall", "% of the radius", option("tangential"), [0, 3, 6, 9, 12, 15]),
@@ -122,6 +129,35 @@ def point_name(curve, strength):
     return "zero" if strength == CURVES[curve][3][0] else f"{curve}_{strength:g}"
 
 
+def split(render):
+    """Options of `haustra render`, and the rate factor of the encoder or None."""
+    if ENCODER not in render:
+        return render, None
+    at = render.index(ENCODER)
+    return render[:at] + render[at + 2:], render[at + 1]
+
+
+def encode(sequence, crf):
+    """Replaces the pictures of a sequence by what H.264 video leaves of them. Nothing, or the reason why it failed."""
+    if not shutil.which("ffmpeg"):
+        return "the curve h264 needs ffmpeg"
+    frames, film = sequence / "frames", sequence / "film.mp4"
+    before = sorted(frames.glob("*.jpg"))
+    ffmpeg = ["ffmpeg", "-loglevel", "error", "-y", "-threads", "1"]
+    commands = [[*ffmpeg, "-framerate", "25", "-i", frames / "%06d.jpg", "-c:v", "libx264", "-crf", crf, "-pix_fmt", "yuv420p", film],
+                [*ffmpeg, "-i", film, "-start_number", "0", frames / "%06d.png"]]
+    for command in commands:
+        if (failure := runs.call(command)) is not None:
+            return failure
+    film.unlink()
+    after = sorted(frames.glob("*.png"))
+    if [p.stem for p in after] != [p.stem for p in before]:
+        return f"the video has {len(after)} pictures of {len(before)}"
+    for picture in before:
+        picture.unlink()
+    return None
+
+
 def made_point(folder, haustra, seed, render, keep_frames):
     """Renders, runs and judges, unless that was done before. What `haustra evaluate` found, or the reason why not."""
     record, figures = folder / "made_with.json", folder / "figures.json"
@@ -131,8 +167,11 @@ def made_point(folder, haustra, seed, render, keep_frames):
     record.unlink(missing_ok=True)
     sequence = folder / "sequence"
     folder.mkdir(parents=True, exist_ok=True)
-    if (failure := runs.call([haustra, "render", sequence, "--seed", str(seed), "--overwrite", *render])) is not None:
+    rendering, crf = split(render)
+    if (failure := runs.call([haustra, "render", sequence, "--seed", str(seed), "--overwrite", *rendering])) is not None:
         return f"rendering failed: {failure}"
+    if crf is not None and (failure := encode(sequence, crf)) is not None:
+        return f"encoding failed: {failure}"
     options = ["--mode", "sequential", "--seed", str(seed), "--device", "cpu", "--threads", "1"]
     found = runs.judged_run(folder, haustra, sequence, options, truth=sequence / "groundtruth.txt")
     if isinstance(found, str):
@@ -261,6 +300,7 @@ def main():
     if target.exists() and not arguments.overwrite:
         sys.exit(f"{target} is there already (--overwrite replaces it)")
     haustra, out = arguments.haustra.resolve(), arguments.out.resolve()
+    _held = runs.claim(out)
 
     strengths = {name: [CURVES[name][3][0], CURVES[name][3][-1]] if arguments.ends_only else CURVES[name][3] for name in names}
     tasks = {}

@@ -6,6 +6,7 @@ when only the judge or the ground truth do. Needs only the standard library.
 """
 
 import concurrent.futures
+import fcntl
 import functools
 import hashlib
 import json
@@ -43,6 +44,18 @@ def digest_of_sequence(sequence):
         if path.suffix in TEXT_SUFFIXES or path.name == "mask.png":
             digest.update(digest_of_file(path).encode())
     return digest.hexdigest()
+
+
+def claim(folder):
+    """Two calls that work in one folder would take each other's frames away: the second one is refused, and says so. Returns
+    what holds the claim for as long as it is kept."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = open(folder / ".lock", "w", encoding="ascii")
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        sys.exit(f"{folder}: another call is at work there")
+    return lock
 
 
 def is_made(record, made_with, product):
@@ -134,6 +147,7 @@ def run_variants(arguments, sequences, variants, judge=None):
     if len({sequence.name for sequence in sequences}) < len(sequences):
         sys.exit("two sequences have the same name")
     haustra, out = arguments.haustra.resolve(), arguments.out.resolve()
+    _held = claim(out)
     folders = {sequence.name: sequence.sequence(out) for sequence in sequences}
     tasks = {}
     for seed in range(1, arguments.seeds + 1):  # seeds first: a series that is broken off has every sequence

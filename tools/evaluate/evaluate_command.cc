@@ -111,6 +111,10 @@ void AddEvaluateCommand(CLI::App& app, std::function<int()>& action) {
       ->add_option("--deadline-ms", arguments->options.deadline_ms,
                    "Deadline of a frame (default: the frame period at the pace of the run)")
       ->check(PositiveNumber());
+  command
+      ->add_option("--segment", arguments->options.segment,
+                   "Errors of each stretch of this length along the true path, ground-truth units, too (default: none)")
+      ->check(PositiveNumber());
   command->add_flag("--positions-only", arguments->options.joins.positions_only,
                     "The true orientations are not to be trusted: do not use them");
   command->callback([arguments, &action] { action = [arguments] { return RunEvaluate(*arguments); }; });

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/evaluate/path_segments.h"
 #include "tools/evaluate/recall.h"
 
 namespace haustra::evaluate {
@@ -386,6 +387,7 @@ Evaluation EvaluateRun(const RunOutput& run, const Reference& reference, const E
   EvaluateMaps(run, frames, &evaluation);
   evaluation.scene_depth = AssignDepths(run, options.scene_depth, &evaluation.per_map, &frames);
   FillMapTables(&evaluation);
+  if (options.segment > 0.0) evaluation.segments = EvaluateSegments(frames, evaluation.per_map, options.segment);
   CountEvents(run.events, &evaluation);
   evaluation.joins = JudgeJoins(frames, run.events, options.joins);
   CountJoins(&evaluation);

@@ -12,6 +12,7 @@ struct EvaluateOptions {
   JoinOptions joins;
   double scene_depth = 0.0;  // ground-truth units; 0: from the maps' exported points
   double deadline_ms = 0.0;  // 0: the frame period at the pace of the run
+  double segment = 0.0;      // length of the stretches that errors are given for, ground-truth units; 0: none
 };
 
 Evaluation EvaluateRun(const RunOutput& run, const Reference& reference, const EvaluateOptions& options);

@@ -97,6 +97,16 @@ struct StageEvaluation {
   double mean = 0.0, deviation = 0.0;      // ms; deviation of the sample
 };
 
+// A stretch of the way that the camera truly went, from `begin` to one segment length farther.
+struct SegmentEvaluation {
+  double begin = 0.0;             // ground-truth units along the true path, from its first frame
+  std::size_t frames = 0;         // with a true pose
+  std::size_t localised = 0;      // of these
+  std::optional<double> rms_ate;  // after the Sim(3) of each frame's map
+  std::optional<double> rms_own;  // each map's part of the stretch after a Sim(3) of its own: how true it is in itself
+  std::size_t own_frames = 0;     // that rms_own is of
+};
+
 struct Evaluation {
   std::string name;  // folder of the run
   std::string mode;
@@ -159,8 +169,9 @@ struct Evaluation {
 
   std::optional<MapTable> mean_map;
   std::optional<MapTable> largest_map;
-  std::vector<MapEvaluation> per_map;  // by map id
-  std::vector<JoinEvaluation> joins;   // by frame
+  std::vector<MapEvaluation> per_map;       // by map id
+  std::vector<JoinEvaluation> joins;        // by frame
+  std::vector<SegmentEvaluation> segments;  // along the true path; none unless a length was asked for
 };
 
 }  // namespace haustra::evaluate

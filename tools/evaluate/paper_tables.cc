@@ -172,6 +172,18 @@ TextTable MakeMapTable(const Evaluation& evaluation) {
   return table;
 }
 
+TextTable MakeSegmentTable(const Evaluation& evaluation) {
+  TextTable table;
+  table.title = "Errors along the true path";
+  table.header = {"from " + evaluation.unit, "frames", "localised", "RMS ATE " + evaluation.unit,
+                  "of its own " + evaluation.unit};
+  for (const SegmentEvaluation& segment : evaluation.segments) {
+    table.rows.push_back({Fixed(segment.begin, 0), std::to_string(segment.frames), std::to_string(segment.localised),
+                          Fixed(segment.rms_ate, 4), Fixed(segment.rms_own, 4)});
+  }
+  return table;
+}
+
 TextTable MakeStageTable(std::span<const Evaluation> evaluations) {
   TextTable table;
   table.title = "Stage times";

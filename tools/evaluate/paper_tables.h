@@ -15,6 +15,9 @@ TextTable MakePaperTable(std::span<const Evaluation> evaluations);
 // The maps of one run: the paper's values, error and scale of each.
 TextTable MakeMapTable(const Evaluation& evaluation);
 
+// A row for each stretch of the true path; no rows when no length was asked for.
+TextTable MakeSegmentTable(const Evaluation& evaluation);
+
 // A row a stage: how often it ran, median, 99th percentile, maximum, mean and standard deviation in ms. Over several
 // runs each figure is the mean of the runs' figures.
 TextTable MakeStageTable(std::span<const Evaluation> evaluations);

@@ -57,6 +57,15 @@ Json MapOf(const MapEvaluation& map) {
           {"observations_per_point", map.observations_per_point}};
 }
 
+Json SegmentOf(const SegmentEvaluation& segment) {
+  return {{"begin", segment.begin},
+          {"frames", segment.frames},
+          {"localised", segment.localised},
+          {"rms_ate", OrNull(segment.rms_ate)},
+          {"rms_own", OrNull(segment.rms_own)},
+          {"own_frames", segment.own_frames}};
+}
+
 Json StageOf(const StageEvaluation& stage) {
   return {
       {"stage", stage.stage}, {"count", stage.count},        {"p50", stage.p50}, {"p99", stage.p99}, {"max", stage.max},
@@ -147,6 +156,8 @@ Json RunOf(const Evaluation& e) {
   for (const MapEvaluation& map : e.per_map) json["per_map"].push_back(MapOf(map));
   json["joins"] = Json::array();
   for (const JoinEvaluation& join : e.joins) json["joins"].push_back(JoinOf(join));
+  json["segments"] = Json::array();
+  for (const SegmentEvaluation& segment : e.segments) json["segments"].push_back(SegmentOf(segment));
   json["warnings"] = e.warnings;
   return json;
 }

@@ -175,6 +175,7 @@ std::string ToText(const Evaluation& evaluation) {
   text += TimeLines(evaluation);
   const std::span<const Evaluation> one(&evaluation, 1);
   text += TableLines(MakeMapTable(evaluation));
+  text += TableLines(MakeSegmentTable(evaluation));
   text += TableLines(WithoutRun(MakeJoinTable(one)));
   text += TableLines(MakeStageTable(one));
   for (const std::string& warning : evaluation.warnings) text += "  warning: " + warning + "\n";

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "engine/geometry/se3.h"
 #include "tools/render/lattice_noise.h"
@@ -11,6 +12,18 @@ namespace {
 
 constexpr double kCentrelineStepMm = 0.25;
 constexpr int kMaxAttempts = 64;
+
+// A flexure at its place: curvature = sharpest * cos^2, over a stretch whose integral is the turn.
+struct Bend {
+  double middle_mm, half_mm, sharpest_per_mm, direction_rad;
+  // 0 outside, 1 in the middle.
+  double Share(double arc_mm) const {
+    const double x = std::abs(arc_mm - middle_mm) / half_mm;
+    if (x >= 1.0) return 0.0;
+    const double c = std::cos(0.5 * std::numbers::pi * x);
+    return c * c;
+  }
+};
 
 }  // namespace
 
@@ -32,6 +45,14 @@ bool Centreline::Build(const Shape& shape, double max_curvature, Rng& rng) {
   Eigen::Vector3d position;
   for (int i = 0; i < 3; ++i) position[i] = rng.Uniform(-50.0, 50.0);
 
+  std::vector<Bend> bends;
+  for (const Flexure& flexure : shape.flexures) {
+    // The mean of cos^2 is a half: turn = half * sharpest.
+    const double turn_rad = flexure.turn_deg * std::numbers::pi / 180.0;
+    bends.push_back({flexure.at_share * shape.length_mm, turn_rad * flexure.radius_mm, 1.0 / flexure.radius_mm,
+                     rng.Uniform(0.0, 2.0 * std::numbers::pi)});
+  }
+
   const int count = static_cast<int>(std::ceil(shape.length_mm / kCentrelineStepMm)) + 2;
   samples_.clear();
   samples_.reserve(count);
@@ -45,6 +66,11 @@ bool Centreline::Build(const Shape& shape, double max_curvature, Rng& rng) {
     if (norm > max_curvature) {
       k1 *= max_curvature / norm;
       k2 *= max_curvature / norm;
+    }
+    for (const Bend& bend : bends) {
+      const double share = bend.Share(s);
+      k1 = (1.0 - share) * k1 + share * bend.sharpest_per_mm * std::cos(bend.direction_rad);
+      k2 = (1.0 - share) * k2 + share * bend.sharpest_per_mm * std::sin(bend.direction_rad);
     }
     // The tangent turns towards the normal by k1 and towards the binormal by k2; half a turn before and after the step.
     const Eigen::Quaterniond half_turn = ExpSO3(Eigen::Vector3d(-k2, k1, 0.0) * (0.5 * kCentrelineStepMm));

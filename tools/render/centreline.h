@@ -17,6 +17,13 @@ struct CurveFrame {
   Eigen::Vector3d binormal;
 };
 
+// A sharp bend, as between two parts of the colon.
+struct Flexure {
+  double at_share = 0.0;  // of the length
+  double turn_deg = 90.0;
+  double radius_mm = 45.0;  // where it is sharpest
+};
+
 class Centreline {
  public:
   struct Shape {
@@ -24,9 +31,11 @@ class Centreline {
     double max_curvature_per_mm = 1.0 / 65.0;
     double clearance_mm = 56.0;
     TwinSegment twin;
+    std::vector<Flexure> flexures;
   };
   // A curve that keeps clearance_mm between parts that are not neighbours: random bends are drawn again, with less and
-  // less curvature, until they do. The bends of the twin segment are repeated.
+  // less curvature, until they do. The bends of the twin segment are repeated. A flexure bends one way, drawn, and
+  // takes the place of the random bends there.
   Centreline(const Shape& shape, Rng& rng);
 
   double length_mm() const { return length_mm_; }

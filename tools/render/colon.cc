@@ -9,6 +9,7 @@ Centreline::Shape CurveShape(const ColonStyle& style) {
   shape.max_curvature_per_mm = style.max_curvature_per_mm;
   shape.clearance_mm = 2.0 * style.lumen.max_radius_mm + 6.0;
   shape.twin = style.twin;
+  shape.flexures = style.flexures;
   return shape;
 }
 
@@ -19,6 +20,8 @@ Colon::Colon(const ColonStyle& style, std::uint64_t seed)
       rng_(seed, 0x5ce),
       centreline_(CurveShape(style), rng_),
       lumen_(style.lumen, style.length_mm, style.twin, rng_),
-      mesh_(centreline_, lumen_, style.dome_mm) {}
+      mesh_(centreline_, lumen_, style.dome_mm) {
+  if (style.remodel > 0.0) mesh_.Remodel(style.remodel, style.remodel_seed, style.lumen.min_opening_mm);
+}
 
 }  // namespace haustra::render

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "tools/render/breathing.h"
 #include "tools/render/centreline.h"
@@ -18,7 +19,13 @@ struct ColonStyle {
   double max_curvature_per_mm = 1.0 / 65.0;
   LumenShape::Style lumen;
   TwinSegment twin;
+  std::vector<Flexure> flexures;
   Breathing breathing;
+  // The colon of the seed as it is another day: the radius of its wall differs by up to this share, [0, kMaxRemodel],
+  // smoothly from place to place. The mucosa stays on the wall.
+  double remodel = 0.0;
+  std::uint64_t remodel_seed = 0;
+  static constexpr double kMaxRemodel = 0.15;
 };
 
 class Colon {

@@ -6,12 +6,19 @@
 #include <limits>
 #include <numbers>
 
+#include "engine/geometry/rng.h"
+#include "tools/render/lattice_noise.h"
+
 namespace haustra::render {
 namespace {
 
 constexpr double kRingSpacingMm = 0.55;
 // The pole of the dome is a ring, so that normals and texture stay defined, but one too small to be seen.
 constexpr double kPoleRadius = 1e-5;
+// Another day's wall is wider or narrower over stretches of this length. Noise of 0.35 becomes most of the range.
+constexpr double kRemodelCellMm = 28.0;
+constexpr int kRemodelCells = 5;
+constexpr double kRemodelGain = 1.8;
 
 }  // namespace
 
@@ -46,6 +53,22 @@ ColonMesh::ColonMesh(const Centreline& centreline, const LumenShape& shape, doub
   }
   dome_ring_ = num_tube;
   MeasureSurface();
+  ComputeNormals();
+  ComputeOpenness();
+}
+
+void ColonMesh::Remodel(double share, std::uint64_t seed, double min_radius_mm) {
+  Rng rng(seed, 0x4e0d);
+  const GradientNoise swell(rng.Next(), kRemodelCells);
+  for (int i = 0; i < num_rings(); ++i) {
+    for (int j = 0; j < kVerticesPerRing; ++j) {
+      const double around = static_cast<double>(kRemodelCells) * j / kVerticesPerRing;
+      const double noise = swell.At(static_cast<float>(rings_[i].arc_mm / kRemodelCellMm), static_cast<float>(around));
+      float& radius = radius_[Index(i, j)];
+      const double changed = radius * (1.0 + share * std::clamp(kRemodelGain * noise, -1.0, 1.0));
+      radius = static_cast<float>(std::max(changed, std::min<double>(radius, min_radius_mm)));
+    }
+  }
   ComputeNormals();
   ComputeOpenness();
 }

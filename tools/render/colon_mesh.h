@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <cstdint>
 #include <vector>
 
 #include "tools/render/breathing.h"
@@ -25,6 +26,10 @@ class ColonMesh {
 
   // The dome begins at length - dome_mm of the centre line.
   ColonMesh(const Centreline& centreline, const LumenShape& shape, double dome_mm);
+
+  // Changes the radius by up to `share` of it, smoothly from place to place, drawn from the seed. Where the wall is
+  // wider than min_radius_mm it stays so. Texture coordinates stay what they are: the mucosa goes with the wall.
+  void Remodel(double share, std::uint64_t seed, double min_radius_mm);
 
   int num_rings() const { return static_cast<int>(rings_.size()); }
   const Ring& ring(int i) const { return rings_[i]; }

@@ -103,6 +103,25 @@ std::vector<Preset> MakePresets() {
   loop.path.rounds = 1.25;
   loop.path.back_off_mm = 6.0;
   presets.push_back(loop);
+
+  Preset procedure = losses;
+  procedure.name = "procedure";
+  procedure.summary = "1.5 m of colon with its flexures, in and out with many turns in 22 minutes; nothing in the way";
+  procedure.seconds = 1320.0;
+  procedure.blind_end_mm = 48.0;
+  procedure.events.clear();
+  procedure.colon.flexures = {{0.13, 120.0, 45.0}, {0.27, 90.0, 45.0}, {0.52, 110.0, 45.0}, {0.76, 100.0, 45.0}};
+  // Advanced with loss of ground, withdrawn with a second look at every part.
+  procedure.path.stops = {0.00, 0.10, 0.07, 0.20, 0.16, 0.30, 0.27, 0.42, 0.37, 0.55, 0.50, 0.66,
+                          0.62, 0.78, 0.74, 0.90, 0.85, 1.00, 0.88, 0.92, 0.78, 0.82, 0.66, 0.70,
+                          0.54, 0.58, 0.42, 0.46, 0.30, 0.34, 0.18, 0.22, 0.08, 0.11, 0.00};
+  procedure.path.speed_mm_per_s = 3.6;
+  procedure.path.pause_s = 2.0;
+  procedure.path.max_reach_mm = 1500.0;
+  procedure.path.regain_s = 25.0;
+  procedure.path.has_fresh_passes = true;
+  procedure.path.pass_roll_deg = 40.0;
+  presets.push_back(procedure);
   return presets;
 }
 

@@ -27,7 +27,8 @@ struct RenderArguments {
   std::vector<std::string> events;
   std::optional<double> seconds, rate_hz;
   std::uint64_t seed = 1;
-  std::optional<double> breathing_percent, contraction_percent, tangential_percent;
+  std::optional<std::uint64_t> path_seed;
+  std::optional<double> breathing_percent, contraction_percent, tangential_percent, remodel_percent;
   std::optional<double> collapse_percent, collapse_period_s, stool_percent, blood_percent, blood_s;
   std::optional<int> lens_drops;
   std::optional<double> drop_size_percent;
@@ -55,11 +56,13 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   if (arguments.rate_hz) options.rate_hz = *arguments.rate_hz;
   if (!arguments.size.empty()) HAUSTRA_TRY(ParseSize(arguments.size, &options));
   options.seed = arguments.seed;
+  options.path_seed = arguments.path_seed;
   options.jpeg_quality = arguments.quality;
   render::Breathing& breathing = options.preset.colon.breathing;
   if (arguments.breathing_percent) breathing.amplitude = *arguments.breathing_percent / 100.0;
   if (arguments.contraction_percent) breathing.wave_amplitude = *arguments.contraction_percent / 100.0;
   if (arguments.tangential_percent) breathing.tangential = *arguments.tangential_percent / 100.0;
+  if (arguments.remodel_percent) options.preset.colon.remodel = *arguments.remodel_percent / 100.0;
   if (arguments.collapse_percent) breathing.pressure.collapse = *arguments.collapse_percent / 100.0;
   if (arguments.collapse_period_s) breathing.pressure.period_s = *arguments.collapse_period_s;
   render::MucosaStyle& mucosa = options.preset.mucosa;
@@ -127,6 +130,10 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--seed", arguments->seed, "Colon, mucosa and path")
       ->capture_default_str()
       ->check(WholeNumber<std::uint64_t>());
+  command
+      ->add_option("--path-seed", arguments->path_seed,
+                   "Path, events and noise: another procedure in the same colon; by default that of --seed")
+      ->check(WholeNumber<std::uint64_t>());
   command->add_option(
       "--events", arguments->events,
       "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "
@@ -147,6 +154,11 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command
       ->add_option("--tangential", arguments->tangential_percent,
                    "How far the wall slides along and about the lumen, % of the radius; by default 0")
+      ->check(CLI::Range(0.0, 15.0));
+  command
+      ->add_option("--remodel", arguments->remodel_percent,
+                   "The same colon another day: its radius differs by up to this from place to place, %; "
+                   "drawn from --path-seed; by default 0")
       ->check(CLI::Range(0.0, 15.0));
   command
       ->add_option("--collapse", arguments->collapse_percent,

@@ -85,6 +85,9 @@ Status RenderOptions::Validate() const {
         std::pair("tangential", breathing.tangential)}) {
     if (!(value >= 0.0 && value <= Breathing::kMaxAmplitude)) return OutOfRange(name, value, "[0, 0.15] of the radius");
   }
+  const double remodel = preset.colon.remodel;
+  if (!(remodel >= 0.0 && remodel <= ColonStyle::kMaxRemodel))
+    return OutOfRange("remodel", remodel, "[0, 0.15] of the radius");
   const PressureCurve& pressure = breathing.pressure;
   if (!(pressure.collapse >= 0.0 && pressure.collapse <= PressureCurve::kMaxCollapse)) {
     return OutOfRange("collapse", pressure.collapse, "[0, 0.4] of the radius");

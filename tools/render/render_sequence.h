@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,11 +24,12 @@ namespace haustra::render {
 struct RenderOptions {
   Preset preset;
   std::vector<Event> events;
-  double seconds = 20.0;  // [0.2, 3600]
-  double rate_hz = 25.0;  // [1, 120]
-  int width_px = 720;     // [64, 4096]
-  int height_px = 540;    // [64, 4096]
-  std::uint64_t seed = 1;
+  double seconds = 20.0;   // [0.2, 3600]
+  double rate_hz = 25.0;   // [1, 120]
+  int width_px = 720;      // [64, 4096]
+  int height_px = 540;     // [64, 4096]
+  std::uint64_t seed = 1;  // of the colon and its mucosa, and of the path and all else unless path_seed is given
+  std::optional<std::uint64_t> path_seed;
   int num_threads = 1;    // [1, 256]; the pictures do not depend on it
   int jpeg_quality = 92;  // [5, 100]
   Shutter shutter;

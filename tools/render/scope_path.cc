@@ -13,6 +13,12 @@ constexpr double kPlanMarginS = 2.0;
 constexpr double kSmoothingS = 0.8;  // of changes of speed
 constexpr double kLookAheadMm = 15.0;
 constexpr double kPushMm = 1.1;
+constexpr double kRegainMmPerS = 5.0;
+constexpr double kMinRegainS = 3.0;
+// Half of the time in which one way through the colon fades into the next.
+constexpr double kMaxFadeS = 2.5;
+// Places so far apart have nothing in common.
+constexpr double kPassShiftMm = 10'000.0;
 constexpr double kBaseShutterS = 1.0 / 500.0;
 constexpr double kBlurShutterS = 1.0 / 32.0;
 
@@ -60,7 +66,9 @@ double ScopePath::ReachMm(const PathStyle& style, double duration_s) {
 
 ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events,
                      double duration_s, std::uint64_t seed)
-    : ScopePath(style, centreline, events, duration_s, Rng(seed, 0x9a7)) {}
+    : ScopePath(style, centreline, events, duration_s, Rng(seed, 0x9a7)) {
+  if (style.has_fresh_passes) PlanPasses(seed);
+}
 
 ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events,
                      double duration_s, Rng rng)
@@ -97,9 +105,9 @@ ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const
     if (arc + slip < low && arc + size_mm < high) slip = size_mm;
     slip = std::clamp(arc + slip, low, high) - arc;
     const double direction = rng.Uniform(0.0, 2.0 * std::numbers::pi);
-    slips_.push_back({event.start_s, event.duration_s, std::max(3.0, size_mm / 5.0), slip,
-                      event.kind == EventKind::kJump ? 1.6 : 0.0, turn_deg * kDegree * std::cos(direction),
-                      turn_deg * kDegree * std::sin(direction)});
+    const double regain_s = style.regain_s > 0.0 ? style.regain_s : std::max(kMinRegainS, size_mm / kRegainMmPerS);
+    slips_.push_back({event.start_s, event.duration_s, regain_s, slip, event.kind == EventKind::kJump ? 1.6 : 0.0,
+                      turn_deg * kDegree * std::cos(direction), turn_deg * kDegree * std::sin(direction)});
   }
   for (Look& look : looks_) {
     const double direction = rng.Uniform(0.0, 2.0 * std::numbers::pi), angle = rng.Uniform(9.0, 15.0) * kDegree;
@@ -140,6 +148,33 @@ void ScopePath::PlanArc(double duration_s) {
   for (int pass = 0; pass < 3; ++pass) planned_arc_mm_ = MovingAverage(planned_arc_mm_, half);
 }
 
+void ScopePath::PlanPasses(std::uint64_t seed) {
+  // A turn is in the middle of the pause, where the scope looks around.
+  for (const Look& look : looks_) turns_.push_back({look.time_s, kMaxFadeS});
+  for (std::size_t i = 1; i < turns_.size(); ++i) {
+    const double half_gap_s = 0.5 * (turns_[i].time_s - turns_[i - 1].time_s);
+    turns_[i - 1].half_s = std::min(turns_[i - 1].half_s, half_gap_s);
+    turns_[i].half_s = std::min(turns_[i].half_s, half_gap_s);
+  }
+  Rng rng(seed, 0x9a8);
+  for (std::size_t i = 0; i <= turns_.size(); ++i)
+    pass_roll_deg_.push_back(style_.pass_roll_deg * rng.Uniform(-1.0, 1.0));
+}
+
+ScopePath::Pass ScopePath::PassAt(double time_s) const {
+  const auto next =
+      std::find_if(turns_.begin(), turns_.end(), [&](const Turn& turn) { return time_s < turn.time_s + turn.half_s; });
+  const int index = static_cast<int>(next - turns_.begin());
+  if (next == turns_.end() || next->half_s <= 0.0) return {index, 0.0};
+  return {index, SmoothStep(0.5 * (time_s - next->time_s) / next->half_s + 0.5)};
+}
+
+double ScopePath::AtPlace(const Wander& wander, double arc_mm, const Pass& pass) const {
+  const double here = wander.At(arc_mm + kPassShiftMm * pass.index);
+  if (pass.next_share == 0.0) return here;
+  return here + pass.next_share * (wander.At(arc_mm + kPassShiftMm * (pass.index + 1)) - here);
+}
+
 double ScopePath::PlannedArc(double time_s) const {
   const double x =
       std::clamp((time_s + kPlanMarginS) / kPlanStepS, 1.0, static_cast<double>(planned_arc_mm_.size()) - 3.0);
@@ -174,14 +209,21 @@ SE3 ScopePath::WorldFromCam(double time_s) const {
   const double arc = ArcMm(time_s);
   const CurveFrame frame = centreline_.At(arc);
 
-  Eigen::Vector2d offset(2.8 * offset_x_by_place_.At(arc) + 2.3 * offset_x_.At(time_s),
-                         2.8 * offset_y_by_place_.At(arc) + 2.3 * offset_y_.At(time_s));
+  const Pass pass = PassAt(time_s);
+  Eigen::Vector2d offset(2.8 * AtPlace(offset_x_by_place_, arc, pass) + 2.3 * offset_x_.At(time_s),
+                         2.8 * AtPlace(offset_y_by_place_, arc, pass) + 2.3 * offset_y_.At(time_s));
   // Bounded for good, without a corner: the scope must not meet the wall.
   const double norm = offset.norm();
   if (norm > 1e-9) offset *= style_.max_offset_mm * std::tanh(norm / style_.max_offset_mm) / norm;
-  double yaw = kDegree * (style_.gaze_deg * yaw_by_place_.At(arc) + style_.tremble_deg * yaw_.At(time_s));
-  double pitch = kDegree * (style_.gaze_deg * pitch_by_place_.At(arc) + style_.tremble_deg * pitch_.At(time_s));
-  const double roll = kDegree * (14.0 * roll_by_place_.At(arc) + 4.0 * roll_.At(time_s));
+  double yaw = kDegree * (style_.gaze_deg * AtPlace(yaw_by_place_, arc, pass) + style_.tremble_deg * yaw_.At(time_s));
+  double pitch =
+      kDegree * (style_.gaze_deg * AtPlace(pitch_by_place_, arc, pass) + style_.tremble_deg * pitch_.At(time_s));
+  double roll = kDegree * (14.0 * AtPlace(roll_by_place_, arc, pass) + 4.0 * roll_.At(time_s));
+  if (!pass_roll_deg_.empty()) {
+    const double here = pass_roll_deg_[pass.index];
+    roll += kDegree * here;
+    if (pass.next_share > 0.0) roll += kDegree * pass.next_share * (pass_roll_deg_[pass.index + 1] - here);
+  }
   for (const Slip& slip : slips_) {
     const double share = slip.Share(time_s) + slip.kick * Hump((time_s - slip.start_s) / slip.duration_s);
     yaw += share * slip.yaw_rad;

@@ -18,6 +18,12 @@ struct PathStyle {
   double speed_mm_per_s = 8.8;
   double pause_s = 0.8;         // at each turn, looking around
   double max_reach_mm = 260.0;  // longer sequences repeat the stops
+  // How long the hand takes to make up the ground that a slip has lost. 0: at once, at 5 mm a second.
+  double regain_s = 0.0;
+  // Whether offset, gaze and roll by place are drawn anew after each turn, as on another way through. Then each way has
+  // a roll of its own besides, up to this far from upright.
+  bool has_fresh_passes = false;
+  double pass_roll_deg = 0.0;
   double start_arc_mm = 32.0;
   double max_offset_mm = 4.0;  // from the centre line
   double gaze_deg = 16.0;      // by place: how far it looks away from straight ahead
@@ -57,7 +63,20 @@ class ScopePath {
   struct Look {
     double time_s, yaw_rad, pitch_rad;
   };
+  // From one way through the colon to the next. They fade into each other over half_s before and after.
+  struct Turn {
+    double time_s, half_s;
+  };
+  // Which way through it is, from 0 on, and how far it has faded into the next one.
+  struct Pass {
+    int index;
+    double next_share;
+  };
   void PlanArc(double duration_s);
+  void PlanPasses(std::uint64_t seed);
+  Pass PassAt(double time_s) const;
+  // A function of the place, drawn anew for each pass.
+  double AtPlace(const Wander& wander, double arc_mm, const Pass& pass) const;
   double PlannedArc(double time_s) const;
 
   PathStyle style_;
@@ -68,6 +87,8 @@ class ScopePath {
   std::vector<double> planned_arc_mm_;  // every kPlanStepS, from -kPlanMarginS
   std::vector<Slip> slips_;
   std::vector<Look> looks_;
+  std::vector<Turn> turns_;            // in order; empty without fresh passes
+  std::vector<double> pass_roll_deg_;  // one more than turns
   Wander offset_x_by_place_, offset_y_by_place_, yaw_by_place_, pitch_by_place_, roll_by_place_;
   Wander offset_x_, offset_y_, yaw_, pitch_, roll_, push_;
 };

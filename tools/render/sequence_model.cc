@@ -20,6 +20,7 @@ ColonStyle ColonStyleFor(const RenderOptions& options) {
   const double reach = ScopePath::ReachMm(options.preset.path, options.seconds);
   const double far_end = options.preset.path.start_arc_mm + reach;
   style.length_mm = far_end + options.preset.blind_end_mm + style.dome_mm;
+  style.remodel_seed = options.path_seed.value_or(options.seed);
   if (options.preset.twin_length_mm > 0.0) {
     // One in the first half of the path, one in the second.
     style.twin.length_mm = std::min(options.preset.twin_length_mm, 0.42 * reach);
@@ -33,20 +34,20 @@ Result<std::unique_ptr<SequenceModel>> SequenceModel::Create(const RenderOptions
   HAUSTRA_TRY(options.Validate());
   HAUSTRA_ASSIGN(const CameraModel camera,
                  CameraModel::Create(CalibrationFor(options.width_px, options.height_px, options.rate_hz)));
-  return std::unique_ptr<SequenceModel>(new SequenceModel(options, camera));
+  return std::unique_ptr<SequenceModel>(new SequenceModel(options, camera, options.path_seed.value_or(options.seed)));
 }
 
-SequenceModel::SequenceModel(const RenderOptions& options, const CameraModel& camera)
+SequenceModel::SequenceModel(const RenderOptions& options, const CameraModel& camera, std::uint64_t path_seed)
     : options_(options),
       camera_(camera),
       window_(options.width_px, options.height_px),
       colon_(ColonStyleFor(options), options.seed),
       mucosa_(options.preset.mucosa, colon_, options.seed, options.num_threads),
-      path_(options.preset.path, colon_.centreline(), options.events, options.seconds, options.seed),
-      drops_(options.preset.lens_drops, window_, options.seed),
-      effects_(options.events, window_, options.seed),
-      instrument_(options.events, options.seed),
-      sensor_(window_, options.width_px, options.height_px, options.preset.noise, options.seed),
+      path_(options.preset.path, colon_.centreline(), options.events, options.seconds, path_seed),
+      drops_(options.preset.lens_drops, window_, path_seed),
+      effects_(options.events, window_, path_seed),
+      instrument_(options.events, path_seed),
+      sensor_(window_, options.width_px, options.height_px, options.preset.noise, path_seed),
       spans_(FrameSpans(options.events, options.rate_hz, options.num_frames())) {}
 
 double SequenceModel::MotionPx(double time_s, double shutter_s) const {

@@ -52,7 +52,8 @@ class SequenceModel {
   double RowDelayS(int row) const;
 
  private:
-  SequenceModel(const RenderOptions& options, const CameraModel& camera);
+  // The colon is of options.seed, what happens in it of path_seed.
+  SequenceModel(const RenderOptions& options, const CameraModel& camera, std::uint64_t path_seed);
   bool IsNarrowBand(double time_s) const;
   double ShutterS(double time_s) const;
   // The moments of the rows of a picture, one for all when they are the same.

@@ -97,6 +97,44 @@ class DegradationTest(MadeUpProgramTest):
         self.assertFalse((self.folder / "results").exists())
         self.assertTrue((self.folder / "out" / "zero" / "seed_3" / "figures.json").exists())
 
+    def test_video_goes_through_an_encoder_and_back(self):
+        tools = self.folder / "bin"
+        tools.mkdir()
+        encoder = tools / "ffmpeg"
+        # Notes its arguments; decoding gives as many pictures as the name of the curve's point says.
+        encoder.write_text(f"""#!{sys.executable}
+import pathlib, sys
+with open(r"{self.folder}/encoded.txt", "a") as calls:
+    calls.write(" ".join(sys.argv[1:]) + "\\n")
+pathlib.Path(sys.argv[-1].replace("%06d", "000000")).write_text("decoded")
+if "33/" in sys.argv[-1] and sys.argv[-1].endswith("png"):
+    pathlib.Path(sys.argv[-1].replace("%06d", "000001")).write_text("one too many")
+""", encoding="utf-8")
+        encoder.chmod(0o755)
+        path = os.environ["PATH"]
+        self.addCleanup(os.environ.__setitem__, "PATH", path)
+        os.environ["PATH"] = f"{tools}:{path}"
+        code, output, asked = self.call("--keep-frames", "h264")
+        self.assertEqual(code, 1)
+        self.assertIn("h264_33 seed 1: encoding failed: the video has 2 pictures of 1", output)
+        self.assertFalse([line for line in asked if "--h264" in line])
+        encoded = (self.folder / "encoded.txt").read_text(encoding="utf-8").splitlines()
+        self.assertEqual(len(encoded), 2 * 5 * 3)  # not the point of strength zero
+        self.assertEqual(len([line for line in encoded if "-crf 23 " in line]), 3)
+        frames = [p.name for p in (self.folder / "out" / "h264_23" / "seed_2" / "sequence" / "frames").iterdir()]
+        self.assertEqual(frames, ["000000.png"])
+        os.environ["PATH"] = str(tools)
+        encoder.unlink()
+        self.assertIn("needs ffmpeg", self.call("h264")[1])
+
+    def test_two_calls_in_one_folder_are_refused(self):
+        held = degradation.runs.claim(self.folder / "out")
+        code, output, asked = self.call("exposure")
+        held.close()
+        self.assertEqual((code, asked), (1, []))
+        self.assertIn("another call is at work there", output)
+        self.assertEqual(self.call("--ends-only", "exposure")[0], 0)
+
     def test_unknown_curve_and_program_are_named(self):
         for arguments, words in ((["fog"], "no curve 'fog'"), (["--haustra", self.folder / "none"], "no such program")):
             code, output, asked = self.call(*arguments)
@@ -117,7 +155,7 @@ class RenderedPointTest(unittest.TestCase):
     def test_program_takes_the_options_of_every_curve(self):
         for name, (_, _, _, strengths) in degradation.CURVES.items():
             # Too small to be rendered, so what is wrong is that alone.
-            options = degradation.render_options(name, strengths[-1], 36) + ["--size", "63x63"]
+            options, _ = degradation.split(degradation.render_options(name, strengths[-1], 36) + ["--size", "63x63"])
             with tempfile.TemporaryDirectory() as folder:
                 options.remove(degradation.SIZE)
                 options.remove("--size")

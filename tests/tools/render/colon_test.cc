@@ -52,6 +52,36 @@ TEST(Centreline, KeepsAwayFromItself) {
   }
 }
 
+TEST(Centreline, FlexuresTurnAsFarAsTheySay) {
+  for (const std::uint64_t seed : {1u, 2u, 3u, 4u}) {
+    Rng rng(seed);
+    Centreline::Shape shape;
+    shape.length_mm = 1500.0;
+    shape.flexures = {{0.2, 120.0, 45.0}, {0.6, 90.0, 40.0}};
+    const Centreline curve(shape, rng);
+    for (const Flexure& flexure : shape.flexures) {
+      const double half = flexure.turn_deg * kPi / 180.0 * flexure.radius_mm;
+      double turned = 0.0, sharpest = 0.0;
+      const double middle = flexure.at_share * shape.length_mm;
+      for (double s = middle - half; s < middle + half; s += 1.0) {
+        const double angle = std::acos(std::min(1.0, curve.At(s).tangent.dot(curve.At(s + 1.0).tangent)));
+        turned += angle;
+        sharpest = std::max(sharpest, angle);
+      }
+      const double whole =
+          std::acos(curve.At(middle - 0.7 * half).tangent.dot(curve.At(middle + 0.7 * half).tangent)) * 180.0 / kPi;
+      EXPECT_NEAR(whole, flexure.turn_deg, 0.2 * flexure.turn_deg) << seed;
+      EXPECT_GE(turned * 180.0 / kPi, 0.95 * flexure.turn_deg) << seed;
+      EXPECT_NEAR(1.0 / sharpest, flexure.radius_mm, 3.0) << seed;
+    }
+    for (double a = 0.0; a < 1500.0; a += 10.0) {
+      for (double b = a + 110.0; b < 1500.0; b += 10.0) {
+        ASSERT_GT((curve.At(a).position - curve.At(b).position).norm(), 50.0) << seed << " " << a << " " << b;
+      }
+    }
+  }
+}
+
 TEST(LumenShape, LeavesRoomForTheScopeAndHasFolds) {
   for (const std::uint64_t seed : {1u, 2u, 3u}) {
     const Colon colon(Style(200.0), seed);
@@ -123,6 +153,39 @@ TEST(ColonMesh, ClearanceIsTheDistanceToTheWall) {
   EXPECT_LT(at_axis, 26.0);
   EXPECT_LT(colon.mesh().Clearance(frame.position + 5.0 * frame.normal, 1.0), at_axis + 5.0);
   EXPECT_LT(colon.mesh().Clearance(frame.position, 0.9), at_axis);
+}
+
+TEST(ColonMesh, AnotherDaysWallDiffersByTheShareAndKeepsItsMucosa) {
+  ColonStyle style = Style(160.0);
+  const Colon before(style, 4);
+  style.remodel = 0.05;
+  style.remodel_seed = 9;
+  const Colon after(style, 4), again(style, 4);
+  style.remodel_seed = 10;
+  const Colon another(style, 4);
+  double sum2 = 0.0, farthest = 0.0, apart = 0.0;
+  int count = 0;
+  for (int i = 0; i < before.mesh().num_rings(); ++i) {
+    EXPECT_EQ(after.mesh().ring(i).surface_mm, before.mesh().ring(i).surface_mm);
+    for (int j = 0; j < ColonMesh::kVerticesPerRing; ++j) {
+      const double radius = before.mesh().Radius(i, j);
+      const double change = after.mesh().Radius(i, j) / radius - 1.0;
+      sum2 += change * change;
+      ++count;
+      farthest = std::max(farthest, std::abs(change));
+      apart = std::max(apart, std::abs(after.mesh().Radius(i, j) - another.mesh().Radius(i, j)) / radius);
+      ASSERT_EQ(after.mesh().Radius(i, j), again.mesh().Radius(i, j));
+      // The scope passes where it passed before.
+      ASSERT_GE(after.mesh().Radius(i, j), std::min(radius, style.lumen.min_opening_mm) - 1e-5);
+      if (j == 0) continue;
+      const double step = after.mesh().Radius(i, j - 1) / before.mesh().Radius(i, j - 1) - 1.0 - change;
+      ASSERT_LT(std::abs(step), 0.03) << "a crack in the wall at " << i << " " << j;
+    }
+  }
+  EXPECT_GT(std::sqrt(sum2 / count), 0.015);
+  EXPECT_GT(farthest, 0.04);
+  EXPECT_LE(farthest, 0.05 + 1e-6);
+  EXPECT_GT(apart, 0.03);
 }
 
 TEST(Breathing, AtRestTheWallStays) { EXPECT_EQ(Breathing{}.Gain(50.0, 3.0), 1.0); }

@@ -73,7 +73,8 @@ TEST_P(EveryPreset, MovesLikeAHandBetweenEvents) {
   }
   std::nth_element(speeds.begin(), speeds.begin() + speeds.size() / 2, speeds.end());
   // One that looks around turns rather than moves.
-  EXPECT_GT(speeds[speeds.size() / 2], options.preset.path.rounds > 0.0 ? 2.0 : 4.0);
+  EXPECT_GT(speeds[speeds.size() / 2],
+            options.preset.path.rounds > 0.0 ? 2.0 : std::min(4.0, 0.8 * options.preset.path.speed_mm_per_s));
   EXPECT_LT(speeds[speeds.size() / 2], 15.0);
 }
 
@@ -129,6 +130,79 @@ TEST(ScopePath, JumpIsFastAndWearsOff) {
   EXPECT_LT(apart_mm(7.9), 0.5);
   EXPECT_GT(apart_mm(8.5), 15.0);
   EXPECT_LT(apart_mm(20.0), 0.5);
+}
+
+// The greatest angle between two looks at one place, on the way out and on the way back.
+double GazeApartDeg(const RenderOptions& options) {
+  const Journey journey(options);
+  double greatest = 0.0;
+  for (double out_s = 2.0; out_s < 0.4 * options.seconds; out_s += 0.5) {
+    const double arc = journey.path.ArcMm(out_s);
+    double back_s = 0.6 * options.seconds;
+    for (double t = back_s; t < options.seconds; t += 0.1) {
+      if (std::abs(journey.path.ArcMm(t) - arc) < std::abs(journey.path.ArcMm(back_s) - arc)) back_s = t;
+    }
+    greatest = std::max(
+        greatest, RotationAngle(journey.path.WorldFromCam(out_s).rotation, journey.path.WorldFromCam(back_s).rotation));
+  }
+  return greatest / kDegree;
+}
+
+TEST(ScopePath, AnotherWayThroughLooksAnotherWay) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
+  options.seconds = 40.0;
+  options.preset.path.tremble_deg = 0.0;
+  const double same = GazeApartDeg(options);
+  options.preset.path.has_fresh_passes = true;
+  const double fresh = GazeApartDeg(options);
+  EXPECT_LT(same, 20.0);  // roll by time
+  EXPECT_GT(fresh, same + 10.0);
+  options.preset.path.pass_roll_deg = 90.0;
+  EXPECT_GT(GazeApartDeg(options), fresh + 10.0);
+}
+
+TEST(ScopePath, GroundThatASlipHasLostIsMadeUpByHand) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
+  options.seconds = 60.0;
+  const Journey calm(options);
+  options.events = {{EventKind::kJump, 20.0, 0.44}};
+  options.preset.path.regain_s = 25.0;
+  const Journey thrown(options);
+  const auto behind_mm = [&](double t) { return calm.path.ArcMm(t) - thrown.path.ArcMm(t); };
+  EXPECT_NEAR(behind_mm(19.9), 0.0, 1e-9);
+  const double lost = behind_mm(20.5);
+  EXPECT_GT(std::abs(lost), 15.0);
+  EXPECT_GT(behind_mm(28.0) / lost, 0.6);
+  EXPECT_NEAR(behind_mm(46.0), 0.0, 1e-9);
+}
+
+TEST(ScopePath, AnotherProcedureIsInTheSameColon) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("standard"));
+  options.width_px = 96, options.height_px = 72;
+  options.seconds = 4.0;
+  const auto first = SequenceModel::Create(options);
+  options.path_seed = 5;
+  const auto second = SequenceModel::Create(options);
+  ASSERT_TRUE(first.ok() && second.ok());
+  const ColonMesh &a = (*first)->colon().mesh(), &b = (*second)->colon().mesh();
+  ASSERT_EQ(a.num_rings(), b.num_rings());
+  for (int i = 0; i < a.num_rings(); i += 7) EXPECT_EQ(a.Position(i, 3, 1.0), b.Position(i, 3, 1.0));
+  double apart = 0.0;
+  for (double t = 0.0; t < options.seconds; t += 0.5) {
+    const SE3 one = (*first)->path().WorldFromCam(t), other = (*second)->path().WorldFromCam(t);
+    apart = std::max(apart, RotationAngle(one.rotation, other.rotation));
+  }
+  EXPECT_GT(apart, 10.0 * kDegree);
+}
+
+TEST(ScopePath, TheProcedureIsAColonOfFullLength) {
+  const RenderOptions options = RenderOptions::FromPreset(*FindPreset("procedure"));
+  const Journey journey(options);
+  EXPECT_GT(journey.colon.style().length_mm, 1400.0);
+  double farthest = 0.0;
+  for (double t = 0.0; t < options.seconds; t += 1.0) farthest = std::max(farthest, journey.path.ArcMm(t));
+  EXPECT_GT(farthest, 1250.0);
+  EXPECT_NEAR(journey.path.ArcMm(options.seconds), journey.path.ArcMm(0.0), 40.0);
 }
 
 TEST(ScopePath, ShutterIsLongOnlyInABlurEvent) {

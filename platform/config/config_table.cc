@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <set>
-#include <sstream>
 
 #include "hal/core/edit_distance.h"
 #include "platform/config/config_document.h"
+#include "platform/config/text_file.h"
 
 namespace haustra {
 namespace {
@@ -131,12 +129,7 @@ Status ConfigTable::ApplyText(std::string_view text, const std::string& name, vo
 
 Status ConfigTable::ReadAndApply(const std::string& path, int depth, void* config,
                                  std::vector<ConfigOrigin>* origins) const {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) return NotFound(path + ": is a folder, not a configuration file");
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return NotFound(path + ": cannot read the configuration file");
-  const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (file.bad()) return NotFound(path + ": cannot read the configuration file");
+  HAUSTRA_ASSIGN(const std::string text, config::ReadTextFile(path));
   return Apply(text, path, depth, config, origins);
 }
 

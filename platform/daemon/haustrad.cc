@@ -21,6 +21,7 @@
 #include "platform/daemon/worker_starter.h"
 #include "platform/exit_codes.h"
 #include "platform/realtime/one_heap.h"
+#include "platform/usage_error.h"
 
 namespace {
 
@@ -29,6 +30,7 @@ int Run(int argc, char** argv) {
   CLI::App app("", "haustrad");
   DaemonArguments arguments;
   AddDaemonOptions(app, arguments);
+  app.failure_message(UsageErrorText);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -34,6 +34,14 @@ README = f"""# haustra
 
 {BLOCK}"""
 
+SECTIONS = """
+## Contract: what it keeps
+It is there.
+
+## Limits
+It is small.
+"""
+
 GOOD_TREE = {
     "README.md": README,
     "tools/report/demo.svg": "<svg/>\n",
@@ -47,21 +55,21 @@ GOOD_TREE = {
     ".github/CONTRIBUTING.md": "See [README](../README.md).\n",
 }
 for folder in ("hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"):
-    GOOD_TREE[f"{folder}/README.md"] = f"# {folder}\n\nWhat it is.\n"
+    GOOD_TREE[f"{folder}/README.md"] = f"# {folder}\n\nWhat it is.\n{SECTIONS}"
 GOOD_TREE["config/README.md"] = """# config
 
 <!-- figures: preset.h -->
 It moves by 4 % within 3 seconds, see [C++20](preset.h). `0.7 ms` is what is typed, `config/preset.h` and `preset.h` are files.
-"""
+""" + SECTIONS
 GOOD_TREE["config/preset.h"] = "constexpr double kMotion = 0.04;\n"
-GOOD_TREE["hal/README.md"] = "# hal\n\n- A look takes 91 us ([why](../kernels/cuda/decisions/2026-11-22-bands.md)).\n"
+GOOD_TREE["hal/README.md"] = "# hal\n\n- A look takes 91 us ([why](../kernels/cuda/decisions/2026-11-22-bands.md)).\n" + SECTIONS
 GOOD_TREE["kernels/README.md"] = """# kernels
 
 <!-- figures: cuda/decisions/2026-11-22-bands.md -->
 | step | us |
 |---|---|
 | extraction | 91.0 |
-"""
+""" + SECTIONS
 
 # What takes the place of a file of the good tree (nothing: the file is gone), and what the checker must say.
 BAD_FILES = [
@@ -86,6 +94,8 @@ BAD_FILES = [
     ("tools/report/demo.svg", None, "the link to tools/report/demo.svg leads nowhere"),
     ("engine/README.md", None, "engine:0: has no README.md"),
     ("config/README.md", None, "config:0: has no README.md"),
+    ("engine/README.md", "# engine\n\n## Limits\n", "engine/README.md:1: has no section Contract"),
+    ("tests/README.md", "# tests\n\n## Contract\n\n## Limitsless\n", "tests/README.md:1: has no section Limits"),
     ("README.md", README.replace("96.5", "96.6"), "96.6 is not in 2026-11-23-3e3d8e5.md, peers.json"),
     ("README.md", README.replace("88.0", "8"), "8 is not in"),
     ("README.md", README.replace("0.30 mm", "0.3 mm, 4"), "4 is not in"),
@@ -136,7 +146,7 @@ class ReadmeTest(unittest.TestCase):
         for text in (f"{half}. {half}.", f"{half}! {half}", f"({half}.) {half}", f"{half}\n\n{half}", f"{half}\n- {half}",
                      f"## {half} {half}", f"<!-- {half} {half} -->", f"{half}\n| a |\n{half}"):
             with self.subTest(text=text):
-                self.assertEqual(self.check({**GOOD_TREE, "engine/README.md": text + "\n"})[0], 0)
+                self.assertEqual(self.check({**GOOD_TREE, "engine/README.md": text + "\n" + SECTIONS})[0], 0)
 
     def test_folder_that_is_no_tree_is_a_usage_error(self):
         code, _ = self.check({"notes.txt": "nothing"})

@@ -310,10 +310,33 @@ TEST_F(BadInput, ReportIsLeftOutWhenNotWanted) {
 
 TEST_F(BadInput, MissingCalibrationOfAMeasurementNamesTheCommandThatEstimatesOne) {
   fs::remove(sequence_ + "/calib.yaml");
+  const std::string advice = "'haustra calibrate " + sequence_ + " --out " + sequence_ + "/calib.yaml' estimates one";
   for (const char* command : {"latency", "soak"}) {
-    ExpectOutcome(HaustraOnCpu({command, sequence_}), kExitNoInput,
-                  {"'haustra calibrate " + sequence_ + " --out " + sequence_ + "/calib.yaml' estimates one"});
+    ExpectOutcome(HaustraOnCpu({command, sequence_}), kExitNoInput, {advice});
   }
+  ExpectOutcome(Haustra({"plan", "--sequence", sequence_}), kExitNoInput, {advice});
+  ExpectOutcome(Haustra({"vocabulary", sequence_, "--out", out_}), kExitNoInput, {advice});
+}
+
+TEST_F(BadInput, FileThatIsNoAtlasIsNamed) {
+  ExpectOutcome(Haustra({"atlas", "info", scratch_ + "/none"}), kExitNoInput, {scratch_ + "/none: no such file"});
+  ExpectOutcome(Haustra({"atlas", "info", scratch_}), kExitUnavailable, {scratch_ + ": is not a file"});
+  ExpectOutcome(Haustra({"atlas", "info", sequence_ + "/calib.yaml"}), kExitBadData, {"no atlas file"});
+}
+
+TEST_F(BadInput, FileThatIsNoVideoIsSaidToBeNone) {
+  sequence_ = Write("clip.mp4", "not a video");
+  const CommandResult run = Run();
+  ExpectOutcome(run, kExitBadData, {sequence_});
+  EXPECT_EQ(run.err.find("calib.yaml"), std::string::npos) << "a calibration would not help: " << run.err;
+  EXPECT_FALSE(Exists(out_));
+}
+
+TEST_F(BadInput, FolderOfAFileToWriteIsLookedForBeforeTheWork) {
+  const std::string file = scratch_ + "/none/file";
+  ExpectOutcome(HaustraOnCpu({"calibrate", sequence_, "--out", file}), kExitIo, {file, "its folder does not exist"});
+  ExpectOutcome(HaustraOnCpu({"soak", sequence_, "--csv", file}), kExitIo, {file, "its folder does not exist"});
+  ExpectRefusal(kExitIo, {file, "its folder does not exist"}, {"--save-atlas", file});
 }
 
 TEST_F(BadInput, FilesThatAreThereAreKeptUnlessOverwriteIsSaid) {

@@ -443,7 +443,10 @@ TEST_F(Daemon, EveryReasonNotToStartHasItsExitCode) {
     service_.Start(arguments);
     return service_.Wait();
   };
-  EXPECT_EQ(run({"--nonsense"}).exit_code, 64);
+  const CommandResult typo = run({"--confg", "site.yaml"});
+  EXPECT_EQ(typo.exit_code, 64);
+  EXPECT_NE(typo.ToString().find("haustrad: --confg: no such option; did you mean --config?"), std::string::npos)
+      << typo.ToString();
   EXPECT_EQ(run({"--set", "noise.kk=1"}).exit_code, 78);
   EXPECT_EQ(run({"--set", "noise.kk=1", "--check-config"}).exit_code, 78);
   EXPECT_EQ(run({"--check-config"}).exit_code, 0);

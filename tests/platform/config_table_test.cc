@@ -259,6 +259,8 @@ TEST(ConfigTable, MissingFileOrFolderIsNotFound) {
     EXPECT_EQ(status.code(), StatusCode::kNotFound);
     EXPECT_THAT(status.message(), HasSubstr(path));
   }
+  EXPECT_THAT(store.ApplyFile(folder.Path("none.yaml")).message(), HasSubstr("none.yaml: no such file"));
+  EXPECT_THAT(store.ApplyFile(folder.Path("")).message(), HasSubstr("is a folder, not a file"));
 }
 
 TEST(ConfigTable, ReferenceNamesEveryKeyWithItsDefault) {

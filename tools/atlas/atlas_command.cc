@@ -18,7 +18,6 @@ constexpr const char* kAtlasCommand = "atlas";
 
 int Info(const std::string& path) {
   const Result<std::vector<std::uint8_t>> bytes = ReadAtlasFileBytes(path);
-  if (bytes.code() == StatusCode::kUnavailable) return console::Fail(kAtlasCommand, bytes.status(), kExitIo);
   if (!bytes.ok()) return console::Fail(kAtlasCommand, bytes.status());
   const Result<SavedAtlas> atlas = ReadAtlas(*bytes);
   if (!atlas.ok()) {

@@ -88,7 +88,7 @@ void AddCalibrateCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--rate", request.rate_hz, "Frames a second, for a folder of images that does not say")
       ->check(CLI::Range(0.1, 1000.0));
   command->add_option("--seed", request.seed, "Seed of all random sampling")
-      ->check(NonNegativeNumber())
+      ->check(WholeNumber<std::uint64_t>())
       ->capture_default_str();
   AddDeviceOptions(*command, request.device, request.threads);
   command->callback([arguments, &action] { action = [arguments] { return RunCalibrate(*arguments); }; });

@@ -3,7 +3,7 @@
 
     readme.py [ROOT]      ROOT defaults to the repository that this file lies in
 
-- README.md has at most 120 lines, and every top folder has a README.md.
+- README.md has at most 120 lines. Every top folder has a README.md, with a section Contract and a section Limits.
 - No sentence of a README.md, a decision record, CHANGELOG.md or CONTRIBUTING.md has more than 35 words. Code, tables, headings
   and comments do not count; a piece of inline code and a link's text are one word and its words.
 - A decision record is a page at most: 60 lines.
@@ -30,6 +30,7 @@ from checker import Violations, root_of, verdict
 MAX_LINES, MAX_RECORD_LINES, MAX_WORDS = 120, 60, 35
 PLAIN = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
 TOP_FOLDERS = ["hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"]
+SECTIONS = ["Contract", "Limits"]  # of the README of each top folder
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 PEERS = "tools/benchmarks/peers.json"
 RESULTS = "tools/benchmarks/results/"
@@ -212,8 +213,14 @@ class Checker(Violations):
 
     def run(self):
         for folder in TOP_FOLDERS:
-            if not (self.root / folder / "README.md").is_file():
+            readme = self.root / folder / "README.md"
+            if not readme.is_file():
                 self.report(self.root / folder, 0, "has no README.md")
+                continue
+            text = readme.read_text(encoding="utf-8")
+            for section in SECTIONS:
+                if not re.search(rf"^## {section}\b", text, re.MULTILINE):
+                    self.report(readme, 1, f"has no section {section}")
         files = list(self.files())
         places = ["/" + path.relative_to(self.root).as_posix() for path in files]
         for path in (path for path in files if path.suffix == ".md"):

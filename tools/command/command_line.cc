@@ -1,14 +1,12 @@
 #include "tools/command/command_line.h"
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <functional>
 #include <string>
-#include <vector>
 
-#include "hal/core/edit_distance.h"
+#include "platform/usage_error.h"
 #include "platform/version.h"
 #include "tools/atlas/atlas_command.h"
 #include "tools/bench/bench_command.h"
@@ -29,30 +27,9 @@
 #include "tools/vocabulary/vocabulary_command.h"
 
 namespace haustra {
-namespace {
-
-// Without a command that it knows CLI11 says only that one is required. This names what stands in its place.
-std::string DescribeFailure(const CLI::App* app, const CLI::Error& error) {
-  const std::vector<std::string> unknown = app->remaining();
-  if (app->get_parent() != nullptr || !app->get_subcommands().empty() || unknown.empty())
-    return CLI::FailureMessage::simple(app, error);
-  const std::string& word = unknown.front();
-  std::string text = word + (word.starts_with('-') ? ": no such option" : ": no such command");
-  const std::vector<const CLI::App*> commands = app->get_subcommands([](const CLI::App*) { return true; });
-  const auto distance = [&](const CLI::App* command) {
-    return EditDistance(command->get_name(), word, LetterCase::kIgnored);
-  };
-  const auto nearest = std::min_element(commands.begin(), commands.end(),
-                                        [&](const auto* a, const auto* b) { return distance(a) < distance(b); });
-  if (nearest != commands.end() && distance(*nearest) <= 2) text += "; did you mean " + (*nearest)->get_name() + "?";
-  return text + "\nRun with --help for more information.\n";
-}
-
-}  // namespace
-
 void AddCommands(CLI::App& app, std::function<int()>& action) {
   app.require_subcommand(1);
-  app.failure_message(DescribeFailure);
+  app.failure_message(UsageErrorText);
   AddRenderCommand(app, action);
   AddRunCommand(app, action);
   AddEvaluateCommand(app, action);

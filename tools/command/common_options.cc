@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 #include "tools/command/console.h"
 #include "tools/command/number_checks.h"
@@ -15,9 +16,9 @@ void AddOverwriteFlag(CLI::App& command, bool& overwrite) {
 
 void AddFrameRangeOptions(CLI::App& command, SequenceOptions& options) {
   command.add_option("--first-frame", options.first_frame, "First frame of the sequence to use, counted from 0")
-      ->check(NonNegativeNumber());
+      ->check(WholeNumber<std::uint32_t>());
   command.add_option("--last-frame", options.last_frame, "Last frame of the sequence to use")
-      ->check(NonNegativeNumber());
+      ->check(WholeNumber<std::uint32_t>());
   command.add_option("--every-nth", options.every_nth, "Use only every n-th frame")
       ->check(CLI::Range(1u, 1000u))
       ->capture_default_str();
@@ -45,8 +46,10 @@ void AddExitCodes(CLI::App& app) {
   for (const ExitCodeMeaning& code : kExitCodeMeanings) {
     text += "\n  " + std::to_string(code.code) + std::string(code.code < 10 ? 2 : 1, ' ') + code.meaning;
   }
+  const std::vector<CLI::App*> commands = app.get_subcommands([](const CLI::App*) { return true; });
+  if (!commands.empty()) text = "'" + app.get_name() + " COMMAND --help' lists what a command takes.\n\n" + text;
   app.footer(text);
-  for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) AddExitCodes(*command);
+  for (CLI::App* command : commands) AddExitCodes(*command);
 }
 
 }  // namespace haustra

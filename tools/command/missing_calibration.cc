@@ -8,16 +8,16 @@
 
 namespace haustra {
 
-bool LacksOnlyCalibration(const Status& error, const std::string& sequence, const SequenceOptions& options) {
-  if (error.code() != StatusCode::kNotFound || !options.calibration_path.empty()) return false;
-  if (IsV4l2Spec(sequence)) return false;
+Status ApartFromCalibration(const Status& error, const std::string& sequence, const SequenceOptions& options) {
+  if (error.code() != StatusCode::kNotFound || !options.calibration_path.empty()) return error;
+  if (IsV4l2Spec(sequence)) return error;
   SequenceOptions calibrated = options;
   calibrated.calibration = CameraCalibration{};
-  return OpenSequence(sequence, calibrated).ok();
+  return OpenSequence(sequence, calibrated).status();
 }
 
 Status WithCalibrationAdvice(const Status& error, const std::string& sequence, const SequenceOptions& options) {
-  if (!LacksOnlyCalibration(error, sequence, options)) return error;
+  if (const Status other = ApartFromCalibration(error, sequence, options); !other.ok()) return other;
   namespace fs = std::filesystem;
   std::error_code ignored;
   const fs::path folder = fs::is_directory(sequence, ignored) ? fs::path(sequence) : fs::path(sequence).parent_path();

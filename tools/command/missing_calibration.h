@@ -8,10 +8,11 @@
 
 namespace haustra {
 
-// Whether `error` of OpenSequence goes away when somebody brings the calibration.
-bool LacksOnlyCalibration(const Status& error, const std::string& sequence, const SequenceOptions& options);
+// What is wrong with a sequence, for which OpenSequence has said `error`, when somebody brings the calibration. kOk:
+// nothing, only that was missing.
+Status ApartFromCalibration(const Status& error, const std::string& sequence, const SequenceOptions& options);
 
-// `error`, and where only the calibration is missing, the command that estimates one.
+// The same, but where only the calibration is missing: `error`, and the command that estimates one.
 Status WithCalibrationAdvice(const Status& error, const std::string& sequence, const SequenceOptions& options);
 
 }  // namespace haustra

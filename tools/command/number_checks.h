@@ -3,8 +3,12 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <cmath>
+#include <concepts>
+#include <limits>
 #include <string>
+#include <system_error>
 
 namespace haustra {
 
@@ -18,8 +22,18 @@ inline CLI::Validator NumberCheck(const char* name, const char* what, bool (*is_
       name);
 }
 
-inline CLI::Validator NonNegativeNumber() {
-  return NumberCheck("NONNEGATIVE", "a number from 0 on", [](double value) { return value >= 0.0; });
+// From 0 to what a T holds; CLI11 takes the largest one for what is larger.
+template <std::unsigned_integral T>
+CLI::Validator WholeNumber() {
+  return CLI::Validator(
+      [](std::string& text) {
+        T value = 0;
+        const char* end = text.data() + text.size();
+        const auto [stop, error] = std::from_chars(text.data(), end, value);
+        if (error == std::errc{} && stop == end) return std::string();
+        return "'" + text + "' is not a whole number from 0 to " + std::to_string(std::numeric_limits<T>::max());
+      },
+      "NONNEGATIVE");
 }
 
 inline CLI::Validator PositiveNumber() {

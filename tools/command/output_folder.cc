@@ -109,13 +109,18 @@ Result<OutputFolder> OutputFolder::Create(const std::string& path, const FolderC
 OutputFolder::OutputFolder(OutputFolder&& other) noexcept
     : path_(std::move(other.path_)), content_(other.content_), aside_(std::exchange(other.aside_, {})) {}
 
-OutputFolder::~OutputFolder() {
-  if (aside_.empty() || HoldsFiles(path_, aside_)) return;
+OutputFolder::~OutputFolder() { PutBack(); }
+
+std::string OutputFolder::PutBack() {
+  if (aside_.empty() || HoldsFiles(path_, aside_)) return aside_;
   std::error_code error;
   for (const fs::path& entry : Entries(path_)) {
     if (entry != fs::path(aside_)) fs::remove_all(entry, error);
   }
-  if (MoveEntries(aside_, path_)) fs::remove(aside_, error);
+  if (!MoveEntries(aside_, path_)) return aside_;
+  fs::remove(aside_, error);
+  aside_.clear();
+  return {};
 }
 
 void OutputFolder::Commit() {
@@ -127,6 +132,8 @@ void OutputFolder::Commit() {
 Status CheckOutputFile(const std::string& path, bool overwrite) {
   if (path.empty()) return InvalidArgument("the name of the output file is empty");
   std::error_code error;
+  const fs::path folder = fs::path(path).parent_path();
+  if (!folder.empty() && !fs::is_directory(folder, error)) return NotFound(path + ": its folder does not exist");
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) return Status::Ok();
   if (!fs::is_regular_file(status)) return FailedPrecondition(path + ": exists and is not a file");

@@ -30,11 +30,14 @@ class OutputFolder {
 
   OutputFolder(OutputFolder&& other) noexcept;
   OutputFolder& operator=(OutputFolder&&) = delete;
-  // Without Commit earlier results are put back when no file was written in their place; else they stay aside.
+  // PutBack, without Commit.
   ~OutputFolder();
 
   // The new results are complete: the earlier ones go.
   void Commit();
+  // Nothing comes of the new results: the earlier ones are put back when no file was written in their place. Where they
+  // stay aside; empty: they are back, or there are none.
+  std::string PutBack();
   // Where earlier results lie until then; empty: there are none.
   const std::string& aside() const { return aside_; }
 
@@ -47,7 +50,7 @@ class OutputFolder {
 };
 
 // Whether a file may be written: nothing has its name, or a file has it and `overwrite` is on. Errors as
-// OutputFolder::Check.
+// OutputFolder::Check; kNotFound: its folder does not exist.
 Status CheckOutputFile(const std::string& path, bool overwrite);
 
 // As a whole or not at all (platform/file_sink.h). Errors of FileSink.

@@ -4,10 +4,8 @@
 
 #include <charconv>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
-#include <system_error>
+
+#include "platform/config/text_file.h"
 
 namespace haustra {
 namespace {
@@ -72,14 +70,8 @@ Result<Requirement> ParseRequirement(const std::string& text, const std::string&
 }
 
 Result<Requirement> LoadRequirement(const std::string& path) {
-  if (std::error_code error; std::filesystem::is_directory(path, error)) {
-    return NotFound(path + ": is a folder, but should be a requirement file");
-  }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return NotFound(path + ": cannot be read");
-  std::ostringstream text;
-  text << file.rdbuf();
-  return ParseRequirement(text.str(), path);
+  HAUSTRA_ASSIGN(const std::string text, config::ReadTextFile(path));
+  return ParseRequirement(text, path);
 }
 
 std::vector<RequirementLine> Judge(const Requirement& requirement, const LatencyFigureValues& values) {

@@ -86,7 +86,7 @@ std::string SynopsisText(const CLI::App& command) {
 std::string ExitText(const CLI::App& command) {
   std::string text;
   const std::string footer = command.get_footer();
-  for (std::size_t at = footer.find('\n'); at != std::string::npos;) {
+  for (std::size_t at = footer.find('\n', footer.find("Exit codes:")); at != std::string::npos;) {
     const std::size_t end = footer.find('\n', at + 1);
     const std::string line = footer.substr(at + 1, end == std::string::npos ? end : end - at - 1);
     const std::size_t code = line.find_first_not_of(' '), blank = line.find(' ', code);

@@ -5,19 +5,18 @@
 #include <cmath>
 #include <string>
 
+#include "tools/render/out_of_range.h"
+
 namespace haustra::render {
 
 Status CalibrationError::Validate(int width_px) const {
-  const auto fail = [](const char* name, double value, const std::string& range) {
-    return InvalidArgument("calibration error: " + std::string(name) + " is " + std::to_string(value) +
-                           ", must be in " + range);
-  };
-  if (!(std::abs(focal_percent) <= 20.0)) return fail("focal length", focal_percent, "[-20, 20] %");
+  if (!(std::abs(focal_percent) <= 20.0))
+    return OutOfRange("calibration error: focal length", focal_percent, "[-20, 20] %");
   const double reach = 0.1 * width_px;
-  const std::string range = "[-" + std::to_string(reach) + ", " + std::to_string(reach) + "] px";
-  if (!(std::abs(cx_px) <= reach)) return fail("cx", cx_px, range);
-  if (!(std::abs(cy_px) <= reach)) return fail("cy", cy_px, range);
-  if (!(std::abs(k1) <= 0.1)) return fail("k1", k1, "[-0.1, 0.1]");
+  const std::string range = "[-" + NumberText(reach) + ", " + NumberText(reach) + "] px";
+  if (!(std::abs(cx_px) <= reach)) return OutOfRange("calibration error: cx", cx_px, range);
+  if (!(std::abs(cy_px) <= reach)) return OutOfRange("calibration error: cy", cy_px, range);
+  if (!(std::abs(k1) <= 0.1)) return OutOfRange("calibration error: k1", k1, "[-0.1, 0.1]");
   return Status::Ok();
 }
 

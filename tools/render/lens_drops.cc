@@ -6,6 +6,7 @@
 #include <string>
 
 #include "engine/geometry/rng.h"
+#include "tools/render/out_of_range.h"
 #include "tools/render/smooth_step.h"
 #include "tools/render/soft_focus.h"
 
@@ -24,10 +25,9 @@ constexpr float kEdgeShade = 0.3f;
 }  // namespace
 
 Status LensDropsStyle::Validate() const {
-  if (count < 0 || count > 40) return InvalidArgument("lens drops: " + std::to_string(count) + " is not in [0, 40]");
+  if (count < 0 || count > 40) return OutOfRange("lens drops", count, "[0, 40]");
   if (!(size_percent >= 2.0 && size_percent <= 40.0)) {
-    return InvalidArgument("lens drops: size is " + std::to_string(size_percent) +
-                           ", must be in [2, 40] % of the picture's height");
+    return OutOfRange("lens drops: size", size_percent, "[2, 40] % of the picture's height");
   }
   return Status::Ok();
 }

@@ -25,7 +25,7 @@ struct RenderArguments {
   std::string size;
   std::string calibration_error;
   std::vector<std::string> events;
-  double seconds = 0.0, rate_hz = 0.0;
+  std::optional<double> seconds, rate_hz;
   std::uint64_t seed = 1;
   std::optional<std::uint64_t> path_seed;
   std::optional<double> breathing_percent, contraction_percent, tangential_percent, remodel_percent;
@@ -52,8 +52,8 @@ Status ParseSize(const std::string& text, render::RenderOptions* options) {
 Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   HAUSTRA_ASSIGN(const render::Preset preset, render::FindPreset(arguments.preset));
   render::RenderOptions options = render::RenderOptions::FromPreset(preset);
-  if (arguments.seconds != 0.0) options.seconds = arguments.seconds;
-  if (arguments.rate_hz != 0.0) options.rate_hz = arguments.rate_hz;
+  if (arguments.seconds) options.seconds = *arguments.seconds;
+  if (arguments.rate_hz) options.rate_hz = *arguments.rate_hz;
   if (!arguments.size.empty()) HAUSTRA_TRY(ParseSize(arguments.size, &options));
   options.seed = arguments.seed;
   options.path_seed = arguments.path_seed;
@@ -122,51 +122,78 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   }
   command->add_option("OUT", arguments->out, "Folder to write the sequence to")->required();
   command->add_option("--preset", arguments->preset, presets)->capture_default_str();
-  command->add_option("--seconds", arguments->seconds, "Length; by default the preset's");
-  command->add_option("--rate", arguments->rate_hz, "Frames a second; by default the preset's");
+  command->add_option("--seconds", arguments->seconds, "Length; by default the preset's")
+      ->check(CLI::Range(0.2, 3600.0));
+  command->add_option("--rate", arguments->rate_hz, "Frames a second; by default the preset's")
+      ->check(CLI::Range(1.0, 120.0));
   command->add_option("--size", arguments->size, "Picture size, like 720x540; by default the preset's");
   command->add_option("--seed", arguments->seed, "Colon, mucosa and path")
       ->capture_default_str()
-      ->check(NonNegativeNumber());
+      ->check(WholeNumber<std::uint64_t>());
   command
       ->add_option("--path-seed", arguments->path_seed,
                    "Path, events and noise: another procedure in the same colon; by default that of --seed")
-      ->check(NonNegativeNumber());
+      ->check(WholeNumber<std::uint64_t>());
   command->add_option(
       "--events", arguments->events,
       "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "
       "redout, water, bubbles, debris, blur, jump, narrowband, instrument; none");
-  command->add_option("--threads", arguments->threads, "Threads; 0: all cores. The pictures do not depend on it");
-  command->add_option("--quality", arguments->quality, "JPEG quality, 5 to 100: that of every picture of MJPEG")
-      ->capture_default_str();
-  command->add_option("--breathing", arguments->breathing_percent,
-                      "How much the radius swells with the breath, %, 0 to 15; by default the preset's");
-  command->add_option("--contraction", arguments->contraction_percent,
-                      "Depth of the travelling contraction, % of the radius, 0 to 15; by default the preset's");
-  command->add_option("--tangential", arguments->tangential_percent,
-                      "How far the wall slides along and about the lumen, % of the radius, 0 to 15; by default 0");
-  command->add_option("--remodel", arguments->remodel_percent,
-                      "The same colon another day: its radius differs by up to this from place to place, %, 0 to 15; "
-                      "drawn from --path-seed; by default 0");
-  command->add_option(
-      "--collapse", arguments->collapse_percent,
-      "The lumen closes as air is lost and is insufflated again, % of the radius, 0 to 40; by default 0");
-  command->add_option("--collapse-period", arguments->collapse_period_s,
-                      "From one insufflation to the next, s, from 2 on; by default 12");
-  command->add_option("--stool", arguments->stool_percent, "Film of stool, % of the wall, 0 to 100; by default 0");
-  command->add_option("--blood", arguments->blood_percent, "Blood, % of the wall in the end, 0 to 100; by default 0");
-  command->add_option("--blood-spread", arguments->blood_s,
-                      "Until blood has spread over its share, s; 0: from the start; by default 10");
-  command->add_option("--lens-drops", arguments->lens_drops,
-                      "Drops that stay on the lens, 0 to 40 at a time; by default 0");
-  command->add_option("--drop-size", arguments->drop_size_percent,
-                      "Mean diameter of the drops, % of the picture's height, 2 to 40; by default 12");
-  command->add_option("--exposure", arguments->shutter.exposure,
-                      "Exposure of each row, share of the frame period, 0 to 1; at least 1/500 s");
-  command->add_option("--readout", arguments->shutter.readout,
-                      "Rolling shutter: from the first row to the last, share of the frame period, 0 to 1");
-  command->add_option("--field-lag", arguments->shutter.field_lag,
-                      "Odd rows are later by this share of the frame period; 0.5: interlaced video");
+  command->add_option("--threads", arguments->threads, "Threads; 0: all cores. The pictures do not depend on it")
+      ->check(CLI::Range(0, 256));
+  command->add_option("--quality", arguments->quality, "JPEG quality: that of every picture of MJPEG")
+      ->capture_default_str()
+      ->check(CLI::Range(5, 100));
+  command
+      ->add_option("--breathing", arguments->breathing_percent,
+                   "How much the radius swells with the breath, %; by default the preset's")
+      ->check(CLI::Range(0.0, 15.0));
+  command
+      ->add_option("--contraction", arguments->contraction_percent,
+                   "Depth of the travelling contraction, % of the radius; by default the preset's")
+      ->check(CLI::Range(0.0, 15.0));
+  command
+      ->add_option("--tangential", arguments->tangential_percent,
+                   "How far the wall slides along and about the lumen, % of the radius; by default 0")
+      ->check(CLI::Range(0.0, 15.0));
+  command
+      ->add_option("--remodel", arguments->remodel_percent,
+                   "The same colon another day: its radius differs by up to this from place to place, %; "
+                   "drawn from --path-seed; by default 0")
+      ->check(CLI::Range(0.0, 15.0));
+  command
+      ->add_option("--collapse", arguments->collapse_percent,
+                   "The lumen closes as air is lost and is insufflated again, % of the radius; by default 0")
+      ->check(CLI::Range(0.0, 40.0));
+  command
+      ->add_option("--collapse-period", arguments->collapse_period_s,
+                   "From one insufflation to the next, s; by default 12")
+      ->check(CLI::Range(2.0, 3600.0));
+  command->add_option("--stool", arguments->stool_percent, "Film of stool, % of the wall; by default 0")
+      ->check(CLI::Range(0.0, 100.0));
+  command->add_option("--blood", arguments->blood_percent, "Blood, % of the wall in the end; by default 0")
+      ->check(CLI::Range(0.0, 100.0));
+  command
+      ->add_option("--blood-spread", arguments->blood_s,
+                   "Until blood has spread over its share, s; 0: from the start; by default 10")
+      ->check(CLI::Range(0.0, 3600.0));
+  command->add_option("--lens-drops", arguments->lens_drops, "Drops that stay on the lens, at a time; by default 0")
+      ->check(CLI::Range(0, 40));
+  command
+      ->add_option("--drop-size", arguments->drop_size_percent,
+                   "Mean diameter of the drops, % of the picture's height; by default 12")
+      ->check(CLI::Range(2.0, 40.0));
+  command
+      ->add_option("--exposure", arguments->shutter.exposure,
+                   "Exposure of each row, share of the frame period; at least 1/500 s")
+      ->check(CLI::Range(0.0, 1.0));
+  command
+      ->add_option("--readout", arguments->shutter.readout,
+                   "Rolling shutter: from the first row to the last, share of the frame period")
+      ->check(CLI::Range(0.0, 1.0));
+  command
+      ->add_option("--field-lag", arguments->shutter.field_lag,
+                   "Odd rows are later by this share of the frame period; 0.5: interlaced video")
+      ->check(CLI::Range(0.0, 0.5));
   command->add_option(
       "--calibration-error", arguments->calibration_error,
       "F[,CX,CY,K1]: calib.yaml is wrong by F % of the focal length, CX and CY pixels of the centre, K1 "

@@ -12,6 +12,7 @@
 #include "tools/command/sequence_content.h"
 #include "tools/render/exposure.h"
 #include "tools/render/interlace.h"
+#include "tools/render/out_of_range.h"
 #include "tools/render/parallel_for.h"
 #include "tools/render/revisits.h"
 #include "tools/render/sequence_model.h"
@@ -22,10 +23,6 @@ namespace {
 
 // Frames in flight for each thread: enough that threads seldom wait for the last one of a batch.
 constexpr int kBatchPerThread = 6;
-
-Status OutOfRange(const char* name, double value, const char* range) {
-  return InvalidArgument(std::string(name) + " is " + std::to_string(value) + ", must be in " + range);
-}
 
 // Keeps the first error of many threads.
 class FirstError {

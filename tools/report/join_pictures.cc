@@ -70,9 +70,13 @@ Result<Picture> MakePicture(const RunOutput& run, const Frame& frame, std::int64
 Result<std::map<std::int64_t, Picture>> ReadPictures(const RunOutput& run, const std::set<std::int64_t>& frames,
                                                      const PictureOptions& options) {
   std::map<std::int64_t, Picture> pictures;
-  if (frames.empty()) return pictures;
   SequenceOptions choice = options.options;
   choice.halve = false;
+  if (frames.empty()) {
+    // A name that is wrong is said here, too, and not when a run has joins.
+    HAUSTRA_TRY(OpenSequence(options.sequence, choice).status());
+    return pictures;
+  }
   std::error_code error;
   if (std::filesystem::is_directory(options.sequence, error) && !LooksLikeEndomapper(options.sequence)) {
     for (const std::int64_t frame_idx : frames) {

@@ -56,7 +56,7 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
       command->add_option("--sequence", request.pictures.sequence,
                           "The sequence of the run, for pictures of the frames where maps were joined");
   command->add_option("--first-frame", request.pictures.options.first_frame, "As in the run")
-      ->check(NonNegativeNumber())
+      ->check(WholeNumber<std::uint32_t>())
       ->needs(sequence);
   command->add_option("--every-nth", request.pictures.options.every_nth, "As in the run: it used only every n-th frame")
       ->check(CLI::Range(1u, 1000u))

@@ -186,7 +186,9 @@ int Run(const RunArguments& arguments) {
   SequenceOptions sequence_options = arguments.part;
   std::optional<ClipCalibration> estimated;
   Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, sequence_options);
-  if (!source.ok() && LacksOnlyCalibration(source.status(), arguments.sequence, arguments.part)) {
+  if (!source.ok()) {
+    const Status other = ApartFromCalibration(source.status(), arguments.sequence, arguments.part);
+    if (!other.ok()) return console::Fail(kRunCommand, other);
     Result<ClipCalibration> estimate = EstimateCalibration(arguments, config.seed, source.status());
     if (!estimate.ok()) return console::Fail(kRunCommand, estimate.status());
     estimated = std::move(estimate).value();
@@ -293,7 +295,8 @@ int Run(const RunArguments& arguments) {
   }
   const Status written = WriteOutputs(arguments.out, record, poses, summary, engine, **source, std::ref(colours));
   if (!written.ok()) {
-    if (!output->aside().empty()) console::Warn(kRunCommand, "earlier results are in %s", output->aside().c_str());
+    const std::string earlier = output->PutBack();
+    if (!earlier.empty()) console::Warn(kRunCommand, "earlier results are in %s", earlier.c_str());
     return console::FailWriting(kRunCommand, written);
   }
   output->Commit();
@@ -335,7 +338,7 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(0.01, 100.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
-      ->check(NonNegativeNumber());
+      ->check(WholeNumber<std::uint64_t>());
   AddConfigurationOptions(*command, *arguments);
   AddFrameRangeOptions(*command, arguments->part);
   command->add_option("--calibration", arguments->part.calibration_path,

@@ -282,7 +282,7 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
-      ->check(NonNegativeNumber());
+      ->check(WholeNumber<std::uint64_t>());
   AddConfigurationOptions(*command, *arguments);
   command->callback([arguments, &action] { action = [arguments] { return Soak(*arguments); }; });
 }

@@ -12,6 +12,7 @@
 #include "platform/file_sink.h"
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
+#include "tools/command/missing_calibration.h"
 #include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/exit_codes.h"
@@ -39,7 +40,8 @@ struct VocabularyArguments {
 Status Gather(const VocabularyArguments& arguments, TrainingSample* sample) {
   for (const std::string& sequence : arguments.sequences) {
     const std::size_t before = sample->num_pictures();
-    HAUSTRA_TRY(sample->AddSequence(sequence, arguments.every_nth));
+    const Status status = sample->AddSequence(sequence, arguments.every_nth);
+    if (!status.ok()) return WithCalibrationAdvice(status, sequence, {});
     console::Print("%s: %zu pictures\n", sequence.c_str(), sample->num_pictures() - before);
   }
   if (arguments.rendered.num_colons == 0) return Status::Ok();
@@ -116,7 +118,7 @@ void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(1, Vocabulary::kMaxDepth))
       ->capture_default_str();
   command->add_option("--seed", arguments->options.seed, "Seed of the clustering")
-      ->check(NonNegativeNumber())
+      ->check(WholeNumber<std::uint64_t>())
       ->capture_default_str();
   command->add_option("--config", arguments->config, "Configuration file (YAML): its features are those of the words");
   command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value")

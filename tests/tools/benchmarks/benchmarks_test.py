@@ -6,21 +6,16 @@ argument a small rendered colon is taken for a real clip as well.
 """
 
 import json
-import os
-import stat
 import subprocess
 import sys
 import tempfile
 import unittest
 from pathlib import Path
 
-SCRIPTS = Path(__file__).resolve().parents[3] / "tools" / "benchmarks"
-sys.path.insert(0, str(SCRIPTS))
-import real_clips  # noqa: E402
-import results  # noqa: E402
-import runs  # noqa: E402
-
-HAUSTRA = Path(sys.argv.pop(1)).resolve() if len(sys.argv) > 1 and os.path.isfile(sys.argv[1]) else None
+from made_up_program import HAUSTRA, SCRIPTS, MadeUpProgramTest
+import real_clips
+import results
+import runs
 
 # Notes every call in calls.txt beside itself. What it finds depends on the seed.
 FAKE_PROGRAM = """#!{python}
@@ -54,20 +49,12 @@ else:
 """
 
 
-class ScriptTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
-        self.program = self.write("bin/haustra", FAKE_PROGRAM.format(python=sys.executable))
-        self.program.chmod(self.program.stat().st_mode | stat.S_IXUSR)
-        self.clip = self.make_clip("clip", 10, "reference.txt")
+class ScriptTest(MadeUpProgramTest):
+    PROGRAM = FAKE_PROGRAM
 
-    def write(self, name, text):
-        path = self.folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-        return path
+    def setUp(self):
+        super().setUp()
+        self.clip = self.make_clip("clip", 10, "reference.txt")
 
     def make_clip(self, name, num_frames, truth=None):
         for i in range(num_frames):
@@ -81,13 +68,9 @@ class ScriptTest(unittest.TestCase):
         return self.folder / name
 
     def call(self, script, *arguments):
-        """Exit code, what was printed, what the program was asked since the last call."""
-        command = [sys.executable, SCRIPTS / script, "--haustra", self.program, "--out", self.folder / "out", *arguments]
-        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False)
-        calls = self.folder / "bin" / "calls.txt"
-        asked = calls.read_text(encoding="utf-8").splitlines() if calls.exists() else []
-        calls.unlink(missing_ok=True)
-        return done.returncode, done.stdout + done.stderr, [line.split()[0] for line in asked]
+        """Of what the program was asked, the commands."""
+        code, output, asked = super().call(script, *arguments)
+        return code, output, [line.split()[0] for line in asked]
 
 
 class RealClipsTest(ScriptTest):

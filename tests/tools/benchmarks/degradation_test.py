@@ -6,20 +6,14 @@ With the real program as the first argument one short point is made as well.
 """
 
 import json
-import os
-import stat
 import subprocess
-import sys
 import tempfile
 import unittest
 import xml.etree.ElementTree
 from pathlib import Path
 
-SCRIPTS = Path(__file__).resolve().parents[3] / "tools" / "benchmarks"
-sys.path.insert(0, str(SCRIPTS))
-import degradation  # noqa: E402
-
-HAUSTRA = Path(sys.argv.pop(1)).resolve() if len(sys.argv) > 1 and os.path.isfile(sys.argv[1]) else None
+from made_up_program import HAUSTRA, MadeUpProgramTest
+import degradation
 
 # Notes every call beside itself. Live coverage falls by 40 with the exposure, and by 1 a seed; contraction splits the map.
 FAKE_PROGRAM = """#!{python}
@@ -49,24 +43,12 @@ else:
 """
 
 
-class DegradationTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
-        self.program = self.folder / "haustra"
-        self.program.write_text(FAKE_PROGRAM.format(python=sys.executable), encoding="utf-8")
-        self.program.chmod(self.program.stat().st_mode | stat.S_IXUSR)
+class DegradationTest(MadeUpProgramTest):
+    PROGRAM = FAKE_PROGRAM
 
     def call(self, *arguments):
-        """Exit code, what was printed, what the program was asked."""
-        command = [sys.executable, SCRIPTS / "degradation.py", "--haustra", self.program, "--out", self.folder / "out",
-                   "--results", self.folder / "results", "--commit", "1234567", "--seeds", "3", *arguments]
-        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False)
-        calls = self.folder / "calls.txt"
-        asked = calls.read_text(encoding="utf-8").splitlines() if calls.exists() else []
-        calls.unlink(missing_ok=True)
-        return done.returncode, done.stdout + done.stderr, asked
+        return super().call("degradation.py", "--results", self.folder / "results", "--commit", "1234567", "--seeds", "3",
+                            *arguments)
 
     def test_tables_figures_and_curves_are_written(self):
         code, output, asked = self.call("--jobs", "2", "exposure", "contraction")

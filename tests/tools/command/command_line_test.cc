@@ -14,6 +14,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class CommandLineTest : public testing::Test {
  protected:
@@ -35,6 +36,11 @@ TEST_F(CommandLineTest, EveryCommandHasADescriptionQuietAndExitCodes) {
     EXPECT_NE(command->get_option_no_throw("--quiet"), nullptr);
     EXPECT_THAT(command->help(), HasSubstr("\n  64 wrong arguments"));
   }
+}
+
+TEST_F(CommandLineTest, HelpSaysHowToAskForMore) {
+  EXPECT_THAT(app_.help(), HasSubstr("'haustra COMMAND --help' lists what a command takes."));
+  for (CLI::App* command : Commands()) EXPECT_THAT(command->help(), Not(HasSubstr("x)"))) << "words are not counted";
 }
 
 TEST_F(CommandLineTest, EveryOptionSaysWhatItIs) {
@@ -70,7 +76,8 @@ TEST_F(CommandLineTest, NumbersThatAreNotAllowedAreNamedWithWhatIs) {
     }
     return "accepted";
   };
-  EXPECT_EQ(answer({"-1", "--first-frame", "a", "run"}), "--first-frame: '-1' is not a number from 0 on");
+  EXPECT_EQ(answer({"-1", "--first-frame", "a", "run"}),
+            "--first-frame: '-1' is not a whole number from 0 to 4294967295");
   EXPECT_EQ(answer({"nan", "--rate", "a", "run"}).find("accepted"), std::string::npos);
   for (const char* bad : {"0", "-2", "nan", "inf", "long"}) {
     EXPECT_EQ(answer({bad, "--seconds", "cam", "capture"}),
@@ -99,21 +106,66 @@ TEST_F(CommandLineTest, DeinterlaceTakesItsThreeWordsAndNamesAnyOther) {
   }
 }
 
-TEST_F(CommandLineTest, WordThatIsNoCommandIsNamedWithTheNearestOne) {
-  const auto answer = [this](const std::string& typed) {
+// What somebody reads who has typed that.
+class UsageErrorTest : public CommandLineTest {
+ protected:
+  std::string Answer(const std::string& typed) {
     std::ostringstream out, err;
     try {
       app_.parse(typed, false);
-      return std::string("accepted");
+      return "accepted";
     } catch (const CLI::ParseError& error) {
       app_.exit(error, out, err);
     }
     return out.str() + err.str();
-  };
-  EXPECT_EQ(answer("rnu a"), "rnu: no such command; did you mean run?\nRun with --help for more information.\n");
-  EXPECT_EQ(answer("segment a"), "segment: no such command\nRun with --help for more information.\n");
-  EXPECT_EQ(answer(""), "A subcommand is required\nRun with --help for more information.\n");
-  EXPECT_EQ(answer("--versoin"), "--versoin: no such option\nRun with --help for more information.\n");
+  }
+  // Without the second line, which is the same for all words of a command.
+  std::string FirstLine(const std::string& typed) {
+    const std::string answer = Answer(typed);
+    return answer.substr(0, answer.find('\n'));
+  }
+};
+
+TEST_F(UsageErrorTest, WordThatIsNoCommandIsNamedWithTheNearestOne) {
+  EXPECT_EQ(Answer("rnu a"),
+            "haustra: rnu: no such command; did you mean run?\n'haustra --help' lists the commands.\n");
+  EXPECT_EQ(FirstLine("segment a"), "haustra: segment: no such command");
+  EXPECT_EQ(FirstLine(""), "haustra: a command is missing");
+  EXPECT_EQ(FirstLine("--hepl"), "haustra: --hepl: no such option; did you mean --help?");
+  EXPECT_EQ(FirstLine("bench visoin"), "haustra bench: visoin: no such command; did you mean vision?");
+  EXPECT_EQ(FirstLine("bench"), "haustra bench: a command is missing");
+}
+
+TEST_F(UsageErrorTest, OptionThatIsNoneIsNamedBeforeWhatIsMissing) {
+  EXPECT_EQ(Answer("run seq --ot o"),
+            "haustra run: --ot: no such option; did you mean --out?\n'haustra run --help' lists what it takes.\n");
+  EXPECT_EQ(FirstLine("run seq --every_nth=3"), "haustra run: --every_nth: no such option; did you mean --every-nth?");
+  EXPECT_EQ(FirstLine("run seq --undistort"), "haustra run: --undistort: no such option");
+  EXPECT_EQ(FirstLine("report o --hmtl page.html"), "haustra report: --hmtl: no such option; did you mean --html?");
+  EXPECT_EQ(FirstLine("report o"), "haustra report: --html is required");
+  EXPECT_EQ(FirstLine("run seq seq"), "haustra run: seq: one word too many");
+}
+
+TEST_F(UsageErrorTest, ValueThatIsNotAllowedIsNamedWithWhatIs) {
+  EXPECT_EQ(FirstLine("run seq --device gpu"), "haustra run: --device: 'gpu' is none of auto,cpu,cuda");
+  EXPECT_EQ(FirstLine("run seq --threads 300"), "haustra run: --threads: '300' is not a number from 0 to 256");
+  EXPECT_EQ(FirstLine("latency --seconds 0"), "haustra latency: --seconds: '0' is not a number from 0.1 to 86400");
+  EXPECT_EQ(FirstLine("control status --timeout long"),
+            "haustra control: --timeout: 'long' is not a number from 0.1 to 3600");
+  EXPECT_EQ(FirstLine("capture cam --frames 2.5"), "haustra capture: --frames: '2.5' is not a number that it takes");
+  EXPECT_EQ(FirstLine("render out --stool much"), "haustra render: --stool: 'much' is not a number from 0 to 100");
+  EXPECT_EQ(FirstLine("run seq --out"), "haustra run: --out: its value is missing");
+  EXPECT_EQ(FirstLine("run seq --out a --out b"), "haustra run: --out: given 2 times, but takes one value");
+  for (const char* seed : {"99999999999999999999999", "1.5", "18446744073709551616"}) {
+    EXPECT_EQ(FirstLine(std::string("run seq --seed ") + seed),
+              std::string("haustra run: --seed: '") + seed + "' is not a whole number from 0 to 18446744073709551615");
+  }
+  EXPECT_EQ(FirstLine("run seq --last-frame 4294967296"),
+            "haustra run: --last-frame: '4294967296' is not a whole number from 0 to 4294967295");
+  EXPECT_EQ(FirstLine("render out --rate 0"), "haustra render: --rate: '0' is not a number from 1 to 120");
+  EXPECT_EQ(FirstLine("render out --seconds 0"), "haustra render: --seconds: '0' is not a number from 0.2 to 3600");
+  EXPECT_EQ(FirstLine("render out --breathing 50"), "haustra render: --breathing: '50' is not a number from 0 to 15");
+  EXPECT_EQ(FirstLine("render out --threads -2"), "haustra render: --threads: '-2' is not a number from 0 to 256");
 }
 
 }  // namespace

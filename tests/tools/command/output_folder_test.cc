@@ -105,6 +105,19 @@ TEST_F(OutputFolderTest, StartThatFailsPutsTheEarlierResultsBack) {
   EXPECT_EQ(folder_.Read("out/maps/map_0.ply"), "earlier map");
 }
 
+TEST_F(OutputFolderTest, PutBackSaysWhereEarlierResultsStay) {
+  WriteEarlier();
+  Result<OutputFolder> folder = Create();
+  ASSERT_TRUE(folder.ok());
+  EXPECT_EQ(folder->PutBack(), "");
+  EXPECT_EQ(Files(), earlier_);
+  Result<OutputFolder> again = Create();
+  ASSERT_TRUE(again.ok());
+  folder_.Write("out/table.csv", "half");
+  EXPECT_EQ(again->PutBack(), again->aside());
+  EXPECT_TRUE(fs::exists(again->aside() + "/table.csv"));
+}
+
 TEST_F(OutputFolderTest, UnfinishedResultsLeaveTheEarlierOnesAside) {
   WriteEarlier();
   std::string aside;
@@ -144,6 +157,11 @@ TEST_F(OutputFolderTest, FilesFollowTheSameRule) {
   EXPECT_EQ(CheckOutputFile("/dev/null", true).code(), StatusCode::kFailedPrecondition);
   EXPECT_EQ(CheckOutputFile(folder_.path(), true).code(), StatusCode::kFailedPrecondition);
   EXPECT_EQ(CheckOutputFile("", true).code(), StatusCode::kInvalidArgument);
+  // Known before the work, not after hours of it.
+  const Status homeless = CheckOutputFile(folder_.Path("none/page.html"), false);
+  EXPECT_EQ(homeless.code(), StatusCode::kNotFound);
+  EXPECT_THAT(homeless.message(), HasSubstr("page.html: its folder does not exist"));
+  EXPECT_TRUE(CheckOutputFile("page.html", false).ok());
 }
 
 }  // namespace

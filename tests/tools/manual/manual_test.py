@@ -45,6 +45,7 @@ class Pages(unittest.TestCase):
         self.assertGreater(len(codes), 5)
         for code in codes:
             self.assertIn(f"\n.B {code}\n", text)
+        self.assertEqual(re.findall(r"(?m)^\.B (\D.*)$", text.split('.SH "EXIT STATUS"')[1]), [], "what is listed is codes")
 
     def test_every_command_has_a_page_with_all_options(self):
         names = commands()

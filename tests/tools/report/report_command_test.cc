@@ -74,6 +74,9 @@ TEST_F(ReportCommandTest, MissingInputsAreNamed) {
   EXPECT_THAT(err_, HasSubstr("none.csv"));
   EXPECT_EQ(Run({"report", At("out"), "--sequence", At("none"), "--html", At("r.html")}), kExitNoInput);
   EXPECT_THAT(err_, HasSubstr("none: no such file or folder"));
+  folder_.Write("out/events.csv", "frame_idx,timestamp_ns,event,map_id,other_map_id,details\n");
+  EXPECT_EQ(Run({"report", At("out"), "--sequence", At("none"), "--html", At("r.html")}), kExitNoInput) << "no joins";
+  EXPECT_THAT(err_, HasSubstr("none: no such file or folder"));
   folder_.Remove("out/events.csv");
   EXPECT_EQ(Run({"report", At("out"), "--html", At("r.html")}), kExitNoInput);
   EXPECT_THAT(err_, HasSubstr("events.csv"));

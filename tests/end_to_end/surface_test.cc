@@ -24,12 +24,12 @@ TEST(Surface, DepthIsNearTheTruthAndTheMeshIsTheSameOnAnyNumberOfThreads) {
   EXPECT_THAT(judged.out, HasSubstr("median error"));
   const nlohmann::json json = ReadJson(scratch + "/a/surface.json");
   const nlohmann::json& depth = json["depth"];
-  // Floors: about two thirds of what was reached when the test was written.
+  // When this was written: 8 keyframes, 90.7 %, 4.5 %, 82.8 %, 18172 triangles.
   EXPECT_GT(depth["keyframes"], 3);
-  EXPECT_GT(depth["completeness"], 0.55) << depth.dump();
+  EXPECT_GT(depth["completeness"], 0.8) << depth.dump();
   EXPECT_LT(depth["median_error"], 0.06) << depth.dump();
-  EXPECT_GT(depth["within_10_percent"], 0.6) << depth.dump();
-  EXPECT_GT(json["maps"][0]["triangles"], 3000);
+  EXPECT_GT(depth["within_10_percent"], 0.7) << depth.dump();
+  EXPECT_GT(json["maps"][0]["triangles"], 9000);
   EXPECT_EQ(json["maps"][0]["refused_blocks"], 0);
 
   std::vector<std::string> again = SurfaceArguments(scratch + "/b");

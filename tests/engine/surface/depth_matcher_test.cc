@@ -71,10 +71,10 @@ class DepthMatcherTest : public ::testing::Test {
 };
 
 TEST_F(DepthMatcherTest, SlantedPlaneThroughAPinholeIsFound) {
-  Use(SmallPinhole(), PlaneWall(Eigen::Vector3d(0.75, 0.2, 1.0).normalized(), 1.6), 0.12);
+  Use(SmallPinhole(), PlaneWall(Eigen::Vector3d(1.6, 0.4, 1.0).normalized(), 0.9), 0.08);
   ASSERT_TRUE(matcher_->Match(View(0), Sources(), Seeds(), &depth_).ok());
-  EXPECT_LT(Judge().median, 0.006);
-  EXPECT_GT(Judge().share_within_3, 0.9);
+  EXPECT_LT(Judge().median, 0.003);  // 0.0017; without the slant of the window 0.0043
+  EXPECT_GT(Judge().share_within_3, 0.85);
 }
 
 TEST_F(DepthMatcherTest, TubeThroughAFisheyeIsFound) {

@@ -38,4 +38,29 @@ Status WritePly(ByteSink& sink, const MapExport& map) {
   return writer.Finish();
 }
 
+Status WriteMeshPly(ByteSink& sink, const TriangleMesh& mesh, int map_id) {
+  TextWriter writer(sink);
+  writer.Text("ply\nformat binary_little_endian 1.0\ncomment haustra surface of map ").Integer(map_id);
+  writer.Text(", lengths in map units (monocular, no metric scale)\nelement vertex ");
+  writer.Integer(static_cast<std::int64_t>(mesh.positions.size()));
+  writer.Text(
+      "\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face ");
+  writer.Integer(static_cast<std::int64_t>(mesh.triangles.size()));
+  writer.Text("\nproperty list uchar int vertex_indices\nend_header\n");
+  std::string bytes;
+  for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
+    bytes.clear();
+    for (int axis = 0; axis < 3; ++axis) AppendLittleEndian(mesh.positions[i][axis], &bytes);
+    for (const std::uint8_t channel : mesh.rgb[i]) bytes.push_back(static_cast<char>(channel));
+    writer.Text(bytes);
+  }
+  for (const auto& triangle : mesh.triangles) {
+    bytes.assign(1, '\x03');
+    for (const std::uint32_t vertex : triangle) AppendLittleEndian(vertex, &bytes);
+    writer.Text(bytes);
+  }
+  return writer.Finish();
+}
+
 }  // namespace haustra

@@ -4,10 +4,15 @@
 
 #include "engine/io/byte_sink.h"
 #include "engine/io/map_export.h"
+#include "engine/surface/triangle_mesh.h"
 
 namespace haustra {
 
 // Errors: what the sink returns.
 Status WritePly(ByteSink& sink, const MapExport& map);
+
+// The surface of one map: x y z (float), red green blue (uchar), and faces of three vertices (uchar, int). Errors: what
+// the sink returns.
+Status WriteMeshPly(ByteSink& sink, const TriangleMesh& mesh, int map_id);
 
 }  // namespace haustra

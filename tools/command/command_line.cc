@@ -24,6 +24,7 @@
 #include "tools/service/control_command.h"
 #include "tools/service/watch_command.h"
 #include "tools/soak/soak_command.h"
+#include "tools/surface/surface_command.h"
 #include "tools/vocabulary/vocabulary_command.h"
 
 namespace haustra {
@@ -35,6 +36,7 @@ void AddCommands(CLI::App& app, std::function<int()>& action) {
   AddEvaluateCommand(app, action);
   AddReportCommand(app, action);
   AddExportCommand(app, action);
+  AddSurfaceCommand(app, action);
   AddAtlasCommand(app, action);
   AddVocabularyCommand(app, action);
   AddBenchCommand(app, action);

@@ -5,10 +5,14 @@
 
 #include <string>
 
+#include "engine/surface/triangle_mesh.h"
 #include "tools/export/exported_map.h"
 
 namespace haustra::exporting {
 
 std::string GlbBytes(const ExportedMap& map);
+
+// The surface of one map in the same way.
+std::string MeshGlbBytes(const TriangleMesh& mesh, int map_id);
 
 }  // namespace haustra::exporting

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/surface/depth_map.h"
 #include "tools/render/blood.h"
 #include "tools/render/lighting.h"
 #include "tools/render/narrow_band.h"
@@ -14,6 +15,8 @@ namespace {
 
 // Samples of one pixel whose ranges differ by more than this share see different walls.
 constexpr float kEdgeRatio = 1.05f;
+// What lies far down the lumen fades out before the rendered part of the wall ends: from so far on it is black.
+constexpr float kBlackMm = 165.0f, kFadeMm = 50.0f;
 
 }  // namespace
 
@@ -51,6 +54,41 @@ void FrameRenderer::Accumulate(std::span<const ExposureMoment> rows_seen, float 
       ShadePixel(x, y, moment, rgb);
       float* out = image->pixel(x, y);
       for (int c = 0; c < 3; ++c) out[c] += weight * rgb[c];
+    }
+  }
+}
+
+void FrameRenderer::MeasureRange(const ExposureMoment& moment, int step_px, std::vector<float>* range_mm) {
+  mesh_.Project(colon_, camera_, std::span(&moment, 1));
+  visibility_.Rasterise(mesh_);
+  const int width = camera_.width_px() / step_px, height = camera_.height_px() / step_px;
+  range_mm->assign(std::size_t(width) * height, 0.0f);
+  for (int row = 0; row < height; ++row) {
+    for (int column = 0; column < width; ++column) {
+      const double x = CellCentrePx(column, step_px), y = CellCentrePx(row, step_px);
+      Eigen::Vector3d bearing;
+      if (window_.coverage(static_cast<int>(x), static_cast<int>(y)) < 1.0f) continue;
+      if (!camera_.Unproject({x, y}, &bearing)) continue;
+      const Eigen::Vector3f ray = bearing.cast<float>();
+      float range = std::numeric_limits<float>::infinity();
+      // The sample that lies nearest: of two a pixel, half a pixel apart.
+      const int sample_x = static_cast<int>(std::lround(2.0 * x + 0.5));
+      const int sample_y = static_cast<int>(std::lround(2.0 * y + 0.5));
+      const std::uint32_t triangle = visibility_.triangle(sample_x, sample_y);
+      if (triangle != VisibilityBuffer::kNothing) {
+        int corners[3];
+        ProjectedMesh::Corners(triangle, corners);
+        const Eigen::Vector3f& a = mesh_.vertices[corners[0]].position;
+        const Eigen::Vector3f normal =
+            (mesh_.vertices[corners[1]].position - a).cross(mesh_.vertices[corners[2]].position - a);
+        const float along = normal.dot(ray), met = normal.dot(a);
+        // At the edge of the wall the ray may miss the triangle of the sample beside it; the plane is then no wall.
+        const float beside = 1.0f / visibility_.inverse_range(sample_x, sample_y);
+        if (std::abs(along) > 1e-12f && std::abs(met / along - beside) < 0.1f * beside) range = met / along;
+      }
+      InstrumentHit hit;
+      if (moment.instrument.Meet(ray, &hit)) range = std::min(range, hit.range_mm);
+      if (range < kBlackMm) (*range_mm)[std::size_t(row) * width + column] = range;
     }
   }
 }
@@ -149,8 +187,7 @@ float FrameRenderer::ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray
   if (moment.blood_share > 0.0f) CoverWithBlood(moment.blood_share, &mucosa);
   if (moment.is_narrow_band) ShowInNarrowBand(&mucosa);
   Shade(point, mucosa, moment.instrument, rgb);
-  // What lies far down the lumen fades out before the rendered part of the wall ends.
-  const float fade = std::clamp((165.0f - range) * (1.0f / 50.0f), 0.0f, 1.0f);
+  const float fade = std::clamp((kBlackMm - range) * (1.0f / kFadeMm), 0.0f, 1.0f);
   for (int k = 0; k < 3; ++k) rgb[k] *= fade;
   return range;
 }

@@ -27,6 +27,10 @@ class FrameRenderer {
   // one for each of its rows.
   void Accumulate(std::span<const ExposureMoment> rows_seen, float weight, LinearImage* image);
 
+  // How far away the nearest thing is along the rays of the cells of step_px x step_px pixels (CellCentrePx of
+  // engine/surface/depth_map.h), mm, row by row; 0: nothing within reach, or outside the window. Instruments count.
+  void MeasureRange(const ExposureMoment& moment, int step_px, std::vector<float>* range_mm);
+
  private:
   // Radiance along a unit ray that meets `triangle`, and how far away that is.
   float ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, const ExposureMoment& moment, float rgb[3]) const;

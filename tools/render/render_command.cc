@@ -35,6 +35,7 @@ struct RenderArguments {
   render::Shutter shutter;
   int threads = 0;
   int quality = 92;
+  bool with_depth = false;
   bool overwrite = false;
 };
 
@@ -75,6 +76,7 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   if (!arguments.calibration_error.empty()) {
     HAUSTRA_ASSIGN(options.calibration_error, render::ParseCalibrationError(arguments.calibration_error));
   }
+  options.with_depth = arguments.with_depth;
   options.overwrite = arguments.overwrite;
   options.num_threads =
       arguments.threads > 0 ? arguments.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -198,6 +200,8 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
       "--calibration-error", arguments->calibration_error,
       "F[,CX,CY,K1]: calib.yaml is wrong by F % of the focal length, CX and CY pixels of the centre, K1 "
       "of the first coefficient; calib_true.yaml is right");
+  command->add_flag("--depth", arguments->with_depth,
+                    "Write true depth, too: depth/NNNNNN.pgm, the range along the ray at a quarter of the size");
   AddOverwriteFlag(*command, arguments->overwrite);
   command->callback([arguments, &action] { action = [arguments] { return RunRender(*arguments); }; });
 }

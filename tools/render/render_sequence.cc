@@ -9,6 +9,7 @@
 #include "capture/codec/image_codec.h"
 #include "capture/image.h"
 #include "tools/command/output_folder.h"
+#include "tools/command/range_picture.h"
 #include "tools/command/sequence_content.h"
 #include "tools/render/exposure.h"
 #include "tools/render/interlace.h"
@@ -38,6 +39,14 @@ class FirstError {
   std::mutex mutex_;
   Status status_;
 };
+
+Status WriteRange(const std::string& folder, int frame, const SequenceModel& model, FrameRenderer* renderer) {
+  RangePicture picture;
+  picture.width = model.options().width_px / RangePicture::kStepPx;
+  picture.height = model.options().height_px / RangePicture::kStepPx;
+  model.MeasureRange(frame, RangePicture::kStepPx, renderer, &picture.range_mm);
+  return WriteFile(DepthPath(folder, frame), RangePictureBytes(picture));
+}
 
 Status WriteDescription(const std::string& folder, const SequenceModel& model) {
   const RenderOptions& options = model.options();
@@ -122,6 +131,7 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
   HAUSTRA_ASSIGN(const std::unique_ptr<SequenceModel> model, SequenceModel::Create(options));
   HAUSTRA_ASSIGN(OutputFolder output, OutputFolder::Create(folder, kSequenceContent, options.overwrite));
   HAUSTRA_TRY(MakeFramesFolder(folder));
+  if (options.with_depth) HAUSTRA_TRY(MakeDepthFolder(folder));
   HAUSTRA_TRY(WriteDescription(folder, *model));
 
   const int num_frames = options.num_frames(), num_threads = options.num_threads;
@@ -164,6 +174,7 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
         model->sensor().Develop(gain[i], begin + i, &second_light[i], &second_fields[worker]);
         WeaveFields(second_fields[worker], &pictures[worker]);
       }
+      if (options.with_depth) error.Note(WriteRange(folder, begin + i, *model, renderers[worker].get()));
       error.Note(WriteJpeg(FramePath(folder, begin + i), pictures[worker].view(), options.jpeg_quality));
       const std::lock_guard<std::mutex> lock(progress_mutex);
       ++num_done;

@@ -1,6 +1,7 @@
 // A whole sequence: the folder that `haustra run` reads, with exact ground truth.
 //   frames/%06d.jpg, times.txt (s), calib.yaml, mask.png,
 //   calib_true.yaml  the camera that took the pictures; only when calib.yaml was made to differ from it
+//   depth/%06d.pgm   true range of every fourth pixel (tools/command/range_picture.h); only when asked for
 //   groundtruth.txt  TUM, world_from_cam, mm; the middle of the exposure
 //   events.csv       first_frame,last_frame,kind,visible
 //   revisits.csv     frame_a,frame_b,dt_s,distance_mm,axis_angle_deg
@@ -34,7 +35,8 @@ struct RenderOptions {
   int jpeg_quality = 92;  // [5, 100]
   Shutter shutter;
   CalibrationError calibration_error;
-  bool overwrite = false;  // replace a sequence that is already there
+  bool with_depth = false;  // depth/%06d.pgm, too
+  bool overwrite = false;   // replace a sequence that is already there
 
   // The preset as it is: its length, rate, size and events.
   static RenderOptions FromPreset(const Preset& preset);

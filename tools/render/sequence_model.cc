@@ -74,13 +74,21 @@ double SequenceModel::RowDelayS(int row) const {
   return share * options_.shutter.readout / options_.rate_hz;
 }
 
+ExposureMoment SequenceModel::MomentAt(double time_s) const {
+  const auto blood_share = static_cast<float>(options_.preset.mucosa.blood.ShareAt(time_s));
+  return {time_s,     path_.ArcMm(time_s), path_.WorldFromCam(time_s), IsNarrowBand(time_s), instrument_.At(time_s),
+          blood_share};
+}
+
+void SequenceModel::MeasureRange(int frame, int step_px, FrameRenderer* renderer, std::vector<float>* range_mm) const {
+  renderer->MeasureRange(MomentAt(TimeS(frame)), step_px, range_mm);
+}
+
 std::vector<ExposureMoment> SequenceModel::RowsAt(double time_s) const {
   const int num_rows = options_.shutter.readout > 0.0 ? options_.height_px : 1;
   std::vector<ExposureMoment> rows(num_rows);
   for (int y = 0; y < num_rows; ++y) {
-    const double t = num_rows > 1 ? time_s + RowDelayS(y) : time_s;
-    const auto blood_share = static_cast<float>(options_.preset.mucosa.blood.ShareAt(t));
-    rows[y] = {t, path_.ArcMm(t), path_.WorldFromCam(t), IsNarrowBand(t), instrument_.At(t), blood_share};
+    rows[y] = MomentAt(num_rows > 1 ? time_s + RowDelayS(y) : time_s);
   }
   return rows;
 }

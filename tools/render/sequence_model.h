@@ -46,6 +46,8 @@ class SequenceModel {
   void Expose(int frame, FrameRenderer* renderer, LinearImage* light) const { Expose(TimeS(frame), renderer, light); }
   // The same of a picture whose middle row is half exposed at that time.
   void Expose(double time_s, FrameRenderer* renderer, LinearImage* light) const;
+  // FrameRenderer::MeasureRange at the time of the frame, with all rows at once.
+  void MeasureRange(int frame, int step_px, FrameRenderer* renderer, std::vector<float>* range_mm) const;
   // When the second of two fields is exposed; TimeS(frame) where there are no fields.
   double SecondFieldS(int frame) const { return TimeS(frame) + options_.shutter.field_lag / options_.rate_hz; }
   // Later than the middle row by so much, a row in the middle of its exposure; 0 without a rolling shutter.
@@ -56,6 +58,7 @@ class SequenceModel {
   SequenceModel(const RenderOptions& options, const CameraModel& camera, std::uint64_t path_seed);
   bool IsNarrowBand(double time_s) const;
   double ShutterS(double time_s) const;
+  ExposureMoment MomentAt(double time_s) const;
   // The moments of the rows of a picture, one for all when they are the same.
   std::vector<ExposureMoment> RowsAt(double time_s) const;
   // How far the picture moves at most while the shutter is open, pixels.

@@ -20,15 +20,20 @@ namespace {
   return buffer;
 }
 
-}  // namespace
-
-Status MakeFramesFolder(const std::string& folder) {
-  const std::string frames = folder + "/frames";
+Status MakeFolder(const std::string& path) {
   std::error_code error;
-  std::filesystem::create_directories(frames, error);
-  if (error) return Unavailable(frames + ": cannot be made: " + error.message());
+  std::filesystem::create_directories(path, error);
+  if (error) return Unavailable(path + ": cannot be made: " + error.message());
   return Status::Ok();
 }
+
+}  // namespace
+
+Status MakeFramesFolder(const std::string& folder) { return MakeFolder(folder + "/frames"); }
+
+Status MakeDepthFolder(const std::string& folder) { return MakeFolder(folder + "/depth"); }
+
+std::string DepthPath(const std::string& folder, int frame) { return folder + Line("/depth/%06d.pgm", frame); }
 
 std::string FramePath(const std::string& folder, int frame) { return folder + Line("/frames/%06d.jpg", frame); }
 

@@ -12,6 +12,9 @@
 namespace haustra::render {
 
 Status MakeFramesFolder(const std::string& folder);
+Status MakeDepthFolder(const std::string& folder);
+// "FOLDER/depth/000042.pgm"
+std::string DepthPath(const std::string& folder, int frame);
 // "FOLDER/frames/000042.jpg"
 std::string FramePath(const std::string& folder, int frame);
 

@@ -29,7 +29,16 @@ Status ReadKeyframes(const std::string& path, MapModel* model) {
       if (fields.empty()) continue;
       const auto id = ParseInteger(fields[0]);
       if (!id || fields.size() != 10) return Bad(path, number, "not an image: ten fields expected");
+      std::array<double, 7> pose{};  // qw qx qy qz, x y z
+      for (std::size_t i = 0; i < pose.size(); ++i) {
+        const auto value = ParseNumber(fields[1 + i]);
+        if (!value) return Bad(path, number, "not a pose");
+        pose[i] = *value;
+      }
+      const Eigen::Quaterniond rotation(pose[0], pose[1], pose[2], pose[3]);
+      if (!(rotation.norm() > 0.5)) return Bad(path, number, "not a rotation");
       keyframe = &model->keyframes[*id - kFirstImageId];
+      keyframe->cam_from_map = SE3(rotation, Eigen::Vector3d(pose[4], pose[5], pose[6]));
       keyframe->image_name = fields[9];
       continue;
     }
@@ -53,8 +62,10 @@ Status ReadPoints(const std::string& path, MapModel* model) {
     const std::vector<std::string_view> fields = evaluate::SplitBlanks(line);
     if (fields.empty() || fields[0].starts_with('#')) continue;
     if (fields.size() < 7) return Bad(path, number, "not a point");
+    const auto id = ParseInteger(fields[0]);
     const auto x = ParseNumber(fields[1]), y = ParseNumber(fields[2]), z = ParseNumber(fields[3]);
-    if (!x || !y || !z) return Bad(path, number, "not a point");
+    if (!id || !x || !y || !z) return Bad(path, number, "not a point");
+    model->point_ids.push_back(*id);
     model->points.emplace_back(*x, *y, *z);
     std::array<std::uint8_t, 3> rgb{};
     for (std::size_t i = 0; i < 3; ++i) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/geometry/se3.h"
 #include "hal/core/status.h"
 
 namespace haustra::report {
@@ -16,9 +17,11 @@ struct MapModel {
   struct Keyframe {
     std::string image_name;
     std::map<std::int64_t, Eigen::Vector2d> pixels;  // by point id; pixel centres at integers
+    SE3 cam_from_map{};                              // map units
   };
   std::vector<Eigen::Vector3d> points;           // in the map, map units
   std::vector<std::array<std::uint8_t, 3>> rgb;  // one a point
+  std::vector<std::int64_t> point_ids;           // one a point
   std::map<std::int64_t, Keyframe> keyframes;    // by keyframe id
 };
 

@@ -1,0 +1,64 @@
+// Depth of one keyframe on a grid that is coarser than its picture: 16-bit inverse range and a confidence a cell.
+// Range is the distance from the camera centre along the ray, in map units, so that fisheye cameras have it everywhere.
+// Memory is taken at construction. Value type, reentrant; rt-safe but for construction and copies.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace haustra {
+
+// Cell (0, 0) covers the first step x step pixels of the picture; its ray is that of their common centre.
+inline constexpr double CellCentrePx(int cell, int step_px) { return cell * step_px + 0.5 * (step_px - 1); }
+
+class DepthMap {
+ public:
+  static constexpr std::uint16_t kNoDepth = 0;
+  static constexpr double kMaxCode = 65535.0;
+
+  DepthMap() = default;
+  DepthMap(int width, int height)
+      : width_(width), height_(height), code_(std::size_t(width) * height), confidence_(std::size_t(width) * height) {}
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  int num_cells() const { return width_ * height_; }
+  // No cell has a depth. Nearer than `near_mu` > 0 nothing can be stored; at a range of r the step between two codes is
+  // r / (65535 * near_mu) of it: 0.03 % at twenty times the nearest range.
+  void Clear(double near_mu) {
+    unit_ = 1.0 / (near_mu * kMaxCode);
+    std::fill(code_.begin(), code_.end(), kNoDepth);
+    std::fill(confidence_.begin(), confidence_.end(), std::uint8_t{0});
+  }
+
+  bool has_depth(int cell) const { return code_[cell] != kNoDepth; }
+  // 1 / map units; 0: no depth.
+  double inverse_range(int cell) const { return code_[cell] * unit_; }
+  // Only where has_depth.
+  double range_mu(int cell) const { return 1.0 / inverse_range(cell); }
+  // 0: none; 255: a sharp peak of a nearly perfect match.
+  int confidence(int cell) const { return confidence_[cell]; }
+
+  // An inverse range that has no code is stored as no depth.
+  void Set(int cell, double inverse_range, int confidence) {
+    const double code = std::round(inverse_range / unit_);
+    const bool fits = code >= 1.0 && code <= kMaxCode;
+    code_[cell] = fits ? static_cast<std::uint16_t>(code) : kNoDepth;
+    confidence_[cell] = fits ? static_cast<std::uint8_t>(std::clamp(confidence, 0, 255)) : std::uint8_t{0};
+  }
+  void Erase(int cell) {
+    code_[cell] = kNoDepth;
+    confidence_[cell] = 0;
+  }
+
+ private:
+  int width_ = 0, height_ = 0;
+  double unit_ = 1.0;  // inverse range of code 1
+  std::vector<std::uint16_t> code_;
+  std::vector<std::uint8_t> confidence_;
+};
+
+}  // namespace haustra

@@ -1,0 +1,119 @@
+// What `haustra surface` says about input that does not fit, and the files that it writes. How good the surface is:
+// tests/engine/surface and tests/end_to_end.
+#include "tools/surface/surface_command.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "capture/codec/image_codec.h"
+#include "capture/image.h"
+#include "tests/tools/command/call_command.h"
+#include "tests/tools/evaluate/run_folder.h"
+#include "tests/tools/report/small_report.h"
+#include "tools/exit_codes.h"
+
+namespace haustra {
+namespace {
+
+using ::testing::HasSubstr;
+
+class SurfaceCommandTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    run_ = report::SmallRun();
+    WriteRunFolder(folder_, "out", run_);
+    folder_.Write("out/maps/map_0000/cameras.txt", "1 OPENCV_FISHEYE 64 48 40 40 32 24 0 0 0 0\n");
+    folder_.Write("out/maps/map_0000/images.txt",
+                  "2 1 0 0 0 0 0 0 1 000006.jpg\n10.5 5.5 7\n3 1 0 0 0 0.1 0 0 1 session_1/000009.jpg\n\n");
+    folder_.Write("out/maps/map_0000/points3D.txt", "7 0.25 0.5 1.5 200 100 90 0.5 2 0\n");
+    WriteSequence("seq", 64, 48, 0);
+  }
+  void WriteSequence(const std::string& name, int width, int height, std::int64_t shift_ns) {
+    std::filesystem::create_directories(folder_.At(name + "/frames"));
+    std::string times;
+    Image grey(width, height, PixelFormat::kGrey8);
+    for (int y = 0; y < height; ++y) std::memset(grey.row(y), 90, static_cast<std::size_t>(width));
+    for (std::size_t i = 0; i < 10; ++i) {
+      char file[32], time[32];
+      std::snprintf(file, sizeof(file), "/frames/%06zu.jpg", i);
+      ASSERT_TRUE(WriteJpeg(folder_.At(name + file), grey.view(), 90).ok());
+      std::snprintf(time, sizeof(time), "%.9f\n", static_cast<double>(run_.frames[i].timestamp_ns + shift_ns) * 1e-9);
+      times += time;
+    }
+    folder_.Write(name + "/times.txt", times);
+  }
+  int Surface(const std::string& sequence, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"surface", folder_.At("out"), "--sequence", folder_.At(sequence),
+                                       "--out",   folder_.At("to")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const CommandAnswer answer = CallCommand({AddSurfaceCommand}, arguments);
+    out_ = answer.out;
+    err_ = answer.err;
+    return answer.code;
+  }
+  bool IsThere(const std::string& name) const { return std::filesystem::exists(folder_.At(name)); }
+
+  evaluate::TextFolder folder_;
+  evaluate::RunOutput run_;
+  std::string out_, err_;
+};
+
+TEST_F(SurfaceCommandTest, AMapWithoutDepthGivesAnEmptyMeshAndSaysWhy) {
+  ASSERT_EQ(Surface("seq"), kExitOk) << err_;
+  EXPECT_THAT(out_, HasSubstr("map 0: 0 keyframes with depth"));
+  EXPECT_THAT(out_, HasSubstr("1 keyframes without a picture, 1 without depth"));
+  EXPECT_THAT(folder_.Read("to/map_0000.ply"), HasSubstr("element vertex 0\n"));
+  EXPECT_TRUE(folder_.Read("to/map_0000.glb").starts_with("glTF"));
+  const nlohmann::json json = nlohmann::json::parse(folder_.Read("to/surface.json"));
+  EXPECT_EQ(json["maps"][0]["triangles"], 0);
+  EXPECT_EQ(json["maps"][0]["keyframes_without_picture"], 1);
+  EXPECT_FALSE(json.contains("depth"));
+}
+
+TEST_F(SurfaceCommandTest, AnEarlierSurfaceIsKept) {
+  ASSERT_EQ(Surface("seq"), kExitOk) << err_;
+  folder_.Write("to/map_0000.ply", "mine");
+  EXPECT_EQ(Surface("seq"), kExitInTheWay);
+  EXPECT_EQ(folder_.Read("to/map_0000.ply"), "mine");
+  EXPECT_EQ(Surface("seq", {"--overwrite"}), kExitOk) << err_;
+  EXPECT_NE(folder_.Read("to/map_0000.ply"), "mine");
+}
+
+TEST_F(SurfaceCommandTest, AnotherSequenceIsRefused) {
+  WriteSequence("late", 64, 48, 500000000);
+  EXPECT_NE(Surface("late"), kExitOk);
+  EXPECT_THAT(err_, HasSubstr("not the sequence of this run"));
+  WriteSequence("wide", 80, 48, 0);
+  EXPECT_NE(Surface("wide"), kExitOk);
+  EXPECT_THAT(err_, HasSubstr("frames have 80x48, the run had 64x48"));
+  EXPECT_NE(Surface("none"), kExitOk);
+  EXPECT_FALSE(IsThere("to"));
+}
+
+TEST_F(SurfaceCommandTest, TwiceTheSizeIsHalvedAsTheRunDid) {
+  WriteSequence("double", 128, 96, 0);
+  EXPECT_EQ(Surface("double"), kExitOk) << err_;
+}
+
+TEST_F(SurfaceCommandTest, ADamagedModelIsNamedWithItsLine) {
+  folder_.Write("out/maps/map_0000/images.txt", "2 1 0 0 x 0 0 0 1 000006.jpg\n10.5 5.5 7\n");
+  EXPECT_NE(Surface("seq"), kExitOk);
+  EXPECT_THAT(err_, HasSubstr("images.txt:1: not an image"));
+  folder_.Write("out/maps/map_0000/images.txt", "2 0 0 0 0 0 0 0 1 000006.jpg\n10.5 5.5 7\n");
+  EXPECT_NE(Surface("seq"), kExitOk);
+  EXPECT_THAT(err_, HasSubstr("images.txt:1: "));
+  EXPECT_FALSE(IsThere("to"));
+}
+
+TEST_F(SurfaceCommandTest, OptionsOutOfRangeAreRefused) {
+  EXPECT_EQ(Surface("seq", {"--voxel", "0.5"}), kExitUsage);
+  EXPECT_EQ(Surface("seq", {"--max-blocks", "0"}), kExitUsage);
+  EXPECT_EQ(Surface("seq", {"--threads", "-1"}), kExitUsage);
+}
+
+}  // namespace
+}  // namespace haustra

@@ -1,0 +1,163 @@
+#include "tools/surface/surface_command.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "engine/io/ply_writer.h"
+#include "tools/command/common_options.h"
+#include "tools/command/console.h"
+#include "tools/command/number_checks.h"
+#include "tools/command/output_folder.h"
+#include "tools/evaluate/evaluate_run.h"
+#include "tools/exit_codes.h"
+#include "tools/export/glb_writer.h"
+#include "tools/report/map_model.h"
+#include "tools/surface/depth_truth.h"
+#include "tools/surface/map_surface.h"
+#include "tools/surface/surface_input.h"
+#include "tools/surface/surface_text.h"
+
+namespace haustra {
+namespace {
+
+using surface::MapSurface;
+using surface::SurfaceMap;
+
+constexpr const char* kSurfaceCommand = "surface";
+constexpr FolderContent kSurfaceContent{"a surface", R"(map_\d{4,}(\.(ply|glb)|(/\d{6,}\.pgm)?)|surface\.json)"};
+
+struct SurfaceArguments {
+  std::string run;
+  std::string sequence;
+  std::string out;
+  std::string groundtruth;
+  SequenceOptions options;
+  surface::SurfaceOptions surface;
+  bool with_depth_maps = false;
+  bool overwrite = false;
+};
+
+Status WriteMap(const SurfaceArguments& arguments, int map_id, const MapSurface& made) {
+  const std::string stem = arguments.out + "/" + report::MapFolderName(map_id);
+  StringSink ply;
+  HAUSTRA_TRY(WriteMeshPly(ply, made.mesh, map_id));
+  HAUSTRA_TRY(WriteFile(stem + ".ply", ply.bytes()));
+  HAUSTRA_TRY(WriteFile(stem + ".glb", exporting::MeshGlbBytes(made.mesh, map_id)));
+  if (!arguments.with_depth_maps) return Status::Ok();
+  std::error_code error;
+  std::filesystem::create_directories(stem, error);
+  if (error) return Unavailable(stem + ": cannot be made: " + error.message());
+  for (const surface::KeyframeDepth& each : made.depths) {
+    char name[32];
+    std::snprintf(name, sizeof(name), "/%06lld.pgm", static_cast<long long>(each.picture->frame_idx));
+    HAUSTRA_TRY(WriteFile(stem + name, surface::DepthPgm(each.depth)));
+  }
+  return Status::Ok();
+}
+
+// Nothing without a ground truth, or when it has no depth for this run.
+Result<std::optional<surface::DepthScore>> Judge(const SurfaceArguments& arguments, const evaluate::RunOutput& run,
+                                                 const std::vector<SurfaceMap>& maps,
+                                                 const std::vector<MapSurface>& surfaces) {
+  if (arguments.groundtruth.empty()) return std::optional<surface::DepthScore>();
+  HAUSTRA_ASSIGN(const evaluate::Reference reference, evaluate::ReadReference(arguments.groundtruth, ""));
+  const evaluate::Evaluation evaluation = evaluate::EvaluateRun(run, reference, {});
+  const std::string truth = (std::filesystem::path(arguments.groundtruth).parent_path() / "depth").string();
+  return surface::JudgeDepths(maps, surfaces, run, evaluation, reference, truth);
+}
+
+int RunSurface(SurfaceArguments arguments) {
+  if (arguments.surface.num_threads == 0) {
+    arguments.surface.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  }
+  if (const Status status = OutputFolder::Check(arguments.out, kSurfaceContent, arguments.overwrite); !status.ok()) {
+    return console::FailWriting(kSurfaceCommand, status);
+  }
+  const Result<evaluate::RunOutput> run = evaluate::ReadRunOutput(arguments.run);
+  if (!run.ok()) return console::Fail(kSurfaceCommand, run.status());
+  const Result<std::vector<SurfaceMap>> maps = surface::ReadSurfaceMaps(*run);
+  if (!maps.ok()) return console::Fail(kSurfaceCommand, maps.status());
+  std::set<std::string> names;
+  for (const SurfaceMap& map : *maps) {
+    for (const surface::SurfaceKeyframe& keyframe : map.keyframes) names.insert(keyframe.image_name);
+  }
+  const Result<surface::KeyframePictures> pictures =
+      surface::ReadKeyframePictures(*run, names, maps->front().camera, arguments.sequence, arguments.options);
+  if (!pictures.ok()) return console::Fail(kSurfaceCommand, pictures.status());
+  std::vector<MapSurface> surfaces;
+  for (const SurfaceMap& map : *maps) {
+    Result<MapSurface> made = surface::MakeMapSurface(map, *pictures, arguments.surface);
+    if (!made.ok()) return console::Fail(kSurfaceCommand, made.status());
+    surfaces.push_back(std::move(*made));
+  }
+  const auto score = Judge(arguments, *run, *maps, surfaces);
+  if (!score.ok()) return console::Fail(kSurfaceCommand, score.status());
+
+  Result<OutputFolder> output = OutputFolder::Create(arguments.out, kSurfaceContent, arguments.overwrite);
+  if (!output.ok()) return console::FailWriting(kSurfaceCommand, output.status());
+  for (std::size_t i = 0; i < maps->size(); ++i) {
+    const int map_id = (*maps)[i].map_id;
+    if (const Status status = WriteMap(arguments, map_id, surfaces[i]); !status.ok()) {
+      return console::FailWriting(kSurfaceCommand, status);
+    }
+    console::Print("%s", surface::ToText(map_id, surfaces[i]).c_str());
+  }
+  const Status status = WriteFile(arguments.out + "/surface.json", surface::ToJson(*maps, surfaces, *score));
+  if (!status.ok()) return console::FailWriting(kSurfaceCommand, status);
+  output->Commit();
+  if (*score) console::Print("%s", surface::ToText(**score).c_str());
+  if (!arguments.groundtruth.empty() && !*score) {
+    console::Warn(kSurfaceCommand, "no map could be aligned to %s: its depth is not judged",
+                  arguments.groundtruth.c_str());
+  }
+  console::Print("%s: a mesh for each map, as .ply and .glb; maps have frames and scales of their own\n",
+                 arguments.out.c_str());
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
+  const auto arguments = std::make_shared<SurfaceArguments>();
+  CLI::App* command = app.add_subcommand("surface", "Make the surface of the wall from a run and its sequence");
+  command->add_option("run", arguments->run, "Output folder of haustra run")->required();
+  command->add_option("--sequence", arguments->sequence, "The sequence of the run: folder or video")->required();
+  command->add_option("--out", arguments->out, "Folder for the meshes: map_NNNN.ply and map_NNNN.glb for each map")
+      ->required();
+  command->add_option("--first-frame", arguments->options.first_frame, "As in the run")->check(NonNegativeNumber());
+  command->add_option("--every-nth", arguments->options.every_nth, "As in the run: it used only every n-th frame")
+      ->check(CLI::Range(1u, 1000u))
+      ->capture_default_str();
+  AddDeinterlaceOption(*command, arguments->options.deinterlace);
+  command->add_option("--groundtruth", arguments->groundtruth,
+                      "True poses of a rendered sequence; true depth lies in depth/ beside them (haustra render "
+                      "--depth). Says how good the depth is");
+  command->add_flag("--depth-maps", arguments->with_depth_maps,
+                    "Write the depth of each keyframe, too: map_NNNN/NNNNNN.pgm, 16-bit inverse range");
+  command
+      ->add_option("--voxel", arguments->surface.voxel_share,
+                   "Side of a voxel, share of the median depth of the map, 0.002 to 0.2")
+      ->check(CLI::Range(0.002, 0.2))
+      ->capture_default_str();
+  command
+      ->add_option("--max-blocks", arguments->surface.max_blocks,
+                   "Blocks of 8x8x8 voxels of a map, 3 kB each. When they are used up, what comes later is left out")
+      ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str();
+  command
+      ->add_option("--threads", arguments->surface.num_threads,
+                   "Threads; 0: all cores. The result does not depend on it")
+      ->check(CLI::Range(0, 256))
+      ->default_val(0);
+  AddOverwriteFlag(*command, arguments->overwrite);
+  command->callback([arguments, &action] { action = [arguments] { return RunSurface(*arguments); }; });
+}
+
+}  // namespace haustra

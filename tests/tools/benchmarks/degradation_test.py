@@ -6,7 +6,9 @@ With the real program as the first argument one short point is made as well.
 """
 
 import json
+import os
 import subprocess
+import sys
 import tempfile
 import unittest
 import xml.etree.ElementTree
@@ -98,7 +100,7 @@ class DegradationTest(MadeUpProgramTest):
         self.assertTrue((self.folder / "out" / "zero" / "seed_3" / "figures.json").exists())
 
     def test_video_goes_through_an_encoder_and_back(self):
-        tools = self.folder / "bin"
+        tools = self.folder / "encoder"
         tools.mkdir()
         encoder = tools / "ffmpeg"
         # Notes its arguments; decoding gives as many pictures as the name of the curve's point says.

@@ -6,6 +6,7 @@
 
 #include "kernels/cpu/cpu_vision_device.h"
 #ifdef HAUSTRA_HAVE_CUDA
+#include "kernels/cuda/cuda_depth_solver.h"
 #include "kernels/cuda/cuda_vision_device.h"
 #endif
 
@@ -14,6 +15,17 @@ namespace {
 
 // That this process may use.
 int NumProcessors() { return std::max(1, static_cast<int>(std::thread::hardware_concurrency())); }
+
+#ifdef HAUSTRA_HAVE_CUDA
+Status CudaError(const Status& status) {
+  return Status(status.code(), "vision device 'cuda': " + status.message() + "; use 'cpu'");
+}
+#else
+Status NoCudaInBuild() { return Unavailable("vision device 'cuda': this build has no CUDA support; use 'cpu'"); }
+#endif
+Status UnknownDevice(std::string_view name) {
+  return InvalidArgument("vision device '" + std::string(name) + "': unknown; use 'cpu' or 'cuda'");
+}
 
 }  // namespace
 
@@ -55,12 +67,25 @@ Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, 
 #ifdef HAUSTRA_HAVE_CUDA
     Result<std::unique_ptr<CudaVisionDevice>> device = CreateCudaVisionDevice(plan, options);
     if (device.ok()) return std::unique_ptr<VisionDevice>(std::move(device).value());
-    return Status(device.code(), "vision device 'cuda': " + device.status().message() + "; use 'cpu'");
+    return CudaError(device.status());
 #else
-    return Unavailable("vision device 'cuda': this build has no CUDA support; use 'cpu'");
+    return NoCudaInBuild();
 #endif
   }
-  return InvalidArgument("vision device '" + std::string(name) + "': unknown; use 'cpu' or 'cuda'");
+  return UnknownDevice(name);
+}
+
+Result<std::unique_ptr<DepthSolver>> CreateDepthSolver(std::string_view name, const DepthSolverPlan& plan) {
+  if (name == "cpu") return std::unique_ptr<DepthSolver>();
+  if (name != "cuda") return UnknownDevice(name);
+#ifdef HAUSTRA_HAVE_CUDA
+  Result<std::unique_ptr<DepthSolver>> solver = CreateCudaDepthSolver(plan);
+  if (!solver.ok()) return CudaError(solver.status());
+  return solver;
+#else
+  (void)plan;
+  return NoCudaInBuild();
+#endif
 }
 
 double SceneShare(const ImageView& mask) {

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "engine/engine.h"
+#include "hal/depth_solver.h"
 #include "hal/vision_device.h"
 
 namespace haustra {
@@ -31,6 +32,10 @@ Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, 
 // The same for a plan of the caller's own.
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const VisionPlan& plan,
                                                          const ExtractOptions& options, int num_threads);
+
+// Where the depth of keyframes is searched: on "cuda" a solver, on "cpu" none, since the engine does it itself. Errors
+// as above, and those of the plan.
+Result<std::unique_ptr<DepthSolver>> CreateDepthSolver(std::string_view name, const DepthSolverPlan& plan);
 
 // Part of the image inside the static mask (0, 1]; 1 without one.
 double SceneShare(const ImageView& mask);

@@ -8,9 +8,9 @@
 #include <Eigen/Core>
 #include <array>
 
-#include "engine/camera/projection_constants.h"
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
+#include "hal/projection_constants.h"
 
 namespace haustra {
 

@@ -3,8 +3,8 @@
 // between lanes; results differ from it by rounding only.
 #pragma once
 
-#include "engine/camera/projection_constants.h"
 #include "engine/geometry/lanes.h"
+#include "hal/projection_constants.h"
 
 namespace haustra {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <cstdint>
 
-#include "engine/camera/projection_constants.h"
+#include "hal/projection_constants.h"
 
 namespace haustra::optim {
 

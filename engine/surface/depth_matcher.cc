@@ -21,7 +21,6 @@ constexpr double kFirstSlantStep = 0.5;   // of the plane's part across the ray,
 constexpr double kSeedPull = 0.05;        // cost of being far from the seeds' plane
 constexpr double kSeedReach = 0.15;       // relative distance that costs all of it
 constexpr double kSharpPeak = 0.10;       // rise of the cost a pixel beside a peak that is beyond doubt
-constexpr int kMaxSources = 12;
 
 // Evenly spread in [-1, 1), the same on every machine: SplitMix64 (Steele, Lea, Flood 2014) of what it is for.
 double Noise(int cell, int iteration, int which) {
@@ -72,12 +71,38 @@ DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const Dept
       cell.bearing_dy = 0.5 * (down - up);
     }
   }
+  const auto single = [](const Eigen::Vector3d& v) {
+    return std::array<float, 3>{static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+  };
+  for (const Cell& cell : cells_) {
+    solver_cells_.push_back({single(cell.bearing), single(cell.bearing_dx), single(cell.bearing_dy),
+                             static_cast<float>(cell.centre_x), static_cast<float>(cell.centre_y), cell.is_usable});
+  }
   estimates_.resize(num_cells);
   first_.resize(num_cells);
   weight_.resize(num_cells * num_samples_);
   pattern_.resize(num_cells * num_samples_);
   variance_.resize(num_cells);
   sources_.resize(options.max_sources);
+}
+
+DepthSolverPlan DepthMatcher::solver_plan() const {
+  return {camera_.projection_constants(),
+          camera_.width_px(),
+          camera_.height_px(),
+          width_,
+          height_,
+          options_,
+          solver_cells_,
+          is_scene_};
+}
+
+void DepthMatcher::SearchOn(DepthSolver* solver) {
+  solver_ = solver;
+  solver_sources_.resize(sources_.size());
+  solver_planes_.resize(3 * cells_.size());
+  solver_ranges_.resize(cells_.size());
+  solver_confidences_.resize(cells_.size());
 }
 
 Eigen::Vector2d DepthMatcher::CellOfPixel(const Eigen::Vector2d& pixel) const {
@@ -189,7 +214,7 @@ float DepthMatcher::SourceCost(int i, const InversePlane& plane, const Source& s
 
 float DepthMatcher::DataCost(int cell, const InversePlane& plane) const {
   if (variance_[cell] < 0.0f) return kNoCost;
-  std::array<float, kMaxSources> best;
+  std::array<float, kMaxDepthSources> best;
   int count = 0;
   for (int s = 0; s < num_sources_; ++s) {
     bool is_seen = false;
@@ -322,6 +347,47 @@ void DepthMatcher::Answer(int cell, DepthMap* map) const {
   map->Set(cell, refined, static_cast<int>(std::lround(1.0 + 254.0 * match * peak)));
 }
 
+void DepthMatcher::Search(ImageView reference, DepthMap* map) {
+  PrepareWindows(reference);
+  const int num_cells = width_ * height_;
+  for (int i = 0; i < num_cells; ++i) {
+    if (cells_[i].is_usable) estimates_[i] = {first_[i], DataCost(i, first_[i])};
+  }
+  for (int iteration = 0; iteration < options_.num_iterations; ++iteration) {
+    for (const int colour : {0, 1}) {
+      for (int i = 0; i < num_cells; ++i) {
+        if ((i % width_ + i / width_) % 2 == colour && cells_[i].is_usable) Improve(i, iteration);
+      }
+    }
+  }
+  for (int i = 0; i < num_cells; ++i) {
+    if (cells_[i].is_usable) Answer(i, map);
+  }
+}
+
+Status DepthMatcher::SearchElsewhere(ImageView reference, DepthMap* map) {
+  for (int s = 0; s < num_sources_; ++s) {
+    solver_sources_[s].grey = sources_[s].grey;
+    for (int k = 0; k < 9; ++k) solver_sources_[s].rotation[k] = static_cast<float>(sources_[s].rotation(k / 3, k % 3));
+    for (int k = 0; k < 3; ++k) solver_sources_[s].translation[k] = static_cast<float>(sources_[s].translation[k]);
+  }
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    for (int k = 0; k < 3; ++k)
+      solver_planes_[3 * i + k] = cells_[i].is_usable ? static_cast<float>(first_[i][k]) : 0.0f;
+  }
+  DepthProblem problem;
+  problem.reference = reference;
+  problem.sources = std::span<const DepthSource>(solver_sources_).first(num_sources_);
+  problem.first_planes = solver_planes_;
+  problem.min_inverse_range = static_cast<float>(min_inverse_);
+  problem.max_inverse_range = static_cast<float>(max_inverse_);
+  HAUSTRA_TRY(solver_->Solve(problem, solver_ranges_, solver_confidences_));
+  for (std::size_t i = 0; i < cells_.size(); ++i) {
+    if (solver_ranges_[i] > 0.0f) map->Set(static_cast<int>(i), solver_ranges_[i], solver_confidences_[i]);
+  }
+  return Status::Ok();
+}
+
 Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView> sources,
                            std::span<const DepthSeed> seeds, DepthMap* map) {
   const auto fits = [&](const DepthView& view) {
@@ -360,7 +426,6 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
     const SE3 source_from_reference = sources[s].cam_from_map * reference.cam_from_map.Inverse();
     sources_[s] = {sources[s].grey, source_from_reference.matrix3(), source_from_reference.translation};
   }
-  PrepareWindows(reference.grey);
   const int num_cells = width_ * height_;
   for (int i = 0; i < num_cells; ++i) {
     if (!cells_[i].is_usable) continue;
@@ -370,18 +435,9 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
       plane = std::clamp(plane.dot(cells_[i].bearing), min_inverse_, max_inverse_) * cells_[i].bearing;
     }
     first_[i] = plane;
-    estimates_[i] = {plane, DataCost(i, plane)};
   }
-  for (int iteration = 0; iteration < options_.num_iterations; ++iteration) {
-    for (const int colour : {0, 1}) {
-      for (int i = 0; i < num_cells; ++i) {
-        if ((i % width_ + i / width_) % 2 == colour && cells_[i].is_usable) Improve(i, iteration);
-      }
-    }
-  }
-  for (int i = 0; i < num_cells; ++i) {
-    if (cells_[i].is_usable) Answer(i, map);
-  }
+  if (solver_ != nullptr) return SearchElsewhere(reference.grey, map);
+  Search(reference.grey, map);
   return Status::Ok();
 }
 

@@ -17,10 +17,11 @@
 #include "engine/camera/camera_model.h"
 #include "engine/geometry/se3.h"
 #include "engine/surface/depth_map.h"
-#include "engine/surface/depth_options.h"
 #include "engine/surface/depth_seeds.h"
 #include "hal/core/status.h"
 #include "hal/core/views.h"
+#include "hal/depth_options.h"
+#include "hal/depth_solver.h"
 
 namespace haustra {
 
@@ -47,11 +48,17 @@ class DepthMatcher {
   // Where a pixel of the matched picture lies on the grid.
   Eigen::Vector2d CellOfPixel(const Eigen::Vector2d& pixel) const;
 
+  // What a solver for this matcher is made for. Valid as long as the matcher.
+  DepthSolverPlan solver_plan() const;
+  // From now on the search runs on the solver, which outlives the matcher. Takes memory: before the first Match.
+  void SearchOn(DepthSolver* solver);
+
   // Fills `map`, which has this size. Cells without a source that sees them under enough parallax have no depth.
   // Ranges lie within a factor of two of those of the seeds. Of more than max_sources sources the first are used.
   // Same input, same bits. kInvalidArgument: a picture or the map is of another size. kFailedPrecondition: no source,
-  // or fewer than kMinSeeds seeds with a positive inverse range; the map has no depth then.
-  // Cost: cells * iterations * 16 * sources windows; 2.3 s for 120x90 cells and 6 sources on one busy x86-64 core.
+  // or fewer than kMinSeeds seeds with a positive inverse range; the map has no depth then. Or what the solver says.
+  // Cost without one: cells * iterations * 16 * sources windows; 2.3 s for 120x90 cells and 6 sources on one busy
+  // x86-64 core.
   Status Match(const DepthView& reference, std::span<const DepthView> sources, std::span<const DepthSeed> seeds,
                DepthMap* map);
 
@@ -71,6 +78,8 @@ class DepthMatcher {
     float data = 0.0f;  // cost of the pictures alone
   };
 
+  void Search(ImageView reference, DepthMap* map);
+  Status SearchElsewhere(ImageView reference, DepthMap* map);
   void PrepareWindows(ImageView grey);
   // False where the window carries no source's picture.
   float DataCost(int cell, const InversePlane& plane) const;
@@ -98,6 +107,14 @@ class DepthMatcher {
   std::vector<Source> sources_;      // max_sources
   int num_sources_ = 0;
   double min_inverse_ = 0.0, max_inverse_ = 0.0;
+
+  // Of a solver.
+  DepthSolver* solver_ = nullptr;
+  std::vector<DepthCell> solver_cells_;
+  std::vector<DepthSource> solver_sources_;
+  std::vector<float> solver_planes_;
+  std::vector<float> solver_ranges_;
+  std::vector<std::uint8_t> solver_confidences_;
 };
 
 }  // namespace haustra

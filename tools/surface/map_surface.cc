@@ -1,12 +1,14 @@
 #include "tools/surface/map_surface.h"
 
 #include <algorithm>
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <utility>
 
 #include "engine/surface/depth_fusion.h"
 #include "engine/surface/depth_matcher.h"
+#include "platform/assemble.h"
 #include "tools/render/parallel_for.h"
 
 namespace haustra::surface {
@@ -39,7 +41,9 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const KeyframePictures&
     const KeyframePicture* picture;
     std::vector<int> sources;  // among the works
     DepthMap raw;
-    bool has_depth = false;
+    Status matched;
+    double match_ms = 0.0;
+    bool has_depth() const { return matched.ok(); }
   };
   std::vector<Work> works;
   std::vector<SeeingView> views;
@@ -49,12 +53,17 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const KeyframePictures&
       ++surface.num_without_picture;
       continue;
     }
-    works.push_back({&keyframe, &picture->second, {}, {}});
+    works.push_back({&keyframe, &picture->second, {}, {}, Status::Ok()});
     views.push_back(keyframe.view);
   }
   const int count = static_cast<int>(works.size());
-  std::vector<std::unique_ptr<DepthMatcher>> matchers(std::max(1, options.num_threads));
-  render::ParallelFor(count, static_cast<int>(matchers.size()), [&](int i, int worker) {
+  const int num_threads = std::max(1, options.num_threads);
+  std::vector<std::unique_ptr<DepthMatcher>> matchers(num_threads);
+  matchers[0] = std::make_unique<DepthMatcher>(camera, pictures.mask.view(), options.depth);
+  HAUSTRA_ASSIGN(const std::unique_ptr<DepthSolver> solver,
+                 CreateDepthSolver(options.device, matchers[0]->solver_plan()));
+  if (solver) matchers[0]->SearchOn(solver.get());
+  render::ParallelFor(count, solver ? 1 : num_threads, [&](int i, int worker) {
     if (!matchers[worker]) {
       matchers[worker] = std::make_unique<DepthMatcher>(camera, pictures.mask.view(), options.depth);
     }
@@ -67,18 +76,31 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const KeyframePictures&
     }
     work.raw = DepthMap(matcher.width(), matcher.height());
     const DepthView reference{work.picture->grey.view(), work.keyframe->cam_from_map};
-    work.has_depth = matcher.Match(reference, sources, SeedsOf(*work.keyframe, matcher), &work.raw).ok();
+    const std::vector<DepthSeed> seeds = SeedsOf(*work.keyframe, matcher);
+    const auto begin = std::chrono::steady_clock::now();
+    work.matched = matcher.Match(reference, sources, seeds, &work.raw);
+    work.match_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
   });
+  std::vector<double> match_ms;
+  for (const Work& work : works) {
+    if (work.matched.code() == StatusCode::kUnavailable) return work.matched;
+    if (work.has_depth()) match_ms.push_back(work.match_ms);
+  }
+  if (!match_ms.empty()) {
+    const auto middle = match_ms.begin() + static_cast<std::ptrdiff_t>(match_ms.size() / 2);
+    std::nth_element(match_ms.begin(), middle, match_ms.end());
+    surface.match_ms = *middle;
+  }
   std::vector<KeyframeDepth> depths(count);
-  render::ParallelFor(count, static_cast<int>(matchers.size()), [&](int i, int) {
+  render::ParallelFor(count, num_threads, [&](int i, int) {
     const Work& work = works[i];
-    if (!work.has_depth) return;
+    if (!work.has_depth()) return;
     std::vector<PosedDepth> others;
     for (int j = 0; j < count; ++j) {
       const std::vector<int>& sources = works[j].sources;
       const bool is_source = std::find(work.sources.begin(), work.sources.end(), j) != work.sources.end() ||
                              std::find(sources.begin(), sources.end(), i) != sources.end();
-      if (is_source && works[j].has_depth) others.push_back({&works[j].raw, works[j].keyframe->cam_from_map});
+      if (is_source && works[j].has_depth()) others.push_back({&works[j].raw, works[j].keyframe->cam_from_map});
     }
     depths[i] = {work.keyframe, work.picture, DepthMap(work.raw.width(), work.raw.height())};
     CheckDepth(camera, options.depth.step_px, {&work.raw, work.keyframe->cam_from_map}, others, options.consistency,

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "engine/io/ply_writer.h"
+#include "platform/assemble.h"
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
 #include "tools/command/number_checks.h"
@@ -38,6 +39,7 @@ struct SurfaceArguments {
   std::string sequence;
   std::string out;
   std::string groundtruth;
+  std::string device = "auto";
   SequenceOptions options;
   surface::SurfaceOptions surface;
   bool with_depth_maps = false;
@@ -74,6 +76,7 @@ Result<std::optional<surface::DepthScore>> Judge(const SurfaceArguments& argumen
 }
 
 int RunSurface(SurfaceArguments arguments) {
+  arguments.surface.device = ResolveVisionDevice(arguments.device);
   if (arguments.surface.num_threads == 0) {
     arguments.surface.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   }
@@ -157,6 +160,12 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
                    "Threads; 0: all cores. The result does not depend on it")
       ->check(CLI::Range(0, 256))
       ->default_val(0);
+  command
+      ->add_option("--device", arguments->device,
+                   "Where depth is searched; auto: cuda where this build and machine have it, else cpu. They round "
+                   "differently")
+      ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
+      ->capture_default_str();
   AddOverwriteFlag(*command, arguments->overwrite);
   command->callback([arguments, &action] { action = [arguments] { return RunSurface(*arguments); }; });
 }

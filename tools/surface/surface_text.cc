@@ -28,6 +28,7 @@ std::string ToText(int map_id, const MapSurface& surface) {
   std::string text = "map " + std::to_string(map_id) + ": " + std::to_string(surface.depths.size()) +
                      " keyframes with depth, on " + Fixed(100.0 * DepthShare(surface), 0) + " % of the picture, " +
                      std::to_string(surface.mesh.triangles.size()) + " triangles";
+  if (surface.match_ms > 0.0) text += ", " + Fixed(surface.match_ms, 1) + " ms a keyframe in the median";
   if (surface.num_without_picture > 0) {
     text += ", " + std::to_string(surface.num_without_picture) + " keyframes without a picture";
   }

@@ -1,4 +1,4 @@
-#include "engine/surface/depth_options.h"
+#include "hal/depth_options.h"
 
 #include <string>
 

@@ -33,7 +33,7 @@ class Service:
     def __init__(self, folder):
         (folder / "state").mkdir(exist_ok=True)
         settings = [f"files.state_folder={folder}/state", f"files.runtime_folder={folder}", "procedure.begin_at_start=true",
-                    "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.3",
+                    "publish.view=true", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.3",
                     "watchdog.tracking_limit_ms=60000", "watchdog.capture_limit_ms=60000",
                     "watchdog.mapping_limit_ms=300000", "watchdog.worker_limit_ms=60000", "watchdog.stop_limit_ms=60000"]
         words = [word for setting in settings for word in ("--set", setting)]
@@ -135,14 +135,18 @@ class PageTest(unittest.TestCase):
                         for each in (page, other):
                             self.assertTrue(each.wait_for("Number(document.body.dataset.points) > 50"), each.messages)
                             self.assertTrue(each.wait_for("document.body.dataset.state === 'tracking'"), each.messages)
+                            self.assertTrue(each.wait_for("Number(document.body.dataset.matched) > 50"), each.messages)
                         if attempt == 0:
                             self.assert_scene_is_drawn(page)
+                            shown = {pixel for row in pixels(page.picture(0.5, page.box("#picture"))) for pixel in row}
+                            self.assertGreater(len(shown), 500)
                         keep(page, f"live_{attempt}.png")
                     for each in (page, other):
                         self.assertTrue(each.wait_for("document.getElementById('state').textContent === 'No engine'"))
                         # What it showed was a patient's.
                         self.assertEqual(each.value("document.body.dataset.poses"), "0")
-                        each.value("document.body.dataset.points = 0")
+                        self.assertTrue(each.value("document.getElementById('picture-panel').hidden"))
+                        each.value("document.body.dataset.points = document.body.dataset.matched = 0")
                 self.assertEqual(page.messages, [])
         finally:
             shutil.rmtree(folder, ignore_errors=True)

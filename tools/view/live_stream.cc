@@ -6,6 +6,8 @@
 #include <system_error>
 #include <vector>
 
+#include "capture/codec/jpeg_codec.h"
+#include "tools/report/base64.h"
 #include "tools/view/column.h"
 
 namespace haustra::view {
@@ -15,6 +17,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::int64_t kMaxSilence_ns = 1'000'000'000;
 constexpr std::int64_t kMapInterval_ns = 1'000'000'000;
+constexpr std::int64_t kMaxAnswer_ns = 500'000'000;
+constexpr int kJpegQuality = 80;
 
 void Say(const char* event, const Json& data, std::string* news) {
   *news +=
@@ -72,9 +76,16 @@ bool IsBusy(std::uint32_t service) {
 }  // namespace
 
 LiveStream::LiveStream(const std::string& folder)
-    : path_(folder + "/poses"), snapshot_(std::make_unique<haustra_snapshot>()) {}
+    : path_(folder + "/poses"),
+      view_path_(folder + "/view"),
+      snapshot_(std::make_unique<haustra_snapshot>()),
+      picture_(std::make_unique<haustra_picture>()),
+      matches_(std::make_unique<haustra_matches>()) {}
 
-LiveStream::~LiveStream() { haustra_ring_close(&ring_); }
+LiveStream::~LiveStream() {
+  haustra_ring_close(&ring_);
+  haustra_view_close(&view_);
+}
 
 std::string LiveStream::Next() {
   std::string news;
@@ -84,12 +95,16 @@ std::string LiveStream::Next() {
   TellPoses(&news);
   TellEvents(&news);
   TellMap(&news);
+  TellPicture(&news);
   return news;
 }
 
 void LiveStream::Forget(std::string* news) {
   Say("fresh", Json::object(), news);
   told_snapshot_ = 0;
+  has_picture_ = false;
+  *snapshot_ = haustra_snapshot{};
+  *picture_ = haustra_picture{};
 }
 
 void LiveStream::Reopen(std::string* news) {
@@ -180,6 +195,41 @@ void LiveStream::TellMap(std::string* news) {
        {"points", PointsColumn(snapshot_->points, snapshot_->num_points)},
        {"keyframes", PointsColumn(snapshot_->keyframes, snapshot_->num_keyframes)}},
       news);
+}
+
+void LiveStream::TellPicture(std::string* news) {
+  if (view_.file != nullptr && haustra_view_is_replaced(&view_, view_path_.c_str()) != 0) haustra_view_close(&view_);
+  if (view_.file == nullptr) {
+    has_picture_ = false;
+    told_picture_ = 0;
+    if (haustra_view_open(&view_, view_path_.c_str()) != HAUSTRA_OK) return;
+  }
+  if (!has_picture_) {
+    if (haustra_view_latest_picture(&view_, picture_.get()) != HAUSTRA_OK || picture_->sequence == told_picture_)
+      return;
+    has_picture_ = true;
+  }
+  const int answer = haustra_view_matches_of(&view_, picture_->frame_index, picture_->procedure, matches_.get());
+  // A frame that was dropped is shown without matches, when it is certain that none will come.
+  if (answer == HAUSTRA_NOT_YET && haustra_now_ns() - picture_->published_ns < kMaxAnswer_ns) return;
+  has_picture_ = false;
+  told_picture_ = picture_->sequence;
+  const int width = static_cast<int>(picture_->width), height = static_cast<int>(picture_->height);
+  const int channels = static_cast<int>(picture_->num_channels);
+  std::vector<std::uint8_t> jpeg;
+  const ImageView image{picture_->pixels, width, height, width * channels,
+                        channels == 1 ? PixelFormat::kGrey8 : PixelFormat::kBgr8};
+  if (!capture::internal::EncodeJpeg(image, kJpegQuality, &jpeg).ok()) return;
+  Json json = {
+      {"frame", picture_->frame_index}, {"width", width}, {"height", height}, {"jpeg", report::ToBase64(jpeg)}};
+  json["num_matched"] = answer == HAUSTRA_OK ? matches_->num_matched : 0;
+  json["points"] = Json::array();
+  for (std::uint32_t i = 0; answer == HAUSTRA_OK && i < matches_->num_points; ++i) {
+    const haustra_match& point = matches_->points[i];
+    for (const float px : {point.x_px, point.y_px})
+      json["points"].push_back(std::round(10.0F * px / picture_->step) / 10.0F);
+  }
+  Say("picture", json, news);
 }
 
 }  // namespace haustra::view

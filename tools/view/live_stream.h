@@ -8,6 +8,9 @@
 //   events   array, in order: frame, t_s, event, map, other_map, keyframes, points
 //   map      the active map, at most once a second: map, epoch, num_points, num_keyframes, num_maps, and as columns
 //            (column.h) points and keyframes (float32 x y z, the oldest keyframe first)
+//   picture  where haustrad publishes it (publish.view): frame, width, height, jpeg (base64), num_matched, points (x, y
+//   in
+//            pixels of the picture, one after the other); as soon as its frame was answered
 // Times count from any moment, lengths are map units.
 #pragma once
 
@@ -16,6 +19,7 @@
 #include <string>
 
 #include "platform/publish/haustra_pose_ring.h"
+#include "platform/publish/haustra_view_ring.h"
 #include "tools/view/view_server.h"
 
 namespace haustra::view {
@@ -37,9 +41,10 @@ class LiveStream final : public ViewStream {
   void TellPoses(std::string* news);
   void TellEvents(std::string* news);
   void TellMap(std::string* news);
+  void TellPicture(std::string* news);
   void Forget(std::string* news);
 
-  std::string path_;
+  std::string path_, view_path_;
   haustra_ring ring_{};
   std::string open_error_;
   std::string told_service_;
@@ -48,6 +53,11 @@ class LiveStream final : public ViewStream {
   std::uint64_t pose_cursor_ = 0, event_cursor_ = 0, told_snapshot_ = 0;
   std::int64_t next_map_ns_ = 0;
   std::unique_ptr<haustra_snapshot> snapshot_;
+  haustra_view view_{};
+  bool has_picture_ = false;  // that was not told: its frame was not answered
+  std::uint64_t told_picture_ = 0;
+  std::unique_ptr<haustra_picture> picture_;
+  std::unique_ptr<haustra_matches> matches_;
 };
 
 }  // namespace haustra::view

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "platform/publish/pose_ring_writer.h"
+#include "platform/publish/view_ring_writer.h"
 #include "tests/tools/evaluate/text_folder.h"
 
 namespace haustra::view {
@@ -127,6 +128,34 @@ TEST_F(LiveStreamTest, EventsAndTheMapAreTold) {
   // The same map is not told twice, and a newer one not at once.
   writer->PublishSnapshot(*snapshot);
   EXPECT_TRUE(Messages(stream.Next(), "map").empty());
+}
+
+TEST_F(LiveStreamTest, APictureIsToldWithItsMatchesOnceItsFrameIsAnswered) {
+  const auto writer = MakeWriter();
+  const auto view = ViewRingWriter::Create(folder_.At("view"), 0600, static_cast<gid_t>(-1));
+  ASSERT_TRUE(view.ok()) << view.status().message();
+  const std::vector<std::uint8_t> pixels(720 * 540, 90);
+  Frame frame;
+  frame.index = 7;
+  frame.image = {pixels.data(), 720, 540, 720, PixelFormat::kGrey8};
+  (*view)->PublishPicture(frame, 1);
+  LiveStream stream(Root());
+  EXPECT_TRUE(Messages(stream.Next(), "picture").empty()) << "tracking is at work on it";
+  (*view)->PublishMatches(7, 1, std::vector<haustra_match>{{100.0F, 50.0F}, {719.0F, 539.0F}}, 2);
+  const nlohmann::json picture = Messages(stream.Next(), "picture").at(0);
+  EXPECT_EQ(picture["frame"], 7);
+  EXPECT_EQ(picture["width"], 360);
+  EXPECT_EQ(picture["height"], 270);
+  EXPECT_EQ(picture["num_matched"], 2);
+  EXPECT_EQ(picture["points"], nlohmann::json({50.0, 25.0, 359.5, 269.5}));
+  EXPECT_TRUE(picture["jpeg"].get<std::string>().starts_with("/9j/")) << "ff d8 ff";
+  EXPECT_TRUE(Messages(stream.Next(), "picture").empty()) << "it was told";
+  // One that tracking has left out.
+  frame.index = 9;
+  (*view)->PublishPicture(frame, 1);
+  (*view)->PublishMatches(8, 1, {}, 0);
+  (*view)->PublishMatches(10, 1, {}, 0);
+  EXPECT_EQ(Messages(stream.Next(), "picture").at(0)["num_matched"], 0);
 }
 
 TEST_F(LiveStreamTest, ViewersDoNotTakeFromEachOther) {

@@ -49,6 +49,8 @@
     for (const part of ['points', 'path']) scene.clear(part);
     scene.setScope(null);
     byId('events').replaceChildren();
+    byId('picture-panel').hidden = true;
+    byId('picture').width = byId('picture').width;  // what it showed is cleared
     setFacts([]);
     plot.show([], -SHOWN_S, 0);
     document.body.dataset.poses = 0;
@@ -122,6 +124,28 @@
     document.body.dataset.poses = num_poses;
   };
 
+  // Points of the map that tracking has found in the picture.
+  const onPicture = data => {
+    const image = new Image();
+    image.onload = () => {
+      const canvas = byId('picture'), context = canvas.getContext('2d'), scale = 2;
+      byId('picture-panel').hidden = false;
+      canvas.width = scale * data.width;
+      canvas.height = scale * data.height;
+      context.drawImage(image, 0, 0, canvas.width, canvas.height);
+      context.strokeStyle = '#f0e442';
+      context.lineWidth = 1.5;
+      for (let i = 0; i + 1 < data.points.length; i += 2) {
+        context.beginPath();
+        context.arc(scale * (data.points[i] + 0.5), scale * (data.points[i + 1] + 0.5), 3.5, 0, 2 * Math.PI);
+        context.stroke();
+      }
+      document.body.dataset.picture = data.frame;
+      document.body.dataset.matched = data.num_matched;
+    };
+    image.src = 'data:image/jpeg;base64,' + data.jpeg;
+  };
+
   const onEvents = events => {
     for (const event of events) {
       const counts = event.keyframes > 0 ? event.keyframes + ' keyframes, ' + event.points + ' points' : '';
@@ -139,6 +163,7 @@
   on('map', onMap);
   on('poses', onPoses);
   on('events', onEvents);
+  on('picture', onPicture);
   source.addEventListener('open', () => { document.body.dataset.ready = 'live'; });
   // The browser tries again by itself.
   source.addEventListener('error', () => {

@@ -67,6 +67,8 @@ class Engine {
   FrameResult Track(const Frame& frame, TimePoint deadline, TimePoint next_due = kNoDeadline);
   // False: the device still reads the last frame at `until`. Always true without a deadline.
   bool MayReleaseFrame(TimePoint until) { return tracker_.MayReleaseFrame(until); }
+  // Tracking thread, after Track. rt-safe. See Tracker.
+  std::size_t MatchedPixels(std::span<Eigen::Vector2f> to) const { return tracker_.MatchedPixels(to); }
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp) {
     return tracker_.SkipDamaged(frame_index, timestamp);
   }

@@ -10,7 +10,7 @@ packages=(
   libeigen3-dev libceres-dev libyaml-cpp-dev libcli11-dev nlohmann-json3-dev
   libsystemd-dev libpng-dev libjpeg-dev libturbojpeg0-dev libpugixml-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
   libavformat-dev libavcodec-dev libswscale-dev libavutil-dev
-  libjs-chart.js
+  libcpp-httplib-dev libjs-chart.js libjs-three
   "$@"
 )
 

@@ -415,6 +415,18 @@ void Tracker::KeepFrame(Tracking* tracking) {
   tracking->has_last_frame = true;
 }
 
+std::size_t Tracker::MatchedPixels(std::span<Eigen::Vector2f> to) const {
+  const Tracking* tracking = std::get_if<Tracking>(&state_);
+  // A pose that was predicted leaves the last frame that was measured as it is.
+  if (tracking == nullptr || !tracking->has_last_frame || tracking->course.frame_index != current_.frame_index)
+    return 0;
+  const std::size_t count = std::min(to.size(), last_.matches.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    to[i] = last_.features.pixel(last_.matches[i * last_.matches.size() / count].first).cast<float>();
+  }
+  return count;
+}
+
 // As much of the map agrees with the pose as with that of the anchor.
 bool Tracker::IsHeldByMap() const {
   const auto num = static_cast<int>(search_.estimate().matches.size());

@@ -12,7 +12,10 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "engine/atlas/local_map.h"
 #include "engine/camera/camera_model.h"
@@ -55,6 +58,11 @@ class Tracker {
   Status ServeThisThread() { return device_.ServeThisThread(Lane::kTracking); }
   // A frame that could not be read: counts as lost, breaks nothing.
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp);
+
+  // After Track: where the features of its frame lie that agree with its pose, px, in the order of the features; of
+  // more than `to` has room for an even selection. Returns how many. None without a pose that was measured in this
+  // frame. rt-safe.
+  std::size_t MatchedPixels(std::span<Eigen::Vector2f> to) const;
 
   TrackingState state() const { return StateOf(state_); }
   // Frames for which the device had no feature set left. Any thread.

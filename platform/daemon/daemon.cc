@@ -104,6 +104,12 @@ int Daemon::SetUp() {
       PoseRingWriter::Create(config_.files.runtime_folder + "/poses", kReadableMode, *group);
   if (!ring.ok()) return FailStart(ring.status(), kExitIo);
   ring_ = std::move(*ring);
+  if (config_.publish.view) {
+    Result<std::unique_ptr<ViewRingWriter>> view =
+        ViewRingWriter::Create(config_.files.runtime_folder + "/view", kReadableMode, *group);
+    if (!view.ok()) return FailStart(view.status(), kExitIo);
+    view_ = std::move(*view);
+  }
 
   if (const std::optional<ProcedureRecord>& record = store_->interrupted()) {
     state_.procedure = ProcedurePhase::kInterrupted;
@@ -338,6 +344,7 @@ void Daemon::Leave() {
   }
   control_.reset();
   lookout_.reset();
+  view_.reset();
   ring_.reset();
   Log(LogLevel::kInfo, "stopped");
 }

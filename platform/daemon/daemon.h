@@ -30,6 +30,7 @@
 #include "platform/daemon/worker_process.h"
 #include "platform/file_sink.h"
 #include "platform/publish/pose_ring_writer.h"
+#include "platform/publish/view_ring_writer.h"
 
 namespace haustra {
 
@@ -137,6 +138,7 @@ class Daemon {
 
   std::unique_ptr<ProcedureStore> store_;
   std::unique_ptr<PoseRingWriter> ring_;
+  std::unique_ptr<ViewRingWriter> view_;    // null unless publish.view
   std::unique_ptr<ControlServer> lookout_;  // answers status and metrics
   std::unique_ptr<ControlServer> control_;
 

@@ -63,6 +63,9 @@ std::vector<ConfigField> DaemonConfigFields() {
 
   add(BindField<&C::publish, &PublishConfig::snapshot_interval_ms>("publish.snapshot_interval_ms", {50, 60000}, "ms",
                                                                    "between two snapshots of the map", kLive));
+  add(BindField<&C::publish, &PublishConfig::view>(
+      "publish.view", {}, "",
+      "small pictures and matched points for haustra view, in the file \"view\" beside the poses", kRestart));
   add(BindText<&C::publish, &PublishConfig::group>(
       "publish.group", "system group that may read poses and ask for status and metrics; empty: the service's own",
       kRestart));

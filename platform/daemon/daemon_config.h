@@ -46,6 +46,9 @@ struct CheckpointConfig {
 struct PublishConfig {
   int snapshot_interval_ms = 500;  // [50, 60000]
   std::string group;               // may read poses and ask for status and metrics; empty: the service's own
+  // Small pictures and matched points for `haustra view`. Off: pictures of a patient leave the worker only where
+  // somebody wants to look at them.
+  bool view = false;
 };
 
 struct ControlConfig {

@@ -63,7 +63,11 @@ void Daemon::StartNextWorker() {
   }
   worker_ = std::move(*started);
   Log(LogLevel::kInfo, "worker_started", {{"pid", std::to_string(worker_->pid())}});
-  SendToWorker({.command = WorkerCommand::kPrepare}, {configuration.value, ring_->descriptor()});
+  if (view_ != nullptr) {
+    SendToWorker({.command = WorkerCommand::kPrepare}, {configuration.value, ring_->descriptor(), view_->descriptor()});
+  } else {
+    SendToWorker({.command = WorkerCommand::kPrepare}, {configuration.value, ring_->descriptor()});
+  }
   SendSettings();
 }
 
@@ -247,6 +251,7 @@ void Daemon::Wipe() {
     return [this, wiped = store_->Close()] {
       wiped_ = wiped;
       ring_->Wipe();
+      if (view_ != nullptr) view_->Wipe();
       ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number_));
       Log(LogLevel::kInfo, "procedure_ended",
           {{"procedure", std::to_string(number_)},

@@ -15,6 +15,8 @@
 namespace haustra {
 namespace {
 
+constexpr Duration kPictureInterval = std::chrono::milliseconds(100);
+
 // Grows with everything that changes a map.
 std::uint64_t NumChanges(const MapperCounters& counters) {
   return counters.num_keyframes + counters.num_keyframes_culled + counters.num_reframings;
@@ -35,6 +37,13 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   plan.Add(MemoryPlace::kHost, "published snapshot", 1,
            sizeof(haustra_snapshot) + config.engine.memory.max_map_points * sizeof(haustra_point),
            "memory.max_map_points");
+  if (context.view != nullptr) {
+    plan.Add(MemoryPlace::kHost, "published view", 1,
+             sizeof(haustra_view_file) + sizeof(haustra_picture) +
+                 HAUSTRA_MATCHES_POINTS * (sizeof(Eigen::Vector2f) + sizeof(haustra_match)),
+             "publish.view");
+    procedure->source_->SetWitness([&made = *procedure](const Frame& frame) { made.PublishPicture(frame); });
+  }
   HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostMemory()));
   HAUSTRA_ASSIGN(procedure->device_, context.make_device(config, calibration));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
@@ -58,6 +67,10 @@ Procedure::Procedure(const DaemonConfig& config, const Context& context)
       snapshot_interval_ns_(
           std::chrono::nanoseconds(std::chrono::milliseconds(config.publish.snapshot_interval_ms)).count()) {
   snapshot_points_.reserve(static_cast<std::size_t>(config.engine.memory.max_map_points));
+  if (context.view != nullptr) {
+    matched_pixels_.resize(HAUSTRA_MATCHES_POINTS);
+    matches_.resize(HAUSTRA_MATCHES_POINTS);
+  }
 }
 
 Procedure::~Procedure() { Stop(); }
@@ -157,6 +170,22 @@ void Procedure::WriteMaps(SaveRequest request) {
 void Procedure::OnTracked(const FrameOutcome& outcome) {
   if (stop_.load(std::memory_order_relaxed)) return;
   context_.ring.PublishPose(PoseRecord(outcome.result, outcome.due, context_.clock.Now(), number_));
+  if (context_.view != nullptr) PublishMatches(outcome.result);
+}
+
+void Procedure::PublishMatches(const FrameResult& result) {
+  const std::size_t count = engine_->MatchedPixels(matched_pixels_);
+  for (std::size_t i = 0; i < count; ++i) matches_[i] = {matched_pixels_[i].x(), matched_pixels_[i].y()};
+  context_.view->PublishMatches(result.frame_index, number_, {matches_.data(), count},
+                                count > 0 ? static_cast<std::uint32_t>(result.num_inliers) : 0);
+}
+
+// A fraction of a millisecond, ten times a second, in the time that capture has until the next frame.
+void Procedure::PublishPicture(const Frame& frame) {
+  const TimePoint now = context_.clock.Now();
+  if (now < next_picture_ || stop_.load(std::memory_order_relaxed)) return;
+  next_picture_ = now + kPictureInterval;
+  context_.view->PublishPicture(frame, number_);
 }
 
 void Procedure::BetweenMapSteps() {

@@ -21,6 +21,7 @@
 #include "platform/daemon/procedure_counts.h"
 #include "platform/daemon/supervised_source.h"
 #include "platform/publish/pose_ring_writer.h"
+#include "platform/publish/view_ring_writer.h"
 #include "platform/session/session.h"
 
 namespace haustra {
@@ -35,6 +36,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   struct Context {
     const Clock& clock;
     PoseRingWriter& ring;
+    ViewRingWriter* view;  // may be null
     MakeVisionDevice make_device;
     std::function<void()> wake;  // something has come to an end: look again. Called on any thread.
   };
@@ -87,8 +89,11 @@ class Procedure final : private SessionObserver, private SessionHooks {
   void OnMapEvent(const MapEvent& event) override;
   void OnLatePose(const LatePose&) override {}
   void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override;
+  // Capture thread.
+  void PublishPicture(const Frame& frame);
   // Tracking thread.
   void OnTracked(const FrameOutcome& outcome) override;
+  void PublishMatches(const FrameResult& result);
   // Mapping thread.
   void BetweenMapSteps() override;
   void PublishSnapshot(TimePoint now);
@@ -103,6 +108,9 @@ class Procedure final : private SessionObserver, private SessionHooks {
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<haustra_snapshot> snapshot_;
   std::vector<haustra_point> snapshot_points_;
+  std::vector<Eigen::Vector2f> matched_pixels_;  // workspace of the tracking thread
+  std::vector<haustra_match> matches_;           // likewise
+  TimePoint next_picture_;                       // capture thread
   std::uint64_t number_ = 0;
 
   std::thread thread_;

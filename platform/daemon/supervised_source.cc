@@ -46,6 +46,7 @@ Result<Frame> SupervisedSource::Next(TimePoint deadline) {
         if (is_live() && frame->timestamp < begin_) continue;
         last_frame_ = now;
         signal_.store(SignalState::kFrames, std::memory_order_relaxed);
+        if (witness_) witness_(*frame);
         return frame;
       case StatusCode::kNotFound: signal_.store(SignalState::kOver, std::memory_order_relaxed); continue;
       case StatusCode::kUnavailable:

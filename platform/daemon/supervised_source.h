@@ -3,7 +3,9 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
+#include <utility>
 
 #include "hal/clock.h"
 #include "hal/frame_source.h"
@@ -29,6 +31,9 @@ class SupervisedSource final : public FrameSource {
   // waits. Frames that a camera had taken before Begin are thrown away. Other errors are passed on.
   Result<Frame> Next(TimePoint deadline) override;
 
+  // Before the first Next: called with every frame, on the capture thread, before anybody else has it.
+  void SetWitness(std::function<void(const Frame&)> witness) { witness_ = std::move(witness); }
+
   // Before the first Next: frames count from now.
   void Begin();
 
@@ -43,6 +48,7 @@ class SupervisedSource final : public FrameSource {
 
   std::unique_ptr<FrameSource> inner_;
   const Clock& clock_;
+  std::function<void(const Frame&)> witness_;
   TimePoint begin_;
   TimePoint last_frame_;
   std::atomic<bool> stop_{false};

@@ -73,7 +73,7 @@ WorkerReport MakeReport(WorkerNews news, const Status& status = Status::Ok());
 Result<WorkerReport> ParseWorkerReport(std::span<const std::uint8_t> bytes);
 Result<WorkerRequest> ParseWorkerRequest(std::span<const std::uint8_t> bytes);
 
-inline constexpr std::size_t kMaxWorkerFiles = 2;
+inline constexpr std::size_t kMaxWorkerFiles = 3;
 
 // The two ends, closed on exec.
 struct ChannelPair {

@@ -7,68 +7,22 @@
 #include <system_error>
 #include <utility>
 
+#include "platform/publish/slot_writer.h"
+
 namespace haustra {
 namespace {
 
 std::string ErrorText(int error) { return std::generic_category().message(error); }
-
-void Store(std::uint64_t* word, std::uint64_t value) { __atomic_store_n(word, value, __ATOMIC_RELEASE); }
-
-// The counterpart of haustra_read_slot_: every word is stored with release, so that who sees one of them sees the odd
-// lock, too.
-class SlotWriter {
- public:
-  SlotWriter(std::uint64_t* lock, std::uint64_t sequence) : lock_(lock), sequence_(sequence) {
-    __atomic_store_n(lock_, 2 * sequence_ - 1, __ATOMIC_RELAXED);
-  }
-  // `offset`: of the bytes in the record; both a multiple of 8.
-  void Copy(const void* from, std::size_t offset, std::size_t num_bytes) const {
-    const char* source = static_cast<const char*>(from);
-    for (std::size_t i = 0; i < num_bytes; i += 8) {
-      std::uint64_t word = 0;
-      std::memcpy(&word, source + i, 8);
-      Store(lock_ + 1 + (offset + i) / 8, word);
-    }
-  }
-  void Commit() const { Store(lock_, 2 * sequence_); }
-
- private:
-  std::uint64_t* lock_;
-  std::uint64_t sequence_;
-};
-
-template <typename Slot, std::size_t kNumSlots>
-void WipeSlots(Slot (&slots)[kNumSlots]) {
-  for (Slot& slot : slots) {
-    // The lock first: a reader in the middle of the record finds at its end that it is gone.
-    __atomic_store_n(&slot.lock, 0, __ATOMIC_RELAXED);
-    auto* words = &slot.lock;
-    for (std::size_t i = 1; i < sizeof(Slot) / 8; ++i) Store(words + i, 0);
-  }
-}
-
-struct Descriptor {
-  int value = -1;
-  ~Descriptor() {
-    if (value >= 0) ::close(value);
-  }
-};
-
-haustra_ring_file* MapRing(int descriptor) {
-  void* memory =
-      ::mmap(nullptr, sizeof(haustra_ring_file), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
-  return memory == MAP_FAILED ? nullptr : static_cast<haustra_ring_file*>(memory);
-}
 
 // Readers of a daemon that died still hold its file.
 void CloseFormerFile(const std::string& path) {
   haustra_ring former;
   if (haustra_ring_open(&former, path.c_str()) != HAUSTRA_OK) return;
   haustra_ring_close(&former);
-  const Descriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)};
-  haustra_ring_file* memory = file.value < 0 ? nullptr : MapRing(file.value);
+  const OwnedDescriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)};
+  haustra_ring_file* memory = file.value < 0 ? nullptr : MapShared<haustra_ring_file>(file.value);
   if (memory == nullptr) return;
-  Store(&memory->header.service, HAUSTRA_SERVICE_CLOSED);
+  StoreWord(&memory->header.service, HAUSTRA_SERVICE_CLOSED);
   // What it showed was a patient's.
   WipeSlots(memory->poses);
   WipeSlots(memory->events);
@@ -81,7 +35,7 @@ void CloseFormerFile(const std::string& path) {
 Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string& path, mode_t mode, gid_t group) {
   const std::string temporary_path = path + ".new";
   ::unlink(temporary_path.c_str());
-  Descriptor file{::open(temporary_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600)};
+  OwnedDescriptor file{::open(temporary_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600)};
   if (file.value < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
@@ -95,7 +49,7 @@ Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string
   if (const int error = ::posix_fallocate(file.value, 0, sizeof(haustra_ring_file)); error != 0) return fail(error);
   if (group != static_cast<gid_t>(-1) && ::fchown(file.value, static_cast<uid_t>(-1), group) != 0) return fail(errno);
   if (::fchmod(file.value, mode) != 0) return fail(errno);
-  haustra_ring_file* memory = MapRing(file.value);
+  haustra_ring_file* memory = MapShared<haustra_ring_file>(file.value);
   if (memory == nullptr) return fail(errno);
 
   haustra_ring_header& header = memory->header;
@@ -128,7 +82,7 @@ Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Attach(int descriptor) {
       info.st_size != static_cast<off_t>(sizeof(haustra_ring_file))) {
     return DataLoss("the pose ring has another size");
   }
-  haustra_ring_file* memory = MapRing(descriptor);
+  haustra_ring_file* memory = MapShared<haustra_ring_file>(descriptor);
   if (memory == nullptr) return Unavailable("the pose ring cannot be mapped: " + ErrorText(errno));
   std::unique_ptr<PoseRingWriter> writer(new PoseRingWriter("", -1, memory));
   if (memory->header.magic != HAUSTRA_RING_MAGIC || memory->header.version != HAUSTRA_RING_VERSION) {
@@ -153,7 +107,7 @@ void PoseRingWriter::PublishPose(const haustra_pose& pose) {
   slot.Copy(&sequence, 0, sizeof sequence);
   slot.Copy(&pose.captured_ns, offsetof(haustra_pose, captured_ns), sizeof pose - offsetof(haustra_pose, captured_ns));
   slot.Commit();
-  Store(&file_->header.newest_pose, sequence);
+  StoreWord(&file_->header.newest_pose, sequence);
 }
 
 void PoseRingWriter::PublishEvent(const haustra_event& event) {
@@ -163,7 +117,7 @@ void PoseRingWriter::PublishEvent(const haustra_event& event) {
   slot.Copy(&event.published_ns, offsetof(haustra_event, published_ns),
             sizeof event - offsetof(haustra_event, published_ns));
   slot.Commit();
-  Store(&file_->header.newest_event, sequence);
+  StoreWord(&file_->header.newest_event, sequence);
 }
 
 void PoseRingWriter::PublishSnapshot(const haustra_snapshot& snapshot) {
@@ -177,14 +131,14 @@ void PoseRingWriter::PublishSnapshot(const haustra_snapshot& snapshot) {
   slot.Copy(snapshot.keyframes, offsetof(haustra_snapshot, keyframes), snapshot.num_keyframes * sizeof(haustra_point));
   slot.Copy(snapshot.points, offsetof(haustra_snapshot, points), snapshot.num_points * sizeof(haustra_point));
   slot.Commit();
-  Store(&file_->header.newest_snapshot, sequence);
+  StoreWord(&file_->header.newest_snapshot, sequence);
 }
 
-void PoseRingWriter::SetService(haustra_service service) { Store(&file_->header.service, service); }
+void PoseRingWriter::SetService(haustra_service service) { StoreWord(&file_->header.service, service); }
 haustra_service PoseRingWriter::service() const {
   return static_cast<haustra_service>(haustra_load_(&file_->header.service));
 }
-void PoseRingWriter::SetProcedure(std::uint64_t number) { Store(&file_->header.procedure, number); }
+void PoseRingWriter::SetProcedure(std::uint64_t number) { StoreWord(&file_->header.procedure, number); }
 std::uint64_t PoseRingWriter::procedure() const { return haustra_load_(&file_->header.procedure); }
 
 void PoseRingWriter::Beat() { __atomic_store_n(&file_->header.alive_ns, haustra_now_ns(), __ATOMIC_RELEASE); }

@@ -25,6 +25,7 @@
 #include "tools/service/watch_command.h"
 #include "tools/soak/soak_command.h"
 #include "tools/surface/surface_command.h"
+#include "tools/view/view_command.h"
 #include "tools/vocabulary/vocabulary_command.h"
 
 namespace haustra {
@@ -35,6 +36,7 @@ void AddCommands(CLI::App& app, std::function<int()>& action) {
   AddRunCommand(app, action);
   AddEvaluateCommand(app, action);
   AddReportCommand(app, action);
+  AddViewCommand(app, action);
   AddExportCommand(app, action);
   AddSurfaceCommand(app, action);
   AddAtlasCommand(app, action);

@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "tools/report/base64.h"
+
 namespace haustra::report {
 namespace {
 
@@ -128,6 +130,7 @@ struct ShownMap {
   int map_id = -1;
   std::vector<Positions> lines;  // camera centres; a new line after frames without a pose
   Positions points;
+  std::vector<std::uint8_t> rgb;  // three a point
 };
 
 ShownMap MakeShownMap(const RunOutput& run, int map_id, const MapModel* model, const Sim3& view_from_map) {
@@ -144,6 +147,7 @@ ShownMap MakeShownMap(const RunOutput& run, int map_id, const MapModel* model, c
     const std::size_t step = (model->points.size() + kMaxPointsPerMap - 1) / kMaxPointsPerMap;
     for (std::size_t i = 0; i < model->points.size(); i += step) {
       map.points.push_back(view_from_map * model->points[i]);
+      map.rgb.insert(map.rgb.end(), model->rgb[i].begin(), model->rgb[i].end());
     }
   }
   return map;
@@ -175,7 +179,8 @@ Json ViewJson(const std::string& title, const std::string& unit, const Positions
   for (const ShownMap& map : maps) {
     Json lines = Json::array();
     for (const Positions& line : map.lines) lines.push_back(json_of(line));
-    view["maps"].push_back({{"map", map.map_id}, {"lines", lines}, {"points", json_of(map.points)}});
+    view["maps"].push_back(
+        {{"map", map.map_id}, {"lines", lines}, {"points", json_of(map.points)}, {"rgb", ToBase64(map.rgb)}});
   }
   return view;
 }

@@ -1,7 +1,8 @@
 // What the plots of a page show, as JSON for page/report.js:
 //   coverage  rows of segments [begin s, end s, map or state]; neighbouring frames of one map are one segment
 //   marks     merges, loops, relocalisations and losses
-//   views     for each frame of reference: trajectories, points and the true path along its three principal axes
+//   views     for each frame of reference: trajectories, points and the true path along its three principal axes; rgb:
+//             colours of the points, three bytes each, in base64
 //   errors    distance of each localised frame from its true position
 //   times     each stage's durations in ms
 // Times are in seconds from the first frame. reentrant, deterministic.

@@ -31,6 +31,11 @@ std::string Cell(const std::string& tag, bool is_left, const std::string& text) 
   return "<" + tag + (is_left ? " class=\"left\">" : ">") + EscapeHtml(text) + "</" + tag + ">";
 }
 
+std::string Credits(std::string_view what, std::string_view licence) {
+  return "<footer><details><summary>" + EscapeHtml(what) + " (MIT License)</summary><pre>" + EscapeHtml(licence) +
+         "</pre></details></footer>\n";
+}
+
 }  // namespace
 
 std::string EscapeHtml(std::string_view text) {
@@ -103,9 +108,7 @@ std::string PageStart(std::string_view title) {
   return page + "</style>\n</head>\n<body>\n<h1>" + text + "</h1>\n";
 }
 
-std::string PlotCredits() {
-  return "<footer><details><summary>Plots by Chart.js (MIT License)</summary><pre>" + EscapeHtml(ChartJsLicence()) +
-         "</pre></details></footer>\n";
-}
+std::string PlotCredits() { return Credits("Plots by Chart.js", ChartJsLicence()); }
+std::string SceneCredits() { return Credits("Views in 3D by three.js", ThreeJsLicence()); }
 
 }  // namespace haustra::report

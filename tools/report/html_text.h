@@ -18,8 +18,9 @@ std::string JsonForScript(std::string_view json);
 // What every page begins with, up to its heading.
 std::string PageStart(std::string_view title);
 
-// Whose library draws the plots, at the end of a page.
+// Whose library draws the plots, and the views in 3D, at the end of a page.
 std::string PlotCredits();
+std::string SceneCredits();
 
 // <table> with the title as caption; numbers to the right.
 std::string TableHtml(const evaluate::TextTable& table);

@@ -1,6 +1,7 @@
 #include "tools/report/map_model.h"
 
 #include <cstdio>
+#include <filesystem>
 
 #include "tools/evaluate/text_input.h"
 
@@ -85,6 +86,15 @@ Result<MapModel> ReadMapModel(const std::string& folder) {
   HAUSTRA_TRY(ReadKeyframes(folder + "/images.txt", &model));
   HAUSTRA_TRY(ReadPoints(folder + "/points3D.txt", &model));
   return model;
+}
+
+Result<std::map<int, MapModel>> ReadMapModels(const evaluate::RunOutput& run) {
+  std::map<int, MapModel> models;
+  for (const auto& [map_id, geometry] : run.geometry) {
+    const std::filesystem::path folder = std::filesystem::path(run.folder) / "maps" / MapFolderName(map_id);
+    HAUSTRA_ASSIGN(models[map_id], ReadMapModel(folder.string()));
+  }
+  return models;
 }
 
 std::string MapFolderName(int map_id) {

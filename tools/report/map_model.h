@@ -10,6 +10,7 @@
 
 #include "engine/geometry/se3.h"
 #include "hal/core/status.h"
+#include "tools/evaluate/run_output.h"
 
 namespace haustra::report {
 
@@ -27,6 +28,9 @@ struct MapModel {
 
 // kNotFound, kUnavailable: a file; kInvalidArgument with file and line: not what it should be.
 Result<MapModel> ReadMapModel(const std::string& folder);
+
+// Those of all maps that a run has exported, by map id. Errors of ReadMapModel.
+Result<std::map<int, MapModel>> ReadMapModels(const evaluate::RunOutput& run);
 
 // "map_0007"
 std::string MapFolderName(int map_id);

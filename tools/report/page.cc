@@ -119,8 +119,9 @@ std::string CoverageHtml(const Evaluation& e) {
 
 std::string ViewsHtml(bool has_truth) {
   std::string text =
-      "Camera paths (lines) and map points (dots), seen along the smallest and the middle principal axis of the path. ";
-  text += has_truth ? "The true path is the thin black line."
+      "Camera paths (lines) and map points (dots): in 3D, to be turned with the mouse, and seen along the smallest and "
+      "the middle principal axis of the path. ";
+  text += has_truth ? "The true path is the thin line, black or in 3D white."
                     : "Each map has its own frame and scale: no ground truth was given.";
   std::string html = Paragraph(text) + "<div id=\"views\"></div>\n";
   if (has_truth) html += "<h3>Position error over time</h3>\n" + Plot("errors", 240);
@@ -210,11 +211,15 @@ std::string MakePage(const PageContent& content) {
   page += Section("events-section", "What happened",
                   "<div class=\"scroll\">" + TableHtml(EventTable(content.run)) + "</div>\n");
   page += Section("rejections-section", "Why no merge here", RejectionsHtml(content.run));
-  page += PlotCredits();
+  page += PlotCredits() + SceneCredits();
   page += DataScript("evaluation", ToJson(e));
   page += DataScript("chart-data", MakeChartData(content.run, content.reference, e, content.models));
   page += "<script>\n";
   page += ChartJs();
+  page += "\n</script>\n<script>\n";
+  page += ThreeJs();
+  page += "\n</script>\n<script>\n";
+  page += Scene3dJs();
   page += "\n</script>\n<script>\n";
   page += ReportJs();
   page += "</script>\n</body>\n</html>\n";

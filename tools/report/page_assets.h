@@ -7,6 +7,9 @@ namespace haustra::report {
 
 std::string_view ChartJs();         // Chart.js, minified
 std::string_view ChartJsLicence();  // to be handed on with it
+std::string_view ThreeJs();         // three.js, minified, with OrbitControls and wide lines
+std::string_view ThreeJsLicence();  // to be handed on with it
+std::string_view Scene3dJs();       // a map in 3D
 std::string_view ReportJs();        // draws the plots
 std::string_view ReportCss();
 

@@ -1,33 +1,17 @@
 #include "tools/report/run_report.h"
 
-#include <filesystem>
-#include <map>
 #include <utility>
 
 #include "tools/report/page.h"
 
 namespace haustra::report {
-namespace {
-
-// The models of the maps that the run has exported.
-Result<std::map<int, MapModel>> ReadModels(const evaluate::RunOutput& run) {
-  std::map<int, MapModel> models;
-  for (const auto& [map_id, geometry] : run.geometry) {
-    const std::filesystem::path folder = std::filesystem::path(run.folder) / "maps" / MapFolderName(map_id);
-    HAUSTRA_ASSIGN(models[map_id], ReadMapModel(folder.string()));
-  }
-  return models;
-}
-
-}  // namespace
-
 Result<std::string> MakeRunReport(const ReportRequest& request) {
   evaluate::Reference reference;
   if (!request.groundtruth.empty()) {
     HAUSTRA_ASSIGN(reference, evaluate::ReadReference(request.groundtruth, request.events));
   }
   HAUSTRA_ASSIGN(const evaluate::RunOutput run, evaluate::ReadRunOutput(request.run));
-  HAUSTRA_ASSIGN(const auto models, ReadModels(run));
+  HAUSTRA_ASSIGN(const auto models, ReadMapModels(run));
   const evaluate::Evaluation evaluation = evaluate::EvaluateRun(run, reference, request.options);
   std::string pictures;
   if (!request.pictures.sequence.empty()) {

@@ -53,6 +53,7 @@ TEST(ChartData, AlignedMapLiesOnTheTrueTrajectory) {
   // A point 5 mm in front of the camera of frame 10, in the map.
   const Eigen::Vector3d seen = evaluate::TruePose(10) * Eigen::Vector3d(0, 0, 5);
   model.points = {evaluate::MapFromWorld(0) * seen};
+  model.rgb = {{200, 100, 90}};
   const Json views = DataOf(run, ShiftedReference(60), {{0, model}})["views"];
   ASSERT_EQ(views.size(), 1u);
   EXPECT_EQ(views[0]["unit"], "mm");
@@ -66,6 +67,7 @@ TEST(ChartData, AlignedMapLiesOnTheTrueTrajectory) {
   };
   EXPECT_LT(distance(map["lines"][1][3], views[0]["truth"][33]), 0.2);
   EXPECT_NEAR(distance(map["points"][0], views[0]["truth"][10]), 5.0, 0.2);
+  EXPECT_EQ(map["rgb"], "yGRa");
 }
 
 TEST(ChartData, WithoutGroundTruthMapsAreInTheirOwnUnits) {

@@ -11,6 +11,7 @@
 #include "tools/evaluate/paper_tables.h"
 #include "tools/evaluate/report_json.h"
 #include "tools/report/html_text.h"
+#include "tools/report/page_assets.h"
 
 namespace haustra::report {
 namespace {
@@ -76,12 +77,17 @@ TEST_F(PageTest, NamesFromFilesAreEscaped) {
 }
 
 TEST_F(PageTest, NeedsNoNetwork) {
-  const std::string page = Page();
+  std::string page = Page();
+  // three.js could load textures; nobody asks it to (tests/end_to_end/view_page_test.py looks at what is loaded).
+  const std::size_t library = page.find(ThreeJs());
+  ASSERT_NE(library, std::string::npos);
+  page.erase(library, ThreeJs().size());
   for (const char* what : {"src=\"", "<link", "@import", "href=\"http", "url(", "fetch("}) {
     EXPECT_THAT(page, Not(HasSubstr(what)));
   }
   EXPECT_THAT(page, HasSubstr("Chart.js v3"));
   EXPECT_THAT(page, HasSubstr("Permission is hereby granted"));
+  EXPECT_THAT(page, HasSubstr("three.js authors"));
 }
 
 TEST_F(PageTest, WhatIsMissingIsSaid) {

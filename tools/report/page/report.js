@@ -217,6 +217,25 @@
     });
   };
 
+  const drawScene = (place, view) => {
+    const scene = new haustra.Scene3D(place);
+    if (!scene.works) return;
+    // The wheel scrolls the page until somebody has taken hold of the scene.
+    scene.controls.enableZoom = false;
+    place.addEventListener('mousedown', () => { scene.controls.enableZoom = true; });
+    place.addEventListener('mouseleave', () => { scene.controls.enableZoom = false; });
+    const segmentsOf = line => line.flatMap((p, i) => i > 0 ? [...line[i - 1], ...p] : []);
+    const points = view.maps.flatMap(map => map.points.flat());
+    const path = view.maps.flatMap(map => map.lines.flat(2));
+    scene.frame(path, points);
+    for (const map of view.maps) {
+      const colour = Number('0x' + colourOf(map.map).slice(1));
+      scene.addPoints(new Float32Array(map.points.flat()), Uint8Array.from(atob(map.rgb), c => c.charCodeAt(0)), colour);
+      scene.addLine(map.lines.flatMap(segmentsOf), colour, 3);
+    }
+    scene.addLine(segmentsOf(view.truth), haustra.SCENE_COLOURS.truth, 1);
+  };
+
   const drawViews = () => {
     const place = document.getElementById('views');
     if (data.views.length === 0) place.textContent = 'No map has a frame at the end.';
@@ -225,7 +244,10 @@
       heading.textContent = view.title;
       const pair = document.createElement('div');
       pair.className = 'two';
-      place.append(heading, pair);
+      const space = document.createElement('div');
+      space.className = 'scene';
+      place.append(heading, space, pair);
+      drawScene(space, view);
       const charts = [[1, 'top view'], [2, 'side view']].map(([vertical, label]) => {
         const plot = document.createElement('div'), canvas = document.createElement('canvas');
         plot.className = 'plot';

@@ -1,0 +1,159 @@
+#!/usr/bin/env python3
+"""The page of `haustra view`, and that of the report, in a headless Chromium: what they say, and that they draw.
+
+    view_page_test.py HAUSTRA HAUSTRAD SEQUENCE RESULT
+
+RESULT is a run of SEQUENCE, a rendered colon. Skipped (exit code 77) where there is no Chromium. With HAUSTRA_VIEW_PICTURES
+set to a folder the windows are kept there as PNG, for a person to look at.
+"""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import browser
+from png_pixels import pixels
+from served_view import ServedView
+
+HAUSTRA, HAUSTRAD, SEQUENCE, RESULT = (Path(path).resolve() for path in sys.argv[1:5])
+PICTURES = os.environ.get("HAUSTRA_VIEW_PICTURES")
+GROUND = (0x14, 0x1A, 0x22)  # of the scene
+
+
+class Service:
+    """haustrad on the sequence, in a folder of its own; a procedure begins at once."""
+
+    def __init__(self, folder):
+        (folder / "state").mkdir(exist_ok=True)
+        settings = [f"files.state_folder={folder}/state", f"files.runtime_folder={folder}", "procedure.begin_at_start=true",
+                    "publish.view=true", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.3",
+                    "watchdog.tracking_limit_ms=60000", "watchdog.capture_limit_ms=60000",
+                    "watchdog.mapping_limit_ms=300000", "watchdog.worker_limit_ms=60000", "watchdog.stop_limit_ms=60000"]
+        words = [word for setting in settings for word in ("--set", setting)]
+        environment = {key: value for key, value in os.environ.items() if key not in ("NOTIFY_SOCKET", "WATCHDOG_USEC")}
+        self._process = subprocess.Popen([HAUSTRAD, "--source", SEQUENCE, *words], stderr=subprocess.DEVNULL, env=environment)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._process.send_signal(signal.SIGTERM)
+        self._process.wait(timeout=120)
+
+
+def keep(page, name):
+    if PICTURES:
+        Path(PICTURES, name).write_bytes(page.picture())
+
+
+class PageTest(unittest.TestCase):
+    def assert_scene_is_drawn(self, page, scene="#scene", above_px=60, below_px=140):
+        """A fair part of the scene is not its ground, in many colours; of switches above and legends below nothing counts."""
+        self.assertTrue(page.wait_for(f"Number(document.querySelector('{scene}').dataset.drawn) > 500"))
+        x, y, width, height = page.box(scene)
+        left, top = page.value("[scrollX, scrollY]")
+        clip = (x + left, y + top + above_px, width, height - above_px - below_px)
+        colours = [pixel for row in pixels(page.picture(0.25, clip)) for pixel in row]
+        drawn = [c for c in colours if sum(abs(a - b) for a, b in zip(c, GROUND)) > 60]
+        self.assertGreater(len(drawn), 0.01 * len(colours))
+        self.assertGreater(len(set(drawn)), 20)
+
+    def test_finished_run(self):
+        with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
+            surface = Path(scratch, "surface")
+            subprocess.run([HAUSTRA, "surface", RESULT, "--sequence", SEQUENCE, "--out", surface, "--quiet"], check=True)
+            with ServedView(HAUSTRA, RESULT, "--surface", surface) as server:
+                page.open(server.address)
+                self.assertTrue(page.wait_for("document.body.dataset.ready === 'run'"), page.messages)
+                self.assertTrue(page.wait_for("document.body.dataset.surface === 'shown'"), page.messages)
+                self.assertIn(page.value("document.getElementById('state').textContent"), ("Tracking", "Placed later"))
+                self.assert_scene_is_drawn(page)
+                keep(page, "run.png")
+
+                # The slider moves the scope and the words.
+                last = page.value("Number(document.body.dataset.frame)")
+                page.value("const s = document.getElementById('slider'); s.value = 0; s.dispatchEvent(new Event('input'))")
+                self.assertEqual(page.value("document.body.dataset.frame"), "0")
+                self.assertEqual(page.value("document.querySelector('#facts dd').textContent"), "0")
+                self.assertGreater(last, 0)
+                page.value(f"s.value = {last}; s.dispatchEvent(new Event('input'))")
+                page.value("document.getElementById('inside').click()")
+                self.assert_scene_is_drawn(page)
+                keep(page, "inside.png")
+                # Without the wall the points are there, and the other way round.
+                page.value("document.getElementById('whole').click()")
+                page.value("document.querySelector('[data-layer=surface]').click()")
+                page.value("document.querySelector('[data-layer=points]').click()")
+                self.assert_scene_is_drawn(page)
+
+                # Nothing came from elsewhere, nothing was refused, nothing failed.
+                self.assertEqual(page.messages, [])
+                origins = page.value("[...new Set(performance.getEntriesByType('resource').map(e => new URL(e.name).origin))]")
+                self.assertEqual(origins, [page.value("location.origin")])
+            self.assertEqual(server.code, 0)
+
+    def test_report(self):
+        with browser.Browser() as page:
+            page.open((RESULT / "report.html").as_uri())
+            self.assertTrue(page.wait_for("document.querySelector('.scene') !== null"), page.messages)
+            page.value("document.querySelector('.scene').scrollIntoView({block: 'center'})")
+            self.assert_scene_is_drawn(page, ".scene", 10, 10)
+            keep(page, "report.png")
+            self.assertEqual(page.messages, [])
+
+    def test_another_page_learns_nothing(self):
+        with ServedView(HAUSTRA, RESULT) as server, browser.Browser() as page:
+            # A page of another origin in the same browser, which even knows the address.
+            page.open("data:text/html,<title>other</title>")
+            self.assertTrue(page.wait_for("document.title === 'other'"))
+            outcome = page.value(f"fetch('{server.address}run.json').then(a => a.text(), () => 'refused')")
+            self.assertEqual(outcome, "refused")
+            with self.assertRaises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(server.address.rsplit("/", 2)[0] + "/")
+            self.assertEqual(refused.exception.code, 403)
+            refused.exception.close()
+
+    def test_live(self):
+        folder = Path(tempfile.mkdtemp(prefix="haustra_view_"))
+        try:
+            with ServedView(HAUSTRA, "--folder", folder) as server, browser.Browser() as page, browser.Browser() as other:
+                for each in (page, other):
+                    each.open(server.address)
+                    self.assertTrue(each.wait_for("document.body.dataset.service === 'none'"), each.messages)
+                self.assertEqual(page.value("document.getElementById('state').textContent"), "No engine")
+                self.assertEqual(page.value("document.getElementById('state-text').textContent"), "No engine is running.")
+                for attempt in range(2):  # the engine comes, and comes anew
+                    shutil.rmtree(folder / "state", ignore_errors=True)
+                    with Service(folder):
+                        for each in (page, other):
+                            self.assertTrue(each.wait_for("Number(document.body.dataset.points) > 50"), each.messages)
+                            self.assertTrue(each.wait_for("document.body.dataset.state === 'tracking'"), each.messages)
+                            self.assertTrue(each.wait_for("Number(document.body.dataset.matched) > 50"), each.messages)
+                        if attempt == 0:
+                            self.assert_scene_is_drawn(page)
+                            shown = {pixel for row in pixels(page.picture(0.5, page.box("#picture"))) for pixel in row}
+                            self.assertGreater(len(shown), 500)
+                        keep(page, f"live_{attempt}.png")
+                    for each in (page, other):
+                        self.assertTrue(each.wait_for("document.getElementById('state').textContent === 'No engine'"))
+                        # What it showed was a patient's.
+                        self.assertEqual(each.value("document.body.dataset.poses"), "0")
+                        self.assertTrue(each.value("document.getElementById('picture-panel').hidden"))
+                        each.value("document.body.dataset.points = document.body.dataset.matched = 0")
+                self.assertEqual(page.messages, [])
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    if browser.program() is None:
+        print("skipped: chromium is not installed")
+        sys.exit(77)
+    unittest.main(argv=sys.argv[:1])

@@ -1,0 +1,28 @@
+#!/usr/bin/env python3
+"""The picture of tools/view/README.md: the window of `haustra view OUT` in a headless Chromium.
+
+    view_picture.py HAUSTRA OUT PICTURE.jpg|PICTURE.png [FRAME]
+
+FRAME is where the slider stands (default: at the end). OUT must be of a rendered colon: never show a patient's.
+"""
+
+import sys
+from pathlib import Path
+
+import browser
+from served_view import ServedView
+
+if len(sys.argv) not in (4, 5):
+    sys.exit(__doc__)
+haustra, out, picture = sys.argv[1:4]
+with ServedView(haustra, out) as view, browser.Browser(1280, 800) as page:
+    page.open(view.address)
+    if not page.wait_for("document.body.dataset.ready === 'run'"):
+        sys.exit(f"the page does not get ready: {page.messages}")
+    if Path(out, "surface").is_dir() and not page.wait_for("document.body.dataset.surface === 'shown'"):
+        sys.exit(f"the surface is not shown: {page.messages}")
+    if len(sys.argv) == 5:
+        page.value(f"(s => {{ s.value = {int(sys.argv[4])}; s.dispatchEvent(new Event('input')); }})"
+                   "(document.getElementById('slider'))")
+    page.wait_for("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
+    Path(picture).write_bytes(page.picture(jpeg_quality=82 if picture.endswith(".jpg") else None))

@@ -1,0 +1,172 @@
+// The page of a running engine: the event stream "live" (tools/view/live_stream.h).
+'use strict';
+(() => {
+  const {byId, decode, setState, setFacts, eventItem, latencyPlot, connectSwitches} = haustra;
+  const SHOWN_S = 20, MAX_TRAIL = 3000, MAX_EVENTS = 200;
+
+  byId('time').hidden = true;
+  byId('map-choice').hidden = true;
+  document.querySelector('input[data-layer=surface]').parentElement.hidden = true;
+  byId('way-text').textContent = 'keyframes of the map, in order';
+  byId('travelled-text').textContent = 'last positions';
+  byId('latency-title').textContent = 'Latency, frame to pose';
+
+  const scene = new haustra.Scene3D(byId('scene'));
+  const plot = latencyPlot(null, [-SHOWN_S, 0]);
+  let map, trail, latencies, newest, num_poses, framed_extent, is_ours, service = null;
+
+  // Until somebody turns it by hand the picture follows the map as it grows.
+  const frame = () => {
+    is_ours = true;
+    framed_extent = 0;
+    follow();
+  };
+  const extentOf = points => {
+    let low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    for (let i = 0; i < points.length; ++i) {
+      low[i % 3] = Math.min(low[i % 3], points[i]);
+      high[i % 3] = Math.max(high[i % 3], points[i]);
+    }
+    return Math.max(0, high[0] - low[0], high[1] - low[1], high[2] - low[2]);
+  };
+  const follow = () => {
+    if (!map || !is_ours) return;
+    const extent = extentOf(map.keyframes) + 1e-9;
+    if (extent < 1.25 * framed_extent) return;
+    framed_extent = extent;
+    scene.frame(map.keyframes, map.points);
+  };
+  if (scene.works) scene.controls.addEventListener('start', () => { is_ours = false; });
+
+  const forget = () => {
+    map = null;
+    trail = [];
+    latencies = [];
+    newest = null;
+    num_poses = 0;
+    framed_extent = 0;
+    is_ours = true;
+    for (const part of ['points', 'path']) scene.clear(part);
+    scene.setScope(null);
+    byId('events').replaceChildren();
+    byId('picture-panel').hidden = true;
+    byId('picture').width = byId('picture').width;  // what it showed is cleared
+    setFacts([]);
+    plot.show([], -SHOWN_S, 0);
+    document.body.dataset.poses = 0;
+  };
+
+  const drawPaths = () => {
+    scene.clear('path');
+    if (!map) return;
+    const pairs = list => list.flatMap((p, i) => i > 0 && p && list[i - 1] ? [...list[i - 1], ...p] : []);
+    const keyframes = [];
+    for (let i = 0; i + 2 < map.keyframes.length; i += 3) keyframes.push(map.keyframes.subarray(i, i + 3));
+    scene.addLine(pairs(keyframes), haustra.SCENE_COLOURS.way, 2);
+    scene.addLine(pairs(trail.map(pose => pose.position || null)), haustra.SCENE_COLOURS.travelled, 3.5);
+    trail.forEach((pose, i) => {
+      if (i > 0 && !pose.position && trail[i - 1].position) scene.addMark(new THREE.Vector3(...trail[i - 1].position));
+    });
+  };
+
+  const onService = data => {
+    service = data;
+    document.body.dataset.service = data.state;
+    byId('state-text').textContent = data.text;
+    if (!data.has_engine) {
+      setState('off');
+      byId('state').textContent = data.state === 'idle' ? 'Waiting' : 'No engine';
+      scene.setScope(null);
+    }
+  };
+
+  const onMap = data => {
+    const is_other = !map || map.map !== data.map || map.epoch !== data.epoch;
+    map = {...data, points: decode(Float32Array, data.points), keyframes: decode(Float32Array, data.keyframes)};
+    // Poses in another map, or from before it was moved, do not compare with this one.
+    if (is_other) {
+      framed_extent = 0;
+      trail = trail.filter(pose => !pose.position || (pose.map === map.map && pose.epoch === map.epoch));
+    }
+    follow();
+    scene.clear('points');
+    scene.addPoints(map.points, null);
+    drawPaths();
+    document.body.dataset.points = data.num_points;
+  };
+
+  const onPoses = poses => {
+    for (const pose of poses) {
+      latencies.push({x: pose.t_s, y: pose.published_ms});
+      if (!map || !pose.position || (pose.map === map.map && pose.epoch === map.epoch)) trail.push(pose);
+    }
+    num_poses += poses.length;
+    newest = poses[poses.length - 1];
+    while (latencies.length > 0 && latencies[0].x < newest.t_s - SHOWN_S) latencies.shift();
+    if (trail.length > MAX_TRAIL) trail.splice(0, trail.length - MAX_TRAIL);
+    plot.show(latencies.map(p => ({x: p.x - newest.t_s, y: p.y})), -SHOWN_S, 0);
+    if (service && service.has_engine) {
+      setState(newest.state);
+      if (newest.is_predicted) byId('state').textContent = 'Predicted';
+      byId('state-text').textContent = (newest.map >= 0 ? 'map ' + newest.map + ' · ' : '') + newest.reason.replaceAll('_', ' ');
+      const fits = map && newest.position && newest.map === map.map && newest.epoch === map.epoch;
+      scene.setScope(fits ? newest.position : null, newest.orientation);
+    }
+    drawPaths();
+    const first = latencies[0], span = newest.t_s - first.x;
+    const sorted = latencies.map(p => p.y).sort((a, b) => a - b);
+    const quantile = q => sorted[Math.floor(q * (sorted.length - 1))].toFixed(1) + ' ms';
+    setFacts([['frame', newest.frame], ['map', newest.map >= 0 ? newest.map + (map ? ' of ' + map.num_maps : '') : 'none'],
+              ['matched points', newest.inliers + ' of ' + newest.features + ' features'],
+              ['latency', newest.published_ms.toFixed(1) + ' ms'], ['median, longest', quantile(0.5) + ', ' + quantile(1)],
+              ['poses a second', span > 1 ? ((latencies.length - 1) / span).toFixed(1) : ''],
+              ['keyframes, points', map ? map.num_keyframes + ', ' + map.num_points : 'none yet']]);
+    document.body.dataset.poses = num_poses;
+  };
+
+  // Points of the map that tracking has found in the picture.
+  const onPicture = data => {
+    const image = new Image();
+    image.onload = () => {
+      const canvas = byId('picture'), context = canvas.getContext('2d'), scale = 2;
+      byId('picture-panel').hidden = false;
+      canvas.width = scale * data.width;
+      canvas.height = scale * data.height;
+      context.drawImage(image, 0, 0, canvas.width, canvas.height);
+      context.strokeStyle = '#f0e442';
+      context.lineWidth = 1.5;
+      for (let i = 0; i + 1 < data.points.length; i += 2) {
+        context.beginPath();
+        context.arc(scale * (data.points[i] + 0.5), scale * (data.points[i + 1] + 0.5), 3.5, 0, 2 * Math.PI);
+        context.stroke();
+      }
+      document.body.dataset.picture = data.frame;
+      document.body.dataset.matched = data.num_matched;
+    };
+    image.src = 'data:image/jpeg;base64,' + data.jpeg;
+  };
+
+  const onEvents = events => {
+    for (const event of events) {
+      const counts = event.keyframes > 0 ? event.keyframes + ' keyframes, ' + event.points + ' points' : '';
+      byId('events').prepend(eventItem({...event, time: 'frame ' + event.frame, details: counts}, null));
+    }
+    while (byId('events').children.length > MAX_EVENTS) byId('events').lastChild.remove();
+  };
+
+  forget();
+  connectSwitches(scene, frame);
+  const source = new EventSource('live');
+  const on = (name, handle) => source.addEventListener(name, message => handle(JSON.parse(message.data)));
+  on('fresh', forget);
+  on('service', onService);
+  on('map', onMap);
+  on('poses', onPoses);
+  on('events', onEvents);
+  on('picture', onPicture);
+  source.addEventListener('open', () => { document.body.dataset.ready = 'live'; });
+  // The browser tries again by itself.
+  source.addEventListener('error', () => {
+    onService({state: 'unreachable', text: 'haustra view does not answer. This page tries again.', has_engine: false});
+  });
+})();

@@ -1,0 +1,130 @@
+#include "tools/view/run_data.h"
+
+#include <algorithm>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <unordered_map>
+
+#include "tools/evaluate/paper_tables.h"
+#include "tools/evaluate/reference.h"
+#include "tools/view/column.h"
+
+namespace haustra::view {
+namespace {
+
+using evaluate::RunFrame;
+using evaluate::RunOutput;
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kMaxPointsPerMap = 60000;
+// Of the rest there may be a row for every keyframe.
+constexpr std::size_t kMaxEvents = 2000;
+
+// Of each frame in ms, NaN where nobody measured it. A run in real time says it frame by frame; of a sequential one it
+// is what the frame took.
+std::vector<float> LatenciesOf(const RunOutput& run) {
+  std::unordered_map<std::int64_t, double> measured_ms;
+  for (const evaluate::StageTime& time : run.times) {
+    if (time.stage == "frame/total") measured_ms[time.frame_idx] = time.ms;
+    if (time.stage == "tracking/total") measured_ms.try_emplace(time.frame_idx, time.ms);
+  }
+  std::vector<float> latencies_ms;
+  for (const RunFrame& frame : run.frames) {
+    const auto found = measured_ms.find(frame.frame_idx);
+    const double ms = frame.frame_ms > 0.0         ? frame.frame_ms
+                      : found != measured_ms.end() ? found->second
+                                                   : std::numeric_limits<double>::quiet_NaN();
+    latencies_ms.push_back(static_cast<float>(ms));
+  }
+  return latencies_ms;
+}
+
+Json FramesOf(const RunOutput& run, const std::vector<std::string>& states) {
+  std::vector<std::int32_t> index, map, live_map, inliers;
+  std::vector<std::uint8_t> state;
+  std::vector<float> time_s, position, orientation;
+  for (const RunFrame& frame : run.frames) {
+    index.push_back(static_cast<std::int32_t>(frame.frame_idx));
+    time_s.push_back(static_cast<float>(static_cast<double>(frame.timestamp_ns - run.frames[0].timestamp_ns) * 1e-9));
+    map.push_back(frame.map_id);
+    live_map.push_back(frame.live_map_id);
+    inliers.push_back(frame.num_inliers);
+    state.push_back(static_cast<std::uint8_t>(std::find(states.begin(), states.end(), frame.state) - states.begin()));
+    const bool has_pose = frame.map_id >= 0;
+    for (int i = 0; i < 3; ++i) {
+      position.push_back(has_pose ? static_cast<float>(frame.world_from_cam.translation[i]) : 0.0f);
+    }
+    for (int i = 0; i < 4; ++i) {
+      orientation.push_back(has_pose ? static_cast<float>(frame.world_from_cam.rotation.coeffs()[i]) : 0.0f);
+    }
+  }
+  return {{"index", Column(index)},
+          {"time_s", Column(time_s)},
+          {"map", Column(map)},
+          {"live_map", Column(live_map)},
+          {"state", Column(state)},
+          {"inliers", Column(inliers)},
+          {"latency_ms", Column(LatenciesOf(run))},
+          {"position", Column(position)},
+          {"orientation", Column(orientation)}};
+}
+
+Json MapOf(const evaluate::RunMap& map, const report::MapModel& model, const std::string* surface) {
+  std::vector<float> points;
+  std::vector<std::uint8_t> rgb;
+  const std::size_t count = std::min(model.points.size(), kMaxPointsPerMap);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t k = i * model.points.size() / count;
+    for (int axis = 0; axis < 3; ++axis) points.push_back(static_cast<float>(model.points[k][axis]));
+    rgb.insert(rgb.end(), model.rgb[k].begin(), model.rgb[k].end());
+  }
+  return {{"id", map.map_id},
+          {"status", map.status},
+          {"keyframes", map.num_keyframes},
+          {"num_points", model.points.size()},
+          {"points", Column(points)},
+          {"rgb", Column(rgb)},
+          {"surface", surface == nullptr ? Json(nullptr) : Json(*surface)}};
+}
+
+Json EventsOf(const RunOutput& run) {
+  Json events = Json::array();
+  for (const evaluate::RunEventRow& event : run.events) {
+    if (event.event == "merge_rejected" || event.event == "frame_not_found") continue;
+    if (events.size() == kMaxEvents) break;
+    events.push_back({{"frame", event.frame_idx},
+                      {"event", event.event},
+                      {"map", event.map_id},
+                      {"other_map", event.other_map_id},
+                      {"details", event.details}});
+  }
+  return events;
+}
+
+}  // namespace
+
+std::string MakeRunData(const RunOutput& run, const std::map<int, report::MapModel>& models,
+                        const std::map<int, std::string>& surfaces) {
+  std::vector<std::string> states;
+  for (const RunFrame& frame : run.frames) {
+    if (std::find(states.begin(), states.end(), frame.state) == states.end()) states.push_back(frame.state);
+  }
+  Json json;
+  json["name"] = evaluate::ShortName(run.folder);
+  json["mode"] = run.figures.mode;
+  json["device"] = run.figures.device;
+  json["period_ms"] = static_cast<double>(evaluate::FramePeriodNs(run.frames)) * 1e-6 / run.figures.rate.value_or(1.0);
+  json["states"] = states;
+  json["maps"] = Json::array();
+  for (const evaluate::RunMap& map : run.maps) {
+    const auto model = models.find(map.map_id);
+    if (model == models.end()) continue;
+    const auto surface = surfaces.find(map.map_id);
+    json["maps"].push_back(MapOf(map, model->second, surface == surfaces.end() ? nullptr : &surface->second));
+  }
+  json["frames"] = FramesOf(run, states);
+  json["events"] = EventsOf(run);
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace haustra::view

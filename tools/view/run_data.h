@@ -1,0 +1,24 @@
+// What page/view.js shows of a finished run, as JSON:
+//   name, mode, device, period_ms
+//   maps    id, status, keyframes, points (float32 x y z), rgb (uint8), surface (name of a resource, or null)
+//   frames  columns: index (int32), time_s, map (int32, at the end; -1: none), live_map (int32), state (uint8),
+//           inliers (int32), latency_ms (float32, NaN: not known), position (float32 x y z), orientation (x y z w)
+//   states  words that the column of states counts
+//   events  frame, event, map, other_map, details
+// A column is base64 of little-endian numbers. Times count from the first frame, poses are map_from_cam, lengths are
+// map units. reentrant, deterministic.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "tools/evaluate/run_output.h"
+#include "tools/report/map_model.h"
+
+namespace haustra::view {
+
+// models: of the maps that were exported, by map id; surfaces: names of resources, by map id.
+std::string MakeRunData(const evaluate::RunOutput& run, const std::map<int, report::MapModel>& models,
+                        const std::map<int, std::string>& surfaces);
+
+}  // namespace haustra::view

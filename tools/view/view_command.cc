@@ -1,0 +1,83 @@
+#include "tools/view/view_command.h"
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "tools/command/console.h"
+#include "tools/command/stop_signal.h"
+#include "tools/exit_codes.h"
+#include "tools/service/runtime_folder.h"
+#include "tools/view/live_stream.h"
+#include "tools/view/page_site.h"
+#include "tools/view/request_gate.h"
+#include "tools/view/run_site.h"
+#include "tools/view/view_server.h"
+
+namespace haustra {
+namespace {
+
+constexpr const char* kViewCommand = "view";
+constexpr std::chrono::milliseconds kStep{50};
+
+struct ViewArguments {
+  view::RunSiteRequest request;  // without a run: a running haustrad
+  std::string folder = kRuntimeFolder;
+  int port = 0;
+  std::string token_file;
+};
+
+view::ViewSite MakeLiveSite(const std::string& folder) {
+  view::ViewSite site = view::MakePageSite(view::PageKind::kLive);
+  site.open_stream = [folder] { return std::make_unique<view::LiveStream>(folder); };
+  return site;
+}
+
+int View(const ViewArguments& arguments) {
+  const std::atomic<bool>& stop_requested = CatchStopSignals();
+  view::ViewServerOptions options;
+  options.port = arguments.port;
+  Result<std::string> token = arguments.token_file.empty() ? view::MakeToken() : view::ReadToken(arguments.token_file);
+  if (!token.ok()) return console::Fail(kViewCommand, token.status());
+  options.token = std::move(*token);
+  const bool is_live = arguments.request.run.empty();
+  Result<view::ViewSite> site = is_live ? MakeLiveSite(arguments.folder) : view::MakeRunSite(arguments.request);
+  if (!site.ok()) return console::Fail(kViewCommand, site.status());
+  const Result<std::unique_ptr<view::ViewServer>> server = view::ViewServer::Start(std::move(*site), options);
+  if (!server.ok()) return console::Fail(kViewCommand, server.status());
+  console::Print("%s\n", (*server)->address().c_str());
+  std::fflush(stdout);
+  console::Note(kViewCommand, "open this address in a browser of this machine; Ctrl-C ends it");
+  while (!stop_requested) std::this_thread::sleep_for(kStep);
+  return kExitOk;
+}
+
+}  // namespace
+
+void AddViewCommand(CLI::App& app, std::function<int()>& action) {
+  const auto arguments = std::make_shared<ViewArguments>();
+  CLI::App* command =
+      app.add_subcommand("view", "Show a running haustrad or a finished run in a browser of this machine");
+  CLI::Option* run = command->add_option("out", arguments->request.run,
+                                         "Output folder of haustra run (default: a running haustrad is shown)");
+  command->add_option("--folder", arguments->folder, "Runtime folder of the daemon")
+      ->excludes(run)
+      ->capture_default_str();
+  command
+      ->add_option("--surface", arguments->request.surface,
+                   "Output folder of haustra surface for this run (default: OUT/surface, where it is there)")
+      ->needs(run);
+  command->add_option("--port", arguments->port, "Port on 127.0.0.1; 0: a free one")
+      ->check(CLI::Range(0, 65535))
+      ->capture_default_str();
+  command->add_option("--token-file", arguments->token_file,
+                      "Secret part of the address: 32 to 128 letters and digits in a file that only its owner may read "
+                      "(default: 128 new random bits)");
+  command->callback([arguments, &action] { action = [arguments] { return View(*arguments); }; });
+}
+
+}  // namespace haustra

@@ -23,6 +23,7 @@
 #include "engine/tracking/frame_extractor.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/initialiser.h"
+#include "engine/tracking/mark_watch.h"
 #include "engine/tracking/noise_meter.h"
 #include "engine/tracking/overlay_watch.h"
 #include "engine/tracking/pose_recovery.h"
@@ -55,6 +56,9 @@ class Tracker {
   Status ServeThisThread() { return device_.ServeThisThread(Lane::kTracking); }
   // A frame that could not be read: counts as lost, breaks nothing.
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp);
+
+  // Of the last frame, as of its answer.
+  const MarkSightings& mark_sightings() const { return marks_.sightings(); }
 
   TrackingState state() const { return StateOf(state_); }
   // Frames for which the device had no feature set left. Any thread.
@@ -92,6 +96,7 @@ class Tracker {
   bool IsHeldByMap() const;
   bool IsDeniedByFlow(MapId map_id, bool is_tracked) const;
   void AnchorChain(const FrameResult& result);
+  void TellMapper(const FrameResult& result);
   void ForgetLastFrame();
   void DropFrame();
   void SetLost();
@@ -122,6 +127,7 @@ class Tracker {
   Initialiser initialiser_;
   PoseSearch search_;
   PoseRecovery recovery_;
+  MarkWatch marks_;
   Proposer proposer_;
 
   TimePoint last_timestamp_;  // of the last frame with a pose

@@ -1,6 +1,7 @@
 #include "engine/mapping/mark_keeper.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 namespace haustra {
@@ -8,6 +9,10 @@ namespace {
 
 // Keyframes around the nearest one that are asked when it knows too little of the wall.
 constexpr int kNeighboursOfMark = 6;
+// A keyframe that a mark was handed to may see a fold before it. What lies this near along the ray, and this way, is
+// the same wall.
+constexpr double kMaxRefinement = 0.1;
+constexpr double kMinNormalCos = 0.7;
 // A mark costs a look at all points of a keyframe.
 constexpr int kRefinedPerKeyframe = 4;
 
@@ -121,8 +126,12 @@ void MarkKeeper::Refine() {
     // The ray stays: it is where the doctor pointed. Only how far away the wall is along it is better known now.
     const Result<WallPatch> patch = FitAround(keyframe.cam_from_map, mark.keyframe, pixel, 0);
     if (!patch.ok()) continue;
+    const PlacedMark before = atlas.PlaceOf(mark);
     PlacedMark place = PlaceOn(*patch, mark.point_in_anchor.normalized(), keyframe.cam_from_map, keyframe.map);
-    place.radius = atlas.PlaceOf(mark).radius;
+    place.radius = before.radius;
+    const double distance = (keyframe.cam_from_map * before.position).norm();
+    if (std::abs(patch->distance - distance) > kMaxRefinement * distance) continue;
+    if (place.normal.dot(before.normal) < kMinNormalCos) continue;
     atlas.PlaceMark(handle, mark.keyframe, place);
   }
 }

@@ -447,7 +447,8 @@ TEST_F(PoseRing, OtherFilesAreRefusedByWhatIsWrongWithThem) {
   };
   EXPECT_EQ(open_with(bytes.size(), 0, bytes.size()), HAUSTRA_OK);
   EXPECT_EQ(open_with(0, 'x', bytes.size()), HAUSTRA_NOT_A_RING);
-  EXPECT_EQ(open_with(offsetof(haustra_ring_header, version), 2, bytes.size()), HAUSTRA_OTHER_VERSION);
+  EXPECT_EQ(open_with(offsetof(haustra_ring_header, version), HAUSTRA_RING_VERSION + 1, bytes.size()),
+            HAUSTRA_OTHER_VERSION);
   EXPECT_EQ(open_with(offsetof(haustra_ring_header, num_pose_slots), 1, bytes.size()), HAUSTRA_NOT_A_RING);
   EXPECT_EQ(open_with(offsetof(haustra_ring_header, pose_slot_bytes), 1, bytes.size()), HAUSTRA_NOT_A_RING);
   for (const std::size_t size : {std::size_t{0}, std::size_t{7}, std::size_t{100}, bytes.size() - 1}) {

@@ -157,7 +157,7 @@ struct MappingConfig {
 // mapper.h, engine/tracking/tracker.h (feature sets, proposals), engine/tracking/tracking_link.h (replies),
 // engine/atlas/local_map.h (snapshots), engine/place/place_excerpt.h (place recognition). Fixed by the layout of the
 // data, not by the configuration: observations of a point (kMaxObservations), keyframes of a snapshot
-// (kMaxLocalKeyframes).
+// (kMaxLocalKeyframes), marks (kMaxMarks).
 struct MemoryConfig {
   std::string profile = "medium";  // small, medium, large: sets all keys of this section that are not given
   int max_keyframes = 1500;        // over all maps (paper: 1 196 after a whole procedure) [16, 100000]
@@ -171,7 +171,9 @@ struct MemoryConfig {
   // Beside those of the keyframes and of an initialisation: current and last frame, proposals, sets of culled keyframes
   // that a snapshot may still name [16, 1000].
   int spare_feature_sets = 32;
-  int max_map_events = 1024;      // not yet read by the session; newer ones are lost then [16, 100000]
+  int max_map_events = 1024;  // not yet read by the session; newer ones are lost then [16, 100000]
+  // Of a doctor, over all maps; when there is no room the next one is refused [0, 32].
+  int max_marks = 32;
   int max_late_poses = 1024;      // likewise; a lost one leaves its frame without a pose [16, 100000]
   int small_map_keyframes = 8;    // an inactive map up to this size may go as a whole [2, 1000]
   double max_host_mb = 1800.0;    // of the plan, 0: no limit [0, 1000000]

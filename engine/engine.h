@@ -14,6 +14,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string_view>
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
@@ -72,6 +73,13 @@ class Engine {
   FrameResult SkipDamaged(std::uint32_t frame_index, TimePoint timestamp) {
     return tracker_.SkipDamaged(frame_index, timestamp);
   }
+
+  // Mapping thread between two steps, or any when both have stopped: a doctor's mark in a frame that was tracked
+  // (engine/mapping/mark_keeper.h has the errors), and its end. From the next frame on it is seen in mark_sightings().
+  Result<MarkId> SetMark(const MarkRequest& request) { return mapper_.SetMark(request); }
+  Status RemoveMark(std::string_view label) { return mapper_.RemoveMark(label); }
+  // Tracking thread: all marks of the map in which the last frame was tracked, as of its answer.
+  const MarkSightings& mark_sightings() const { return tracker_.mark_sightings(); }
 
   // Mapping thread. False when there was nothing to do.
   bool MapStep() { return mapper_.Step(); }

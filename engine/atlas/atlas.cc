@@ -9,6 +9,7 @@ Atlas::Atlas(const Capacity& capacity, std::pmr::memory_resource* memory)
     : keyframes_(static_cast<std::uint32_t>(capacity.max_keyframes), memory, capacity.max_features, memory),
       points_(static_cast<std::uint32_t>(capacity.max_map_points), memory),
       maps_(static_cast<std::uint32_t>(capacity.max_maps), memory, capacity.max_keyframes, memory),
+      marks_(static_cast<std::uint32_t>(capacity.max_marks), memory),
       traces_(static_cast<std::size_t>(capacity.max_keyframe_ids), memory),
       max_features_(capacity.max_features),
       shared_counts_(static_cast<std::size_t>(capacity.max_keyframes), 0, memory) {}
@@ -32,13 +33,19 @@ MemoryPlan Atlas::PlanMemory(const Capacity& capacity) {
   add("maps", num_maps,
       decltype(maps_)::BytesFor(num_maps) + num_maps * MemoryArena::BytesFor<KeyframeHandle>(num_keyframes),
       "memory.max_maps x memory.max_keyframes");
+  const auto num_marks = static_cast<std::size_t>(capacity.max_marks);
+  add("marks", num_marks, decltype(marks_)::BytesFor(num_marks), "memory.max_marks");
   add("keyframe traces", num_ids, MemoryArena::BytesFor<KeyframeTrace>(num_ids), "memory.max_keyframe_ids");
   return plan;
 }
 
 Atlas::Capacity Atlas::capacity() const {
-  return {static_cast<int>(keyframes_.capacity()), static_cast<int>(points_.capacity()),
-          static_cast<int>(maps_.capacity()), static_cast<int>(traces_.size()), max_features_};
+  return {static_cast<int>(keyframes_.capacity()),
+          static_cast<int>(points_.capacity()),
+          static_cast<int>(maps_.capacity()),
+          static_cast<int>(traces_.size()),
+          max_features_,
+          static_cast<int>(marks_.capacity())};
 }
 
 MapHandle Atlas::InsertMap(MapId id) {
@@ -61,6 +68,7 @@ MapHandle Atlas::CreateMap() {
 }
 
 void Atlas::DropMap(MapHandle handle, std::vector<FeatureSetHandle>* released) {
+  HAUSTRA_CHECK(!HasMarks(handle));
   Map& map = maps_.At(handle);
   points_.ForEach([&](MapPointHandle point, MapPoint& value) {
     if (value.map == handle) points_.Release(point);
@@ -130,6 +138,9 @@ FeatureSetHandle Atlas::RemoveKeyframe(KeyframeHandle handle, KeyframeHandle sta
       if (points_.At(point).descriptor.set == keyframe.features.set) UpdatePoint(point);
     }
   }
+  marks_.ForEach([&](MarkHandle mark, const Mark& value) {
+    if (value.keyframe == handle) PlaceMark(mark, stand_in, PlaceOf(value));
+  });
   KeyframeTrace& trace = traces_[keyframe.id];
   trace.stand_in = other.id;
   trace.cam_from_stand_in = keyframe.cam_from_map * other.cam_from_map.Inverse();
@@ -269,6 +280,57 @@ void Atlas::UpdatePoint(MapPointHandle handle) {
   point.descriptor = {keyframes_.At(newest->keyframe).features.set, newest->feature_idx};
 }
 
+MarkHandle Atlas::AddMark(const Mark& mark, KeyframeHandle keyframe, const PlacedMark& place) {
+  const MarkHandle handle = marks_.Insert();
+  if (!handle) return handle;
+  Mark& added = marks_.At(handle);
+  added = mark;
+  added.id = next_mark_id_++;
+  added.session = session_;
+  PlaceMark(handle, keyframe, place);
+  return handle;
+}
+
+void Atlas::RemoveMark(MarkHandle handle) { HAUSTRA_CHECK(marks_.Release(handle)); }
+
+void Atlas::PlaceMark(MarkHandle handle, KeyframeHandle keyframe_handle, const PlacedMark& place) {
+  const Keyframe& keyframe = keyframes_.At(keyframe_handle);
+  HAUSTRA_CHECK(keyframe.map == place.map);
+  Mark& mark = marks_.At(handle);
+  mark.keyframe = keyframe_handle;
+  mark.point_in_anchor = keyframe.cam_from_map * place.position;
+  mark.normal_in_anchor = keyframe.cam_from_map.rotation * place.normal;
+  mark.radius = place.radius;
+  mark.scale = traces_[keyframe.id].scale;
+}
+
+PlacedMark Atlas::PlaceOf(const Mark& mark) const {
+  const Keyframe& keyframe = keyframes_.At(mark.keyframe);
+  // The map's unit may have changed since.
+  const double growth = traces_[keyframe.id].scale / mark.scale;
+  PlacedMark place;
+  place.map = keyframe.map;
+  place.position = keyframe.cam_from_map.Inverse() * (growth * mark.point_in_anchor);
+  place.normal = keyframe.cam_from_map.rotation.conjugate() * mark.normal_in_anchor;
+  place.radius = growth * mark.radius;
+  return place;
+}
+
+MarkHandle Atlas::FindMark(std::string_view label) const {
+  MarkHandle found;
+  marks_.ForEach([&](MarkHandle handle, const Mark& mark) {
+    if (mark.label.view() == label) found = handle;
+  });
+  return found;
+}
+
+bool Atlas::HasMarks(MapHandle map) const {
+  bool has_marks = false;
+  marks_.ForEach(
+      [&](MarkHandle, const Mark& mark) { has_marks = has_marks || keyframes_.At(mark.keyframe).map == map; });
+  return has_marks;
+}
+
 void Atlas::FindCovisible(KeyframeHandle handle, int min_shared, std::vector<Covisible>* out) const {
   out->clear();
   std::fill(shared_counts_.begin(), shared_counts_.end(), 0);
@@ -369,6 +431,7 @@ void Atlas::RestoreCounters(const Counters& counters) {
   next_point_id_ = counters.next_point_id;
   next_map_id_ = counters.next_map_id;
   session_ = counters.session;
+  next_mark_id_ = counters.next_mark_id;
 }
 
 MapHandle Atlas::RestoreMap(MapId id) {
@@ -400,6 +463,13 @@ MapPointHandle Atlas::RestorePoint(MapHandle map, std::uint32_t id, const Eigen:
   const MapPointHandle handle = InsertPoint(map, id, position, made_by);
   HAUSTRA_CHECK(handle.is_valid());
   return handle;
+}
+
+void Atlas::RestoreMark(const Mark& mark) {
+  HAUSTRA_CHECK(mark.id < next_mark_id_ && keyframes_.Contains(mark.keyframe));
+  const MarkHandle handle = marks_.Insert();
+  HAUSTRA_CHECK(handle.is_valid());
+  marks_.At(handle) = mark;
 }
 
 }  // namespace haustra

@@ -9,10 +9,12 @@
 #include <cstdint>
 #include <memory_resource>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "engine/atlas/frame_features.h"
 #include "engine/atlas/handles.h"
+#include "engine/atlas/mark.h"
 #include "engine/atlas/view_choice.h"
 #include "engine/geometry/sim3.h"
 #include "hal/core/fixed_vector.h"
@@ -29,6 +31,7 @@ namespace haustra {
 //   observations of a point       the one worth least is given up (view_choice.h); when that is the new one itself, it
 //                                 is refused and counted (num_refused_observations)
 //   keyframe traces               AddKeyframe returns an invalid handle: ids are never used again within a run
+//   marks                         AddMark returns an invalid handle: what a doctor has set goes only when it is removed
 // A handle whose entity has gone is stale: Get* answers nullptr, and every other use stops the process, in every build.
 struct Observation {
   KeyframeHandle keyframe;
@@ -114,6 +117,7 @@ class Atlas {
     int max_maps = 0;
     int max_keyframe_ids = 0;
     int max_features = 0;
+    int max_marks = 0;
   };
 
   // Where the numbering goes on after the atlas was read from a file.
@@ -122,6 +126,7 @@ class Atlas {
     std::uint32_t next_point_id = 0;
     MapId next_map_id = 0;
     std::uint32_t session = 0;
+    MarkId next_mark_id = 0;
   };
 
   // Takes all its memory here.
@@ -130,13 +135,14 @@ class Atlas {
   static MemoryPlan PlanMemory(const Capacity& capacity);
 
   Capacity capacity() const;
-  Counters counters() const { return {next_keyframe_id_, next_point_id_, next_map_id_, session_}; }
+  Counters counters() const { return {next_keyframe_id_, next_point_id_, next_map_id_, session_, next_mark_id_}; }
   // Number of this run; keyframes that were loaded are of earlier ones.
   std::uint32_t session() const { return session_; }
 
   // A new active map; an invalid handle when the pool is full.
   MapHandle CreateMap();
-  // Removes all keyframes and points of the map; feature sets of its keyframes are appended to `released`.
+  // Removes all keyframes and points of the map; feature sets of its keyframes are appended to `released`. Never a map
+  // with marks (HasMarks).
   void DropMap(MapHandle map, std::vector<FeatureSetHandle>* released);
   // Takes a map that was dropped or merged out of the table, so that another one can be made. Its id is not used again.
   void ForgetMap(MapHandle map);
@@ -147,8 +153,9 @@ class Atlas {
   // Copies features and takes over the feature set. Invalid handle when a pool is full.
   KeyframeHandle AddKeyframe(MapHandle map, std::uint32_t frame_index, TimePoint timestamp, const SE3& cam_from_map,
                              const FrameFeatures& features);
-  // Points that lose their last but one observation go too. `stand_in` takes over frames that refer to this keyframe.
-  // Returns the feature set, which the caller releases when no reader can hold a reference to it.
+  // Points that lose their last but one observation go too. `stand_in`, of the same map, takes over frames that refer
+  // to this keyframe, and its marks. Returns the feature set, which the caller releases when no reader can hold a
+  // reference to it.
   FeatureSetHandle RemoveKeyframe(KeyframeHandle handle, KeyframeHandle stand_in);
   Keyframe* GetKeyframe(KeyframeHandle handle) { return keyframes_.Get(handle); }
   const Keyframe* GetKeyframe(KeyframeHandle handle) const { return keyframes_.Get(handle); }
@@ -175,6 +182,17 @@ class Atlas {
   void FusePoints(MapPointHandle from, MapPointHandle into);
   // Normal, size and descriptor from the observations; call after they or the poses changed.
   void UpdatePoint(MapPointHandle handle);
+
+  // Takes over label, frame and time; the place is in the frame of `keyframe`'s map. Invalid handle when the pool is
+  // full.
+  MarkHandle AddMark(const Mark& mark, KeyframeHandle keyframe, const PlacedMark& place);
+  void RemoveMark(MarkHandle handle);
+  // A better measurement, which the same or another keyframe of its map holds from now on.
+  void PlaceMark(MarkHandle handle, KeyframeHandle keyframe, const PlacedMark& place);
+  PlacedMark PlaceOf(const Mark& mark) const;
+  MarkHandle FindMark(std::string_view label) const;  // invalid: there is none
+  bool HasMarks(MapHandle map) const;
+  const SlotPool<Mark, MarkTag>& marks() const { return marks_; }
 
   // Keyframes that share at least `min_shared` points with this one, most first (ties: older first).
   void FindCovisible(KeyframeHandle handle, int min_shared, std::vector<Covisible>* out) const;
@@ -203,7 +221,8 @@ class Atlas {
 
   // For engine/io/atlas_reader.h: puts back what was saved, ids and all, into an atlas that has never held anything.
   // Counters first, then maps (stored, marked as loaded), keyframes in order of their ids, traces of those that were
-  // culled, points; observations by AddObservation. The caller has checked ids and capacities: Restore* cannot fail.
+  // culled, points, marks; observations by AddObservation. The caller has checked ids and capacities: Restore* cannot
+  // fail.
   void RestoreCounters(const Counters& counters);
   MapHandle RestoreMap(MapId id);
   KeyframeHandle RestoreKeyframe(MapHandle map, KeyframeId id, std::uint32_t session, std::uint32_t frame_index,
@@ -211,6 +230,7 @@ class Atlas {
                                  const FrameFeatures& features);
   void RestoreTrace(KeyframeId id, const KeyframeTrace& trace);
   MapPointHandle RestorePoint(MapHandle map, std::uint32_t id, const Eigen::Vector3d& position, KeyframeId made_by);
+  void RestoreMark(const Mark& mark);  // its keyframe is there
 
   const SlotPool<Keyframe, KeyframeTag>& keyframes() const { return keyframes_; }
   const SlotPool<MapPoint, MapPointTag>& points() const { return points_; }
@@ -230,11 +250,13 @@ class Atlas {
   SlotPool<Keyframe, KeyframeTag> keyframes_;
   SlotPool<MapPoint, MapPointTag> points_;
   SlotPool<Map, MapTag> maps_;
+  SlotPool<Mark, MarkTag> marks_;
   std::pmr::vector<KeyframeTrace> traces_;  // by keyframe id
   int max_features_;
   KeyframeId next_keyframe_id_ = 0;
   std::uint32_t next_point_id_ = 0;
   MapId next_map_id_ = 0;
+  MarkId next_mark_id_ = 0;
   std::uint32_t session_ = 0;
   std::uint64_t num_refused_observations_ = 0;
   std::uint64_t num_replaced_observations_ = 0;

@@ -1,6 +1,7 @@
 #include "engine/atlas/invariants.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <string>
 
@@ -46,6 +47,20 @@ Status CheckKeyframe(const Atlas& atlas, KeyframeHandle handle, const Keyframe& 
   return Status::Ok();
 }
 
+Status CheckMark(const Atlas& atlas, const Mark& mark) {
+  const std::string name = "mark " + std::to_string(mark.id) + ": ";
+  if (atlas.GetKeyframe(mark.keyframe) == nullptr) return Internal(name + "the keyframe that holds it is gone");
+  if (!MarkLabel::From(mark.label.view())) return Internal(name + "its label is none");
+  if (atlas.marks().Get(atlas.FindMark(mark.label.view())) != &mark) return Internal(name + "another has its label");
+  if (mark.id >= atlas.counters().next_mark_id) return Internal(name + "its id was never given");
+  const bool is_finite = mark.point_in_anchor.allFinite() && mark.normal_in_anchor.allFinite() &&
+                         std::isfinite(mark.radius) && std::isfinite(mark.scale);
+  if (!is_finite) return Internal(name + "its place is not finite");
+  if (std::abs(mark.normal_in_anchor.norm() - 1.0) > 1e-6) return Internal(name + "its normal is not a unit vector");
+  if (mark.radius <= 0.0 || mark.scale <= 0.0) return Internal(name + "its lengths are not positive");
+  return Status::Ok();
+}
+
 }  // namespace
 
 Status CheckInvariants(const Atlas& atlas) {
@@ -57,6 +72,9 @@ Status CheckInvariants(const Atlas& atlas) {
   });
   atlas.keyframes().ForEach([&](KeyframeHandle handle, const Keyframe& keyframe) {
     if (status.ok()) status = CheckKeyframe(atlas, handle, keyframe);
+  });
+  atlas.marks().ForEach([&](MarkHandle, const Mark& mark) {
+    if (status.ok()) status = CheckMark(atlas, mark);
   });
   atlas.maps().ForEach([&](MapHandle handle, const Map& map) {
     if (!status.ok()) return;

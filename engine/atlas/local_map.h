@@ -43,6 +43,14 @@ struct LocalPoint {
   std::uint64_t keyframe_mask = 0;  // bit i: seen by keyframes[i]
 };
 
+// A mark of the map, wherever in it.
+struct LocalMark {
+  MarkId id = 0;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+  double radius = 0.0;
+};
+
 struct LocalMap {
   LocalMap() = default;
   explicit LocalMap(int max_points, std::pmr::memory_resource* memory = std::pmr::get_default_resource())
@@ -54,7 +62,8 @@ struct LocalMap {
   MapId map_id = kNoId;
   FixedVector<LocalKeyframe, kMaxLocalKeyframes> keyframes;  // the newest first
   int num_points = 0;
-  std::pmr::vector<LocalPoint> points;  // [0, num_points), in order of handle.index
+  std::pmr::vector<LocalPoint> points;      // [0, num_points), in order of handle.index
+  FixedVector<LocalMark, kMaxMarks> marks;  // all of the map
 
   bool is_established(const LocalPoint& point) const {
     return std::popcount(point.keyframe_mask) >= std::min(kEstablishedViews, static_cast<int>(keyframes.size()));

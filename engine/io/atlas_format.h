@@ -14,8 +14,13 @@
 //         u32 first keyframe id, u32 keyframe idx and i32 feature of the descriptor, u32 number of observations; each:
 //         u32 keyframe idx, i32 feature
 //   TRAC  each: u32 id, session, frame index, id of the stand-in, pose cam_from_stand_in, f64 stand_in_scale, scale
+//   MARK  only where a mark was ever set: u32 next mark id; each: u32 id, 32 bytes label, filled with zeros, u32
+//   session,
+//         frame index, i64 time stamp (ns), u32 keyframe idx, vector point_in_anchor, vector normal_in_anchor, f64
+//         radius, scale
 //
-// Maps, keyframes, points and traces are in order of their ids. An atlas without content has IDEN, CONT, MAPS and TRAC.
+// Maps, keyframes, points, traces and marks are in order of their ids. An atlas without content has IDEN, CONT, MAPS
+// and TRAC.
 #pragma once
 
 #include "engine/io/chunk_file.h"
@@ -31,6 +36,7 @@ inline constexpr std::string_view kMapsTag = "MAPS";
 inline constexpr std::string_view kKeyframeTag = "KEYF";
 inline constexpr std::string_view kPointsTag = "PNTS";
 inline constexpr std::string_view kTracesTag = "TRAC";
+inline constexpr std::string_view kMarksTag = "MARK";
 
 inline constexpr std::size_t kPointsPerSection = 4096;
 

@@ -35,6 +35,7 @@ class FileParser {
     while (chunk_.tag == kPointsTag) HAUSTRA_TRY(ParsePoints(atlas));
     HAUSTRA_TRY(Expect(kTracesTag));
     HAUSTRA_TRY(ParseTraces(atlas));
+    if (chunk_.tag == kMarksTag) HAUSTRA_TRY(ParseMarks(atlas));
     HAUSTRA_TRY(Expect(kEndTag));
     return CheckCounts(*atlas);
   }
@@ -184,6 +185,33 @@ class FileParser {
     return Finish(reader);
   }
 
+  Status ParseMarks(SavedAtlas* atlas) {
+    ByteReader reader(chunk_.payload, chunk_.offset);
+    atlas->counters.next_mark_id = reader.U32();
+    while (reader.num_left() > 0) {
+      SavedMark mark;
+      mark.offset = reader.offset();
+      mark.id = reader.U32();
+      const std::span<const std::uint8_t> label = reader.Bytes(kMaxMarkLabelBytes + 1);
+      mark.session = reader.U32();
+      mark.frame_index = reader.U32();
+      mark.timestamp = TimePoint(Duration(reader.I64()));
+      mark.keyframe_idx = reader.U32();
+      mark.point_in_anchor = reader.Vector();
+      mark.normal_in_anchor = reader.Vector();
+      mark.radius = reader.F64();
+      mark.scale = reader.F64();
+      if (reader.is_short()) break;
+      const auto end = std::find(label.begin(), label.end(), 0);
+      const auto text = MarkLabel::From(std::string(label.begin(), end));
+      const bool is_filled = std::all_of(end, label.end(), [](std::uint8_t byte) { return byte == 0; });
+      if (!text || !is_filled) return Bad(mark.offset, "mark " + std::to_string(mark.id) + ": its label is none");
+      mark.label = *text;
+      atlas->marks.push_back(mark);
+    }
+    return Finish(reader);
+  }
+
   Status CheckCounts(const SavedAtlas& atlas) const {
     const std::pair<const char*, std::size_t> lists[] = {{"maps", atlas.maps.size()},
                                                          {"keyframes", atlas.keyframes.size()},
@@ -250,10 +278,12 @@ Status CheckCapacity(const SavedAtlas& saved, const VisionDevice& device, const 
   const Pool pools[] = {
       {"keyframes (memory.max_keyframes)", saved.keyframes.size(), capacity.max_keyframes},
       {"map points (memory.max_map_points)", saved.points.size(), capacity.max_map_points},
+      {"marks (memory.max_marks)", saved.marks.size(), capacity.max_marks},
       {"maps (memory.max_maps)", saved.maps.size(), capacity.max_maps},
       {"keyframe ids (memory.max_keyframe_ids)", saved.counters.next_keyframe_id, capacity.max_keyframe_ids},
       {"point ids", saved.counters.next_point_id, kMaxIds},
       {"map ids", saved.counters.next_map_id, kMaxIds},
+      {"mark ids", saved.counters.next_mark_id, kMaxIds},
       {"sessions", saved.counters.session, kMaxIds},
       {"features of a keyframe (features.max)", static_cast<std::size_t>(saved.max_features()),
        std::min(capacity.max_features, device.plan().max_features)},
@@ -353,6 +383,18 @@ Status RestoreAtlas(const SavedAtlas& saved, const CameraModel& camera, bool roo
     restored.normal = point.normal;
     restored.scale_times_distance = point.scale_times_distance;
     restored.descriptor = {sets[point.descriptor.keyframe_idx], point.descriptor.feature_idx};
+  }
+  for (const SavedMark& mark : saved.marks) {
+    atlas->RestoreMark({.id = mark.id,
+                        .label = mark.label,
+                        .session = mark.session,
+                        .frame_index = mark.frame_index,
+                        .timestamp = mark.timestamp,
+                        .keyframe = handles[mark.keyframe_idx],
+                        .point_in_anchor = mark.point_in_anchor,
+                        .normal_in_anchor = mark.normal_in_anchor,
+                        .radius = mark.radius,
+                        .scale = mark.scale});
   }
   if (keyframes != nullptr) *keyframes = std::move(handles);
   return Status::Ok();

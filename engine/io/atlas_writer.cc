@@ -83,6 +83,22 @@ SavedAtlas Describe(const Atlas& atlas, std::vector<KeyframeHandle>* handles) {
                             trace.stand_in_scale, trace.scale, 0});
     saved.counters.session = std::max(saved.counters.session, trace.session + 1);
   }
+  atlas.marks().ForEach([&](MarkHandle, const Mark& mark) {
+    SavedMark out;
+    out.id = mark.id;
+    out.label = mark.label;
+    out.session = mark.session;
+    out.frame_index = mark.frame_index;
+    out.timestamp = mark.timestamp;
+    out.keyframe_idx = atlas.GetKeyframe(mark.keyframe) == nullptr ? kNoId : keyframe_idx[mark.keyframe.index];
+    out.point_in_anchor = mark.point_in_anchor;
+    out.normal_in_anchor = mark.normal_in_anchor;
+    out.radius = mark.radius;
+    out.scale = mark.scale;
+    saved.marks.push_back(out);
+    saved.counters.session = std::max(saved.counters.session, mark.session + 1);
+  });
+  std::sort(saved.marks.begin(), saved.marks.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
   return saved;
 }
 
@@ -159,6 +175,20 @@ void EncodeTrace(const SavedTrace& trace, std::string* bytes) {
   writer.F64(trace.scale);
 }
 
+void EncodeMark(const SavedMark& mark, std::string* bytes) {
+  ByteWriter writer(bytes);
+  writer.U32(mark.id);
+  bytes->append(mark.label.bytes().begin(), mark.label.bytes().end());
+  writer.U32(mark.session);
+  writer.U32(mark.frame_index);
+  writer.I64(mark.timestamp.time_since_epoch().count());
+  writer.U32(mark.keyframe_idx);
+  writer.Vector(mark.point_in_anchor);
+  writer.Vector(mark.normal_in_anchor);
+  writer.F64(mark.radius);
+  writer.F64(mark.scale);
+}
+
 }  // namespace
 
 Status WriteAtlas(const Atlas& atlas, const CameraCalibration& camera, bool root_sift, VisionDevice& device,
@@ -196,6 +226,12 @@ Status WriteAtlas(const Atlas& atlas, const CameraCalibration& camera, bool root
   bytes.clear();
   for (const SavedTrace& trace : saved.traces) EncodeTrace(trace, &bytes);
   HAUSTRA_TRY(writer.Write(kTracesTag, bytes));
+  if (saved.counters.next_mark_id > 0) {
+    bytes.clear();
+    ByteWriter(&bytes).U32(saved.counters.next_mark_id);
+    for (const SavedMark& mark : saved.marks) EncodeMark(mark, &bytes);
+    HAUSTRA_TRY(writer.Write(kMarksTag, bytes));
+  }
   return writer.End();
 }
 

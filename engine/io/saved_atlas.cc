@@ -30,7 +30,8 @@ class Checker {
     HAUSTRA_TRY(CheckMaps());
     HAUSTRA_TRY(CheckKeyframes());
     HAUSTRA_TRY(CheckPoints());
-    return CheckTraces();
+    HAUSTRA_TRY(CheckTraces());
+    return CheckMarks();
   }
 
  private:
@@ -180,6 +181,30 @@ class Checker {
         if (chain.size() > atlas_.traces.size()) return bad("its stand-ins go round in a circle");
       }
       for (const std::ptrdiff_t at : chain) is_ended[static_cast<std::size_t>(at)] = 1;
+    }
+    return Status::Ok();
+  }
+
+  Status CheckMarks() const {
+    HAUSTRA_TRY(CheckIds(kMarksTag, "mark", atlas_.marks, atlas_.counters.next_mark_id));
+    for (std::size_t i = 0; i < atlas_.marks.size(); ++i) {
+      const SavedMark& mark = atlas_.marks[i];
+      const auto bad = [&](const std::string& what) {
+        return Bad(kMarksTag, mark.offset, "mark " + std::to_string(mark.id) + ": " + what);
+      };
+      if (!MarkLabel::From(mark.label.view())) return bad("its label is none");
+      for (std::size_t j = 0; j < i; ++j) {
+        if (atlas_.marks[j].label == mark.label) return bad("another mark has its label");
+      }
+      if (mark.session >= atlas_.counters.session) {
+        return bad("session " + std::to_string(mark.session) + " of " + std::to_string(atlas_.counters.session));
+      }
+      if (mark.keyframe_idx >= atlas_.keyframes.size()) {
+        return bad("keyframe " + std::to_string(mark.keyframe_idx) + " of " + std::to_string(atlas_.keyframes.size()));
+      }
+      if (!mark.point_in_anchor.allFinite()) return bad("position is not finite");
+      if (!(std::abs(mark.normal_in_anchor.norm() - 1.0) <= kUnitTolerance)) return bad("normal is not a unit vector");
+      if (!IsScale(mark.radius) || !IsScale(mark.scale)) return bad("scale is not positive");
     }
     return Status::Ok();
   }

@@ -3,7 +3,8 @@
 // bytes whatever slots of the pools they lie in.
 //
 // Kept: all maps that hold keyframes, with keyframes, features, points and observations; for every keyframe that was
-// culled, who stands in for it, so that frames tracked against it keep their final poses; the counters of all ids.
+// culled, who stands in for it, so that frames tracked against it keep their final poses; the marks of a doctor; the
+// counters of all ids.
 // Not kept, because they follow from the observations: covisibility, the essential graph, the windows of local maps.
 // Not kept, because nothing refers to them any more: maps that were merged into others or dropped.
 #pragma once
@@ -69,6 +70,21 @@ struct SavedTrace {
   std::uint64_t offset = 0;
 };
 
+// Mark, without the handle of its keyframe.
+struct SavedMark {
+  MarkId id = 0;
+  MarkLabel label;
+  std::uint32_t session = 0;
+  std::uint32_t frame_index = 0;
+  TimePoint timestamp;
+  std::uint32_t keyframe_idx = 0;
+  Eigen::Vector3d point_in_anchor = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal_in_anchor = Eigen::Vector3d::Zero();
+  double radius = 0.0;
+  double scale = 1.0;
+  std::uint64_t offset = 0;
+};
+
 struct SavedAtlas {
   CameraCalibration camera;
   bool root_sift = false;    // descriptors of the two kinds do not compare
@@ -77,6 +93,7 @@ struct SavedAtlas {
   std::vector<SavedKeyframe> keyframes;
   std::vector<SavedPoint> points;
   std::vector<SavedTrace> traces;
+  std::vector<SavedMark> marks;
   std::vector<std::vector<Keypoint>> keypoints;  // what the keyframes of a file refer to
 
   int max_features() const;

@@ -149,6 +149,7 @@ bool Evictor::EvictSmallestMap(int max_keyframes) {
   std::size_t num_keyframes = 0;
   atlas_.maps().ForEach([&](MapHandle handle, const Map& map) {
     if (!IsInactive(map) || map.keyframes.size() > static_cast<std::size_t>(max_keyframes)) return;
+    if (atlas_.HasMarks(handle)) return;
     const bool is_smaller = !smallest || map.keyframes.size() < num_keyframes ||
                             (map.keyframes.size() == num_keyframes && map.id < atlas_.map(smallest).id);
     if (!is_smaller) return;

@@ -10,6 +10,7 @@
 //               None goes that the tracker's surroundings see; 1 and 3 spare places with hardly any points
 //   maps        1. the table's entry of the oldest map that was dropped, then of the oldest that was merged (they hold
 //                  nothing but their place in the table); 2. the smallest inactive map with its entry; 3. refused
+// A map in which a doctor has set a mark never goes as a whole, and a keyframe that goes hands its marks on.
 // Useful is a keyframe whose points few others see: it is the number of its points with at most kFewViews observations,
 // ties: the older goes first. Useful is a point that many see; of others the one whose thinnest keyframe has fewest
 // points left: places are thinned out evenly, and those with hardly any points keep them till last. Frames that were

@@ -32,7 +32,8 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       inserter_(state_, {publisher_, *retrieval_, evictor_, trial_, bundle_}),
       joiner_(state_, {places, publisher_, *retrieval_, trial_, bundle_, adjuster_, events_}),
       relocaliser_(config, config.place.relocalisation, state_.noise, config.place.retrieval, camera, device,
-                   *retrieval_) {}
+                   *retrieval_),
+      marks_(state_) {}
 
 MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
   const auto num_events = static_cast<std::size_t>(config.memory.max_map_events);
@@ -57,6 +58,7 @@ MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
 }
 
 bool Mapper::Step() {
+  marks_.HearTracker();
   // Each step below tells tracking one thing at most.
   if (!publisher_.has_room()) return false;
   const bool has_answer = joiner_.TakeAnswer();
@@ -92,6 +94,18 @@ Status Mapper::LoadAtlas(const SavedAtlas& saved) {
       RestoreAtlas(saved, state_.camera, state_.config.features.root_sift, state_.device, &state_.atlas, &keyframes));
   // A keyframe that retrieval does not know is not found again; nothing else depends on it.
   for (const KeyframeHandle keyframe : keyframes) (void)retrieval_->Add(state_.atlas, keyframe);
+  return Status::Ok();
+}
+
+Result<MarkId> Mapper::SetMark(const MarkRequest& request) {
+  Result<MarkId> id = marks_.Set(request);
+  if (id.ok()) publisher_.Publish();
+  return id;
+}
+
+Status Mapper::RemoveMark(std::string_view label) {
+  HAUSTRA_TRY(marks_.Remove(label));
+  publisher_.Publish();
   return Status::Ok();
 }
 
@@ -150,11 +164,12 @@ void Mapper::RefuseFounding(const KeyframeProposal& proposal) {
   publisher_.Publish();
 }
 
-// The map that was active is kept when it is worth it.
+// The map that was active is kept when it is worth it, and always when a doctor has set a mark in it.
 void Mapper::RetireActiveMap(const ProposedView& view) {
   if (!state_.active) return;
   Map& map = state_.atlas.map(state_.active);
-  if (static_cast<int>(map.keyframes.size()) >= state_.config.mapping.min_map_keyframes) {
+  if (static_cast<int>(map.keyframes.size()) >= state_.config.mapping.min_map_keyframes ||
+      state_.atlas.HasMarks(state_.active)) {
     map.status = MapStatus::kStored;
     Report(MapEventKind::kMapStored, view, state_.active);
     return;
@@ -175,6 +190,7 @@ void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
   if (!keyframe) return;
   (void)retrieval_->Add(state_.atlas, keyframe);
   if (state_.config.merging.enabled) joiner_.Ask(keyframe);
+  marks_.Refine();
   publisher_.Publish();
 }
 

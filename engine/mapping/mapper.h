@@ -28,6 +28,7 @@
 #include "engine/mapping/local_bundle.h"
 #include "engine/mapping/map_event.h"
 #include "engine/mapping/mapping_state.h"
+#include "engine/mapping/mark_keeper.h"
 #include "engine/mapping/point_trial.h"
 #include "engine/mapping/snapshot_publisher.h"
 #include "engine/place/place_mailbox.h"
@@ -58,6 +59,10 @@ class Mapper {
   // Before the first step: takes the maps of a file as stored ones, in which lost frames and known places are looked
   // for like in those of this run. Status of RestoreAtlas.
   Status LoadAtlas(const SavedAtlas& saved);
+  // Between two steps: MarkKeeper::Set and Remove, and the tracker hears of it.
+  Result<MarkId> SetMark(const MarkRequest& request);
+  Status RemoveMark(std::string_view label);
+
   // Between two steps, or after the mapping thread has ended. Status of WriteAtlas.
   Status SaveAtlas(ByteSink& sink) const;
 
@@ -93,6 +98,7 @@ class Mapper {
   KeyframeInserter inserter_;
   Joiner joiner_;
   Relocaliser relocaliser_;
+  MarkKeeper marks_;
   bool is_joins_turn_ = false;                  // the last step was a proposal's
   const ProposedView* current_view_ = nullptr;  // of the proposal being worked on
   std::vector<RelocalisationCounts> relocalisations_tried_;

@@ -34,6 +34,8 @@ struct MapperCounters {
   std::uint64_t num_merges_outdated = 0;        // answers that came too late to be applied
   std::uint64_t num_loops_left_open = 0;        // joins, too, that ended as CommonAreaVerdict::kNotJoined
   std::uint64_t num_reframings = 0;             // times that a map was moved: the epoch of what is published
+  std::uint64_t num_marks_set = 0;
+  std::uint64_t num_marks_removed = 0;
   // Time spent, for the stage table; only measured when a clock is given.
   Duration insert_time{0}, create_time{0}, fuse_time{0}, bundle_time{0}, cull_time{0}, merge_time{0};
   Duration asking_time{0};  // of place recognition: what is done on the mapping thread
@@ -55,8 +57,8 @@ struct MappingState {
         atlas(CapacityOf(engine_config), memory) {}
   static Atlas::Capacity CapacityOf(const EngineConfig& engine_config) {
     const MemoryConfig& memory = engine_config.memory;
-    return {memory.max_keyframes, memory.max_map_points, memory.max_maps, memory.max_keyframe_ids,
-            engine_config.features.max};
+    return {memory.max_keyframes,    memory.max_map_points,      memory.max_maps,
+            memory.max_keyframe_ids, engine_config.features.max, memory.max_marks};
   }
 
   TimePoint Now() const { return clock == nullptr ? TimePoint{} : clock->Now(); }

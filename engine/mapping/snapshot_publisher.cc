@@ -14,16 +14,28 @@ void SnapshotPublisher::Publish() {
     snapshot.map_id = state_.atlas.map(state_.active).id;
     builder_.Build(state_.atlas, state_.newest, &snapshot);
     state_.counters.num_snapshots_cut = builder_.num_cut();
+    ListMarks(&snapshot);
   } else {
     snapshot.map_id = kNoId;
     snapshot.keyframes.Clear();
     snapshot.num_points = 0;
+    snapshot.marks.Clear();
   }
   state_.link.snapshots.Publish();
   keyframes_in_use_.store(state_.atlas.keyframes().size(), std::memory_order_relaxed);
   points_in_use_.store(state_.atlas.points().size(), std::memory_order_relaxed);
   maps_in_use_.store(state_.atlas.maps().size(), std::memory_order_relaxed);
   ids_in_use_.store(state_.atlas.num_keyframe_ids(), std::memory_order_relaxed);
+}
+
+void SnapshotPublisher::ListMarks(LocalMap* snapshot) const {
+  snapshot->marks.Clear();
+  state_.atlas.marks().ForEach([&](MarkHandle, const Mark& mark) {
+    const PlacedMark place = state_.atlas.PlaceOf(mark);
+    if (place.map != state_.active) return;
+    // The pool holds no more than there is room for.
+    HAUSTRA_CHECK(snapshot->marks.PushBack({mark.id, place.position, place.normal, place.radius}));
+  });
 }
 
 void SnapshotPublisher::Tell(std::uint64_t version, const MapReply& reply) {

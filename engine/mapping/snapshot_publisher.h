@@ -60,6 +60,7 @@ class SnapshotPublisher {
   PoolUse pool_use() const;
 
  private:
+  void ListMarks(LocalMap* snapshot) const;
   void Tell(std::uint64_t version, const MapReply& reply);
 
   // A keyframe waits while maps are joined and settle once; more than twice so much is never seen.

@@ -43,6 +43,7 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
       search_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_}),
       recovery_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_},
                 search_),
+      marks_(camera, config.features.max),
       proposer_(config, device, link, noise_meter_.model(), current_, heard_) {
   ReserveTouched(&tracked_, static_cast<std::size_t>(config.features.max));
 }
@@ -58,6 +59,7 @@ MemoryPlan Tracker::PlanMemory(const EngineConfig& config) {
                                      2 * sizeof(Eigen::Vector3d) + 3 * sizeof(double);
   const std::size_t workspace = features * kOfFeature + OverlayWatch::BytesFor(max_features) +
                                 FrameExtractor::BytesFor(max_features) + FlowChain::BytesFor(max_features) +
+                                MarkWatch::BytesFor(max_features) +
                                 PoseSearch::BytesFor(max_features, config.memory.max_local_points) +
                                 PoseRecovery::BytesFor(max_features, config.memory.max_local_points);
   MemoryPlan plan;
@@ -95,6 +97,7 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   current_.features.set = FeatureSetHandle{};
   current_.features.num = current_.features.num_followed = 0;
   is_set_given_ = false;
+  marks_.Clear();
   const bool may_measure = lane_.Drain(budget_.wait_deadline());
   switch (may_measure ? Measure(frame, &result) : Outcome::kNoTime) {
     case Outcome::kPose: AnswerWithPose(&result); break;
@@ -114,7 +117,20 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   budget_.EndFrame();
   result.rung = budget_.rung();
   result.times = budget_.times();
+  TellMapper(result);
   return result;
+}
+
+void Tracker::TellMapper(const FrameResult& result) {
+  AnsweredFrame answered;
+  answered.frame_index = result.frame_index;
+  answered.timestamp = result.timestamp;
+  if (result.state == TrackingState::kTracking && result.reason != TrackingReason::kPredicted) {
+    answered.reference_keyframe = result.reference_keyframe;
+    answered.cam_from_reference = result.cam_from_reference;
+    answered.reference_scale = result.reference_scale;
+  }
+  link_.answers.TryPush(answered);
 }
 
 // From the last two frames that came. What lasts a time lasts so many frames at the rate of now.
@@ -320,6 +336,7 @@ void Tracker::AnswerWithPose(FrameResult* result) {
   result->num_inliers = static_cast<int>(estimate.matches.size());
   result->num_expected = estimate.num_expected;
   result->num_established = estimate.num_established;
+  marks_.Look(local_map(), estimate);
   MeasureNoise(tracking);
   WatchOverlay(tracking.course.map_id);
   ConsiderKeyframe(reference, &tracking, result);
@@ -342,6 +359,7 @@ void Tracker::AnswerWithoutMeasurement(FrameResult* result) {
                                        [&](const LocalKeyframe& k) { return k.id == tracking->reference; });
   if (reference == keyframes.end()) reference = keyframes.begin();
   const SE3 predicted = Predict(*tracking);
+  marks_.LookAhead(local_map(), predicted);
   result->reason = TrackingReason::kPredicted;
   result->map_id = tracking->course.map_id;
   result->map_epoch = heard_.num_reframings;

@@ -26,6 +26,7 @@
 #include "engine/tracking/frame_extractor.h"
 #include "engine/tracking/frame_result.h"
 #include "engine/tracking/initialiser.h"
+#include "engine/tracking/mark_watch.h"
 #include "engine/tracking/noise_meter.h"
 #include "engine/tracking/overlay_watch.h"
 #include "engine/tracking/pose_recovery.h"
@@ -63,6 +64,8 @@ class Tracker {
   // more than `to` has room for an even selection. Returns how many. None without a pose that was measured in this
   // frame. rt-safe.
   std::size_t MatchedPixels(std::span<Eigen::Vector2f> to) const;
+  // Of the last frame, as of its answer.
+  const MarkSightings& mark_sightings() const { return marks_.sightings(); }
 
   TrackingState state() const { return StateOf(state_); }
   // Frames for which the device had no feature set left. Any thread.
@@ -100,6 +103,7 @@ class Tracker {
   bool IsHeldByMap() const;
   bool IsDeniedByFlow(MapId map_id, bool is_tracked) const;
   void AnchorChain(const FrameResult& result);
+  void TellMapper(const FrameResult& result);
   void ForgetLastFrame();
   void DropFrame();
   void SetLost();
@@ -130,6 +134,7 @@ class Tracker {
   Initialiser initialiser_;
   PoseSearch search_;
   PoseRecovery recovery_;
+  MarkWatch marks_;
   Proposer proposer_;
 
   TimePoint last_timestamp_;  // of the last frame with a pose

@@ -12,7 +12,8 @@ TrackingLink::TrackingLink(const EngineConfig& config, std::pmr::memory_resource
     : proposals(static_cast<std::size_t>(config.memory.max_proposals), memory, config.features.max,
                 config.initialisation.kept_views, memory),
       snapshots(memory, config.memory.max_local_points, memory),
-      replies(MaxReplies(config), memory) {}
+      replies(MaxReplies(config), memory),
+      answers(kKeptAnswers, memory) {}
 
 std::size_t TrackingLink::MaxReplies(const EngineConfig& config) {
   // A frame that looks proposes afterwards; those that do not look propose nothing.
@@ -43,6 +44,8 @@ MemoryPlan TrackingLink::PlanMemory(const EngineConfig& config) {
            "memory.max_local_points");
   plan.Add(MemoryPlace::kHostArena, "replies to tracking", MaxReplies(config),
            decltype(replies)::BytesFor(MaxReplies(config)), "memory.max_proposals, merging.settling_rounds");
+  plan.Add(MemoryPlace::kHostArena, "answered frames", kKeptAnswers, decltype(answers)::BytesFor(kKeptAnswers),
+           "fixed");
   return plan;
 }
 

@@ -13,6 +13,7 @@
 
 #include "engine/atlas/local_map.h"
 #include "engine/config.h"
+#include "engine/tracking/answered_frame.h"
 #include "engine/tracking/keyframe_proposal.h"
 #include "engine/tracking/map_reply.h"
 #include "hal/core/mailbox.h"
@@ -24,7 +25,7 @@ namespace haustra {
 struct TrackingLink {
   explicit TrackingLink(const EngineConfig& config,
                         std::pmr::memory_resource* memory = std::pmr::get_default_resource());
-  // A line each for proposals, snapshots and replies.
+  // A line each for proposals, snapshots, replies and answered frames.
   static MemoryPlan PlanMemory(const EngineConfig& config);
   // What the mapper can have to tell between two looks of the tracker.
   static std::size_t MaxReplies(const EngineConfig& config);
@@ -32,6 +33,8 @@ struct TrackingLink {
   SpscRing<KeyframeProposal> proposals;  // tracking to mapping
   LatestMailbox<LocalMap> snapshots;     // mapping to tracking
   SpscRing<VersionedReply> replies;      // mapping to tracking; pushed before the snapshot of their version
+  // Tracking to mapping, every frame. Full: the newest is left out, and no mark can be set in it.
+  SpscRing<AnsweredFrame> answers;
   // Version of the snapshot that the tracker used in its last finished frame: what older ones alone refer to may go.
   std::atomic<std::uint64_t> version_done{0};
   // Proposals waiting or being worked on: the mapper is busy while this is not zero.

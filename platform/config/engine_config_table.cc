@@ -364,6 +364,7 @@ void AddMemory(Fields* out) {
       Memory<&C::max_proposals>("max_proposals", {2, 32}, "", "keyframes and maps that wait for the mapper"));
   out->push_back(Memory<&C::spare_feature_sets>("spare_feature_sets", {16, 1000}, "sets", "beside the keyframes'"));
   out->push_back(Memory<&C::max_map_events>("max_map_events", {16, 100000}, "events", "not yet read by the session"));
+  out->push_back(Memory<&C::max_marks>("max_marks", {0, 32}, "marks", "that a doctor may set, over all maps"));
   out->push_back(Memory<&C::max_late_poses>("max_late_poses", {16, 100000}, "poses", "not yet read by the session"));
   out->push_back(Memory<&C::small_map_keyframes>("small_map_keyframes", {2, 1000}, "keyframes",
                                                  "an inactive map up to this size may go as a whole to make room"));

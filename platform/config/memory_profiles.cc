@@ -20,6 +20,7 @@ memory:
   spare_feature_sets: 32
   max_map_events: 512
   max_late_poses: 512
+  max_marks: 32             # of a doctor; a place each
   small_map_keyframes: 6
   max_host_mb: 1100         # 1030 at 1920x1080 on the CPU device
   max_device_mb: 600        # 534 at 1920x1080: the workspaces of extraction do not shrink with the map
@@ -35,6 +36,7 @@ memory:
   spare_feature_sets: 32
   max_map_events: 1024      # the session reads them every 10 ms
   max_late_poses: 1024
+  max_marks: 32             # of a doctor; a place each
   small_map_keyframes: 8    # such a map has rarely 200 frames
   max_host_mb: 1800         # 1570 at 1920x1080 on the CPU device
   max_device_mb: 1000
@@ -50,6 +52,7 @@ memory:
   spare_feature_sets: 64
   max_map_events: 4096
   max_late_poses: 4096
+  max_marks: 32             # of a doctor; a place each
   small_map_keyframes: 8
   max_host_mb: 6000
   max_device_mb: 4000

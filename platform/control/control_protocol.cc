@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <charconv>
+#include <cmath>
 
 namespace haustra {
 namespace {
@@ -11,13 +13,17 @@ struct CommandName {
   std::string_view name;
   ControlCommand command;
 };
-constexpr std::array<CommandName, 6> kCommands{{{"status", ControlCommand::kStatus},
+constexpr std::array<CommandName, 9> kCommands{{{"status", ControlCommand::kStatus},
                                                 {"metrics", ControlCommand::kMetrics},
                                                 {"begin", ControlCommand::kBegin},
                                                 {"resume", ControlCommand::kResume},
                                                 {"end", ControlCommand::kEnd},
-                                                {"save", ControlCommand::kSave}}};
-constexpr std::string_view kKnown = "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME";
+                                                {"save", ControlCommand::kSave},
+                                                {"mark", ControlCommand::kMark},
+                                                {"marks", ControlCommand::kMarks},
+                                                {"unmark", ControlCommand::kUnmark}}};
+constexpr std::string_view kKnown =
+    "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME, mark X Y LABEL [FRAME], marks, unmark LABEL";
 
 bool IsPrintable(char c) { return c >= 0x20 && c < 0x7f; }
 
@@ -26,6 +32,48 @@ std::string Quoted(std::string_view text) {
   std::string quoted = "'";
   for (const char c : text.substr(0, kMaxNameBytes)) quoted += IsPrintable(c) ? c : '?';
   return quoted + (text.size() > kMaxNameBytes ? "...'" : "'");
+}
+
+bool IsMarkName(std::string_view name) { return name.size() <= kMaxMarkNameBytes && IsControlName(name); }
+
+template <typename Number>
+bool ParseAll(std::string_view text, Number* number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *number);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+template <typename Number>
+std::string NumberText(Number number) {
+  std::array<char, 32> text;
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), number).ptr};
+}
+
+// The word up to the next space, which is taken off with it.
+std::string_view TakeWord(std::string_view* text) {
+  const std::size_t space = text->find(' ');
+  const std::string_view word = text->substr(0, space);
+  text->remove_prefix(space == std::string_view::npos ? text->size() : space + 1);
+  return word;
+}
+
+Status ParseMark(std::string_view argument, ControlRequest* request) {
+  for (double* value : {&request->x_px, &request->y_px}) {
+    const std::string_view word = TakeWord(&argument);
+    if (!ParseAll(word, value) || !(std::abs(*value) <= kMaxMarkPixel)) {
+      return InvalidArgument("mark: " + Quoted(word) + " is no pixel; mark X Y LABEL [FRAME]");
+    }
+  }
+  const std::string_view name = TakeWord(&argument);
+  if (!IsMarkName(name)) {
+    return InvalidArgument("mark: " + Quoted(name) +
+                           " is not a label (1 to 31 letters, digits, '.', '_', '-', the first a letter or digit)");
+  }
+  request->name = name;
+  if (argument.empty()) return Status::Ok();
+  std::uint32_t frame_index = 0;
+  if (!ParseAll(argument, &frame_index)) return InvalidArgument("mark: " + Quoted(argument) + " is no frame number");
+  request->frame_index = frame_index;
+  return Status::Ok();
 }
 
 }  // namespace
@@ -68,6 +116,11 @@ Result<ControlRequest> ParseControlRequest(std::string_view packet) {
       }
       request.name = argument;
       break;
+    case ControlCommand::kMark: HAUSTRA_TRY(ParseMark(argument, &request)); break;
+    case ControlCommand::kUnmark:
+      if (!IsMarkName(argument)) return InvalidArgument("unmark: " + Quoted(argument) + " is not a label of a mark");
+      request.name = argument;
+      break;
     case ControlCommand::kEnd:
       if (argument.empty()) break;
       if (argument != "keep" && argument != "wipe") {
@@ -86,7 +139,11 @@ std::string ToText(const ControlRequest& request) {
   for (const CommandName& command : kCommands) {
     if (command.command == request.command) text = command.name;
   }
+  if (request.command == ControlCommand::kMark) {
+    text += " " + NumberText(request.x_px) + " " + NumberText(request.y_px);
+  }
   if (!request.name.empty()) text += " " + request.name;
+  if (request.frame_index) text += " " + NumberText(*request.frame_index);
   if (request.keep) text += *request.keep ? " keep" : " wipe";
   return text;
 }

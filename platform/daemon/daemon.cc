@@ -401,6 +401,12 @@ Status Daemon::Refusal(const ControlRequest& request) const {
     case ControlCommand::kEnd:
       if (!is_open() && !is_interrupted()) return FailedPrecondition("no procedure is open");
       return Status::Ok();
+    case ControlCommand::kMark:
+    case ControlCommand::kMarks:
+    case ControlCommand::kUnmark:
+      if (!is_open()) return FailedPrecondition("no procedure is open");
+      if (state_.phase != ServicePhase::kRunning) return Unavailable("nothing is tracked now");
+      return Status::Ok();
     case ControlCommand::kSave:
       if (!is_open()) return FailedPrecondition("no procedure is open");
       if (state_.phase != ServicePhase::kRunning && !state_.has_maps) {
@@ -426,6 +432,10 @@ void Daemon::HandleHeld() {
       const std::string path = store_->saved_path(held.request.name);
       saves_under_way_.insert(path);
       StartSave(SaveKind::kNamed, path, held.client);
+      continue;
+    }
+    if (IsAboutMarks(held.request.command)) {
+      AskOfMarks(held);
       continue;
     }
     asker_ = held.client;

@@ -109,6 +109,8 @@ class Daemon {
   void StartSave(SaveKind kind, const std::string& path, std::optional<ControlServer::ClientId> client = {});
   void Commit(const WorkerReport& report);
   void EndSave(const Save& save, const Status& status);
+  void AskOfMarks(const Held& held);
+  void AnswerOfMarks(const WorkerReport& report);
 
   // `job` runs where it may wait for the disk; what it returns runs here.
   void DoFile(std::function<std::function<void()>()> job);
@@ -180,6 +182,8 @@ class Daemon {
   bool must_save_ = false;               // a checkpoint did not come to the disk
   std::map<std::uint64_t, Save> saves_;  // that the worker writes
   std::uint64_t num_saves_ = 0;
+  std::map<std::uint64_t, ControlServer::ClientId> mark_askers_;  // that the worker has not answered
+  std::uint64_t num_mark_requests_ = 0;
   std::set<std::string> saves_under_way_;  // paths that somebody asked for
 
   int num_file_jobs_ = 0;

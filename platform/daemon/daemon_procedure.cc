@@ -3,8 +3,10 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <utility>
 
+#include "engine/mapping/mark_keeper.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/health.h"
 #include "platform/daemon/log.h"
@@ -115,6 +117,11 @@ void Daemon::TakeLeaveOfWorker(const std::string& how) {
   worker_.reset();
   earlier_ = WithoutProcedure(Sum(earlier_, report_.counts));
   report_ = {};
+  std::map<std::uint64_t, ControlServer::ClientId> mark_askers;
+  mark_askers.swap(mark_askers_);
+  for (const auto& [number, client] : mark_askers) {
+    if (control_ != nullptr) control_->Reply(client, Unavailable("the worker ended"), clock_.Now());
+  }
   std::map<std::uint64_t, Save> saves;
   saves.swap(saves_);
   for (auto& [number, save] : saves) {
@@ -167,6 +174,7 @@ void Daemon::Hear(const WorkerReport& report) {
       Log(LogLevel::kError, "maps_lost", {{"what", "the vision device has failed"}});
       return Tell(ServiceEventKind::kStoppedWithoutMaps);
     case WorkerNews::kSaved: return Commit(report);
+    case WorkerNews::kMarked: return AnswerOfMarks(report);
     case WorkerNews::kSessionEnds:
       if (is_worker_given_up_) return;
       report_ = report;
@@ -335,6 +343,29 @@ void Daemon::StartSave(SaveKind kind, const std::string& path, std::optional<Con
       SendToWorker({.command = WorkerCommand::kSave, .number = number}, {file});
     };
   });
+}
+
+void Daemon::AskOfMarks(const Held& held) {
+  const std::uint64_t number = ++num_mark_requests_;
+  mark_askers_[number] = held.client;
+  WorkerRequest request;
+  request.command = held.request.command == ControlCommand::kMark     ? WorkerCommand::kMark
+                    : held.request.command == ControlCommand::kUnmark ? WorkerCommand::kUnmark
+                                                                      : WorkerCommand::kListMarks;
+  request.number = number;
+  request.frame_index = held.request.frame_index.value_or(kNewestFrame);
+  request.pixel = {held.request.x_px, held.request.y_px};
+  std::copy(held.request.name.begin(), held.request.name.end(), request.label.begin());
+  SendToWorker(request);
+}
+
+void Daemon::AnswerOfMarks(const WorkerReport& report) {
+  const auto it = mark_askers_.find(report.number);
+  if (it == mark_askers_.end()) return;
+  const Result<std::string> answer =
+      report.code == 0 ? Result<std::string>(std::string(report.text.data())) : Result<std::string>(report.status());
+  if (control_ != nullptr) control_->Reply(it->second, answer, clock_.Now());
+  mark_askers_.erase(it);
 }
 
 void Daemon::Commit(const WorkerReport& report) {

@@ -16,10 +16,13 @@ namespace haustra {
 namespace {
 
 constexpr Duration kPictureInterval = std::chrono::milliseconds(100);
+// Somebody who clicks; more come from a program that does not wait.
+constexpr std::size_t kMaxMarkOrders = 16;
 
 // Grows with everything that changes a map.
 std::uint64_t NumChanges(const MapperCounters& counters) {
-  return counters.num_keyframes + counters.num_keyframes_culled + counters.num_reframings;
+  return counters.num_keyframes + counters.num_keyframes_culled + counters.num_reframings + counters.num_marks_set +
+         counters.num_marks_removed;
 }
 
 }  // namespace
@@ -121,6 +124,7 @@ void Procedure::Stop() {
     const std::lock_guard lock(mutex_);
     request.swap(save_request_);
   }
+  DoOrders();
   if (request) WriteMaps(std::move(*request));
 }
 
@@ -151,6 +155,28 @@ void Procedure::Save(std::unique_ptr<DescriptorSink> sink, Saved saved) {
   request.saved(Unavailable("another save has not finished"));
 }
 
+void Procedure::Order(MarkOrder order) {
+  if (thread_.joinable() && !ended()) {
+    const std::lock_guard lock(mutex_);
+    if (mark_orders_.size() < kMaxMarkOrders) {
+      mark_orders_.push_back(std::move(order));
+      return;
+    }
+    order.done(Unavailable("too many requests wait"));
+    return;
+  }
+  order.done(DoMarkOrder(order, *engine_));
+}
+
+void Procedure::DoOrders() {
+  std::vector<MarkOrder> orders;
+  {
+    const std::lock_guard lock(mutex_);
+    orders.swap(mark_orders_);
+  }
+  for (const MarkOrder& order : orders) order.done(DoMarkOrder(order, *engine_));
+}
+
 // Mapping thread, or when that has ended the thread that stopped it. The mapper waits only until the bytes are handed
 // to the system; that they are on the disk is the supervisor's business.
 void Procedure::WriteMaps(SaveRequest request) {
@@ -169,7 +195,8 @@ void Procedure::WriteMaps(SaveRequest request) {
 
 void Procedure::OnTracked(const FrameOutcome& outcome) {
   if (stop_.load(std::memory_order_relaxed)) return;
-  context_.ring.PublishPose(PoseRecord(outcome.result, outcome.due, context_.clock.Now(), number_));
+  context_.ring.PublishPose(
+      PoseRecord(outcome.result, engine_->mark_sightings(), outcome.due, context_.clock.Now(), number_));
   if (context_.view != nullptr) PublishMatches(outcome.result);
 }
 
@@ -194,6 +221,7 @@ void Procedure::BetweenMapSteps() {
   if (!engine_->is_merging()) merging_beat_.Beat(now);
   // Stop() serves what is asked from now on.
   if (stop_.load(std::memory_order_relaxed)) return;
+  DoOrders();
   const std::uint64_t changes = NumChanges(engine_->mapper_counters());
   if (changes != changes_seen_) {
     changes_seen_ = changes;

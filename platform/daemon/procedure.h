@@ -18,6 +18,7 @@
 #include "platform/daemon/daemon_config.h"
 #include "platform/daemon/descriptor_sink.h"
 #include "platform/daemon/health.h"
+#include "platform/daemon/mark_order.h"
 #include "platform/daemon/procedure_counts.h"
 #include "platform/daemon/supervised_source.h"
 #include "platform/publish/pose_ring_writer.h"
@@ -60,6 +61,10 @@ class Procedure final : private SessionObserver, private SessionHooks {
   // handed to the system, or when that failed. A request that finds another one waiting fails at once (kUnavailable).
   void Save(std::unique_ptr<DescriptorSink> sink, Saved saved);
 
+  // Done while the session runs, or after it; `done` is called on the mapping thread or this one. Refused at once when
+  // too many wait (kUnavailable).
+  void Order(MarkOrder order);
+
   // From here on thread-safe.
   // Says that the threads are to end.
   void RequestStop();
@@ -98,6 +103,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   void BetweenMapSteps() override;
   void PublishSnapshot(TimePoint now);
   void WriteMaps(SaveRequest request);
+  void DoOrders();
 
   DaemonConfig config_;
   Context context_;
@@ -127,6 +133,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   mutable std::mutex mutex_;  // never taken by the tracking thread
   ProcedureCounts counts_;
   std::optional<SaveRequest> save_request_;
+  std::vector<MarkOrder> mark_orders_;
   std::optional<Status> ended_;
 };
 

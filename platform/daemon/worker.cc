@@ -96,6 +96,9 @@ class Worker {
       case WorkerCommand::kSave:
         jobs_.Do([this, number = request.number, files = std::move(files)] { Save(number, files); });
         return;
+      case WorkerCommand::kMark:
+      case WorkerCommand::kUnmark:
+      case WorkerCommand::kListMarks: jobs_.Do([this, request] { AskOfMarks(request); }); return;
     }
   }
 
@@ -161,6 +164,23 @@ class Worker {
       return saved(Internal("no file was given"));
     }
     procedure_.load()->Save(std::make_unique<DescriptorSink>(files[0]), saved);
+  }
+
+  void AskOfMarks(const WorkerRequest& request) {
+    MarkOrder order;
+    order.kind = request.command == WorkerCommand::kMark     ? MarkOrder::Kind::kSet
+                 : request.command == WorkerCommand::kUnmark ? MarkOrder::Kind::kRemove
+                                                             : MarkOrder::Kind::kList;
+    order.request.frame_index = request.frame_index;
+    order.request.pixel = {request.pixel[0], request.pixel[1]};
+    order.request.label = MarkLabel::From(request.label.data()).value_or(MarkLabel());
+    order.done = [this, number = request.number](const Result<std::string>& answer) {
+      WorkerReport report =
+          MakeReport(WorkerNews::kMarked, answer.ok() ? Status(StatusCode::kOk, *answer) : answer.status());
+      report.number = number;
+      Post(report);
+    };
+    procedure_.load()->Order(std::move(order));
   }
 
   void LookAtSession() {

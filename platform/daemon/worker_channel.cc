@@ -132,9 +132,9 @@ Result<WorkerRequest> ParseWorkerRequest(std::span<const std::uint8_t> bytes) {
   HAUSTRA_TRY(CheckSize<WorkerRequest>(bytes));
   WorkerRequest request;
   std::memcpy(&request, bytes.data(), sizeof request);
-  if (static_cast<std::uint32_t>(request.command) > static_cast<std::uint32_t>(WorkerCommand::kSave)) {
-    return Nonsense("its command");
-  }
+  if (static_cast<std::uint32_t>(request.command) >= kNumWorkerCommands) return Nonsense("its command");
+  if (request.label.back() != '\0') return Nonsense("its label does not end");
+  if (!std::isfinite(request.pixel[0]) || !std::isfinite(request.pixel[1])) return Nonsense("its pixel");
   if (request.log_level > static_cast<std::uint32_t>(LogLevel::kDebug)) return Nonsense("its log level");
   if (request.snapshot_interval_ns < 0) return Nonsense("its interval");
   return request;

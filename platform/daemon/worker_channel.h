@@ -3,8 +3,8 @@
 // pictures of unknown origin: it is checked like a client's, and a worker that sends something else is done with.
 //
 //   down   prepare (with the configuration and the pose ring), settings, load (with a checkpoint), begin, stop,
-//          save (with a file to write into)
-//   up     waits, ready, fails, loaded, begun, stopped, saved, session_ends, and 20 times a second alive
+//          save (with a file to write into), mark, unmark, list_marks
+//   up     waits, ready, fails, loaded, begun, stopped, saved, session_ends, marked, and 20 times a second alive
 //
 // A worker that meets the end of the channel ends. So it never outlives the service.
 #pragma once
@@ -23,13 +23,29 @@
 
 namespace haustra {
 
-enum class WorkerCommand : std::uint32_t { kPrepare, kSettings, kLoad, kBegin, kStop, kSave };
+enum class WorkerCommand : std::uint32_t {
+  kPrepare,
+  kSettings,
+  kLoad,
+  kBegin,
+  kStop,
+  kSave,
+  kMark,
+  kUnmark,
+  kListMarks
+};
+inline constexpr std::uint32_t kNumWorkerCommands = 9;
 
 struct WorkerRequest {
   WorkerCommand command = WorkerCommand::kStop;
   std::uint32_t log_level = 0;            // kSettings: LogLevel
-  std::uint64_t number = 0;               // kBegin: of the procedure; kSave: what its answer bears
+  std::uint64_t number = 0;               // kBegin: of the procedure; kSave and those of marks: what its answer bears
   std::int64_t snapshot_interval_ns = 0;  // kSettings
+  // kMark; kUnmark: the label.
+  std::uint32_t frame_index = 0;
+  std::uint32_t reserved = 0;
+  std::array<double, 2> pixel{};
+  std::array<char, 32> label{};  // ends with a zero
 };
 
 enum class WorkerNews : std::uint32_t {
@@ -42,14 +58,16 @@ enum class WorkerNews : std::uint32_t {
   kStopped,      // fault; the threads have ended
   kSaved,        // number, code, text
   kSessionEnds,  // fault, code, text
+  kMarked,       // number, code, text: the answer to what was asked of marks
 };
-inline constexpr std::uint32_t kNumWorkerNews = 9;
+inline constexpr std::uint32_t kNumWorkerNews = 10;
 
 enum class WorkerFault : std::uint32_t { kNone, kLost, kHung };
 inline constexpr std::uint32_t kNumWorkerFaults = 3;
 inline constexpr std::uint32_t kNumSignals = 4;  // SignalState
 
-inline constexpr std::size_t kWorkerTextBytes = 1024;
+// A list of all marks that there may be.
+inline constexpr std::size_t kWorkerTextBytes = 4096;
 
 struct WorkerReport {
   WorkerNews news = WorkerNews::kAlive;

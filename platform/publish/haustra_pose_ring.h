@@ -45,13 +45,15 @@ extern "C" {
 
 #define HAUSTRA_RING_MAGIC UINT64_C(0x3161727473756168) /* "haustra1" */
 /* Changes whenever the layout does. A client refuses another version than the one it was built with. */
-#define HAUSTRA_RING_VERSION 1u
+#define HAUSTRA_RING_VERSION 2u
 
 #define HAUSTRA_POSE_SLOTS 256u /* 10 s at 25 Hz */
 #define HAUSTRA_EVENT_SLOTS 256u
 #define HAUSTRA_SNAPSHOT_SLOTS 2u
 #define HAUSTRA_SNAPSHOT_POINTS 16384u /* of a larger map, an even selection */
 #define HAUSTRA_SNAPSHOT_KEYFRAMES 2048u
+#define HAUSTRA_MAX_MARKS 32u
+#define HAUSTRA_MARK_LABEL_BYTES 32u
 #define HAUSTRA_NO_MAP UINT32_C(0xffffffff)
 
 enum haustra_result {
@@ -107,6 +109,23 @@ enum haustra_pose_flag {
   HAUSTRA_POSE_SCALE_KNOWN = 1u << 3 /* map units are metres: never set by a monocular camera */
 };
 
+/* Names are those of the column state of marks.csv. */
+enum haustra_mark_state {
+  HAUSTRA_MARK_OUT_OF_VIEW = 0,
+  HAUSTRA_MARK_IN_FRONT = 1, /* it can be seen: draw it */
+  HAUSTRA_MARK_HIDDEN = 2,   /* the wall is between, or it is seen from behind: do not draw it */
+  HAUSTRA_MARK_UNSURE = 3    /* in the picture, but the map does not tell whether it can be seen */
+};
+
+/* A place that was marked, as the frame of the pose sees it. */
+struct haustra_mark_sighting {
+  uint32_t id;              /* haustra_mark.id */
+  uint32_t state;           /* enum haustra_mark_state */
+  float u_px, v_px;         /* in the picture, centre of the first pixel at 0; zero when out of view */
+  float distance_in_depths; /* from the camera, over the median distance of what the frame shows */
+  uint32_t reserved;
+};
+
 /* Times count nanoseconds of CLOCK_MONOTONIC unless the name says otherwise. */
 struct haustra_pose {
   uint64_t sequence;    /* counts from 1 over the life of the file; a gap is a pose that was missed */
@@ -127,6 +146,9 @@ struct haustra_pose {
   double orientation_xyzw[4];
   uint32_t num_features;
   uint32_t num_inliers; /* points of the map that agree with the pose */
+  uint32_t num_marks;   /* in marks[]: all of the map; none without HAUSTRA_POSE_VALID */
+  uint32_t reserved;
+  struct haustra_mark_sighting marks[HAUSTRA_MAX_MARKS]; /* not meaningful beyond num_marks */
 };
 
 enum haustra_event_kind {
@@ -162,6 +184,17 @@ struct haustra_point {
   uint32_t id;
 };
 
+/* A place that somebody has marked, in any map. */
+struct haustra_mark {
+  uint32_t id;          /* never given twice */
+  uint32_t map_id;      /* that it lies in now */
+  uint32_t session;     /* run of the atlas that it was set in */
+  uint32_t frame_index; /* of that run */
+  float position_mu[3];
+  uint32_t reserved;
+  char label[HAUSTRA_MARK_LABEL_BYTES]; /* ends with a zero */
+};
+
 /* The active map at one moment. */
 struct haustra_snapshot {
   uint64_t sequence; /* counts from 1 over the life of the file */
@@ -169,11 +202,14 @@ struct haustra_snapshot {
   uint64_t procedure;
   uint64_t map_epoch; /* as that of the poses */
   uint32_t map_id;
-  uint32_t num_points;                                        /* in points[] */
-  uint32_t num_map_points;                                    /* of the map */
-  uint32_t num_keyframes;                                     /* in keyframes[], the oldest first */
-  uint32_t num_map_keyframes;                                 /* of the map */
-  uint32_t num_maps;                                          /* that hold keyframes, the active one included */
+  uint32_t num_points;        /* in points[] */
+  uint32_t num_map_points;    /* of the map */
+  uint32_t num_keyframes;     /* in keyframes[], the oldest first */
+  uint32_t num_map_keyframes; /* of the map */
+  uint32_t num_maps;          /* that hold keyframes, the active one included */
+  uint32_t num_marks;         /* in marks[], of all maps */
+  uint32_t reserved;
+  struct haustra_mark marks[HAUSTRA_MAX_MARKS];
   struct haustra_point keyframes[HAUSTRA_SNAPSHOT_KEYFRAMES]; /* camera centres */
   struct haustra_point points[HAUSTRA_SNAPSHOT_POINTS];
 };
@@ -227,7 +263,9 @@ struct haustra_ring_file {
 #else
 #define HAUSTRA_STATIC_ASSERT _Static_assert
 #endif
-HAUSTRA_STATIC_ASSERT(sizeof(struct haustra_pose) == 136, "layout");
+HAUSTRA_STATIC_ASSERT(sizeof(struct haustra_mark_sighting) == 24, "layout");
+HAUSTRA_STATIC_ASSERT(sizeof(struct haustra_mark) == 64, "layout");
+HAUSTRA_STATIC_ASSERT(sizeof(struct haustra_pose) == 912, "layout");
 HAUSTRA_STATIC_ASSERT(sizeof(struct haustra_event) == 56, "layout");
 HAUSTRA_STATIC_ASSERT(sizeof(struct haustra_snapshot) % 8 == 0, "layout");
 HAUSTRA_STATIC_ASSERT(sizeof(struct haustra_ring_header) == 192, "layout");
@@ -462,6 +500,11 @@ static inline const char* haustra_reason_name(uint32_t reason) {
       "low_spread",    "map_proposed",  "awaiting_map",        "predicted",     "no_time",      "uncertain_motion",
       "denied_by_flow"};
   return reason < sizeof names / sizeof names[0] ? names[reason] : "unknown";
+}
+
+static inline const char* haustra_mark_state_name(uint32_t state) {
+  static const char* const names[] = {"out_of_view", "in_front", "hidden", "unsure"};
+  return state < sizeof names / sizeof names[0] ? names[state] : "unknown";
 }
 
 static inline const char* haustra_service_name(uint32_t service) {

@@ -102,10 +102,13 @@ PoseRingWriter::~PoseRingWriter() {
 }
 
 void PoseRingWriter::PublishPose(const haustra_pose& pose) {
+  HAUSTRA_CHECK(pose.num_marks <= HAUSTRA_MAX_MARKS);
   const std::uint64_t sequence = file_->header.newest_pose + 1;
   const SlotWriter slot(&file_->poses[sequence % HAUSTRA_POSE_SLOTS].lock, sequence);
   slot.Copy(&sequence, 0, sizeof sequence);
-  slot.Copy(&pose.captured_ns, offsetof(haustra_pose, captured_ns), sizeof pose - offsetof(haustra_pose, captured_ns));
+  slot.Copy(&pose.captured_ns, offsetof(haustra_pose, captured_ns),
+            offsetof(haustra_pose, marks) - offsetof(haustra_pose, captured_ns));
+  slot.Copy(pose.marks, offsetof(haustra_pose, marks), pose.num_marks * sizeof(haustra_mark_sighting));
   slot.Commit();
   StoreWord(&file_->header.newest_pose, sequence);
 }
@@ -123,11 +126,13 @@ void PoseRingWriter::PublishEvent(const haustra_event& event) {
 void PoseRingWriter::PublishSnapshot(const haustra_snapshot& snapshot) {
   HAUSTRA_CHECK(snapshot.num_points <= HAUSTRA_SNAPSHOT_POINTS);
   HAUSTRA_CHECK(snapshot.num_keyframes <= HAUSTRA_SNAPSHOT_KEYFRAMES);
+  HAUSTRA_CHECK(snapshot.num_marks <= HAUSTRA_MAX_MARKS);
   const std::uint64_t sequence = file_->header.newest_snapshot + 1;
   const SlotWriter slot(&file_->snapshots[sequence % HAUSTRA_SNAPSHOT_SLOTS].lock, sequence);
   slot.Copy(&sequence, 0, sizeof sequence);
   slot.Copy(&snapshot.published_ns, offsetof(haustra_snapshot, published_ns),
-            offsetof(haustra_snapshot, keyframes) - offsetof(haustra_snapshot, published_ns));
+            offsetof(haustra_snapshot, marks) - offsetof(haustra_snapshot, published_ns));
+  slot.Copy(snapshot.marks, offsetof(haustra_snapshot, marks), snapshot.num_marks * sizeof(haustra_mark));
   slot.Copy(snapshot.keyframes, offsetof(haustra_snapshot, keyframes), snapshot.num_keyframes * sizeof(haustra_point));
   slot.Copy(snapshot.points, offsetof(haustra_snapshot, points), snapshot.num_points * sizeof(haustra_point));
   slot.Commit();

@@ -33,7 +33,7 @@ class PoseRingWriter {
   PoseRingWriter(const PoseRingWriter&) = delete;
   PoseRingWriter& operator=(const PoseRingWriter&) = delete;
 
-  // rt-safe: some twenty stores. `sequence` is ignored.
+  // rt-safe: some twenty stores, and three a mark. `sequence` is ignored.
   void PublishPose(const haustra_pose& pose);
   void PublishEvent(const haustra_event& event);
   // Only the used parts of the lists are written, so the cost follows the map's size.

@@ -16,6 +16,11 @@ static_assert(static_cast<int>(MapEventKind::kMapCreated) == HAUSTRA_EVENT_MAP_C
 static_assert(static_cast<int>(MapEventKind::kMerged) == HAUSTRA_EVENT_MERGED);
 static_assert(static_cast<int>(MapEventKind::kMapEvicted) == HAUSTRA_EVENT_MAP_EVICTED);
 static_assert(kNoId == HAUSTRA_NO_MAP);
+static_assert(static_cast<int>(MarkState::kOutOfView) == HAUSTRA_MARK_OUT_OF_VIEW);
+static_assert(static_cast<int>(MarkState::kInFront) == HAUSTRA_MARK_IN_FRONT);
+static_assert(static_cast<int>(MarkState::kHidden) == HAUSTRA_MARK_HIDDEN);
+static_assert(static_cast<int>(MarkState::kUnsure) == HAUSTRA_MARK_UNSURE);
+static_assert(kMaxMarks == HAUSTRA_MAX_MARKS && kMaxMarkLabelBytes + 1 == HAUSTRA_MARK_LABEL_BYTES);
 
 // The engine's reasons may be reordered, the published numbers may not: they are joined by name.
 constexpr std::size_t kMaxReasons = 64;
@@ -43,7 +48,8 @@ std::uint32_t Select(std::span<const haustra_point> from, std::size_t capacity, 
 
 }  // namespace
 
-haustra_pose PoseRecord(const FrameResult& result, TimePoint captured, TimePoint now, std::uint64_t procedure) {
+haustra_pose PoseRecord(const FrameResult& result, const MarkSightings& marks, TimePoint captured, TimePoint now,
+                        std::uint64_t procedure) {
   haustra_pose pose{};
   pose.captured_ns = Nanoseconds(captured);
   pose.published_ns = Nanoseconds(now);
@@ -63,6 +69,10 @@ haustra_pose PoseRecord(const FrameResult& result, TimePoint captured, TimePoint
   const SE3 map_from_cam = result.cam_from_map.Inverse();
   Eigen::Map<Eigen::Vector3d>(pose.position_mu) = map_from_cam.translation;
   Eigen::Map<Eigen::Vector4d>(pose.orientation_xyzw) = map_from_cam.rotation.coeffs();
+  for (const MarkSighting& mark : marks) {
+    pose.marks[pose.num_marks++] = {
+        mark.id, static_cast<std::uint32_t>(mark.state), mark.u_px, mark.v_px, mark.distance_in_depths, 0};
+  }
   return pose;
 }
 
@@ -90,6 +100,18 @@ void FillSnapshot(const Engine& engine, TimePoint now, std::uint64_t procedure, 
   snapshot->map_id = HAUSTRA_NO_MAP;
   snapshot->num_points = snapshot->num_map_points = snapshot->num_maps = 0;
   snapshot->num_keyframes = snapshot->num_map_keyframes = 0;
+  snapshot->num_marks = 0;
+  atlas.marks().ForEach([&](MarkHandle, const Mark& mark) {
+    const PlacedMark place = atlas.PlaceOf(mark);
+    haustra_mark& record = snapshot->marks[snapshot->num_marks++];
+    record = {};
+    record.id = mark.id;
+    record.map_id = atlas.map(place.map).id;
+    record.session = mark.session;
+    record.frame_index = mark.frame_index;
+    Eigen::Map<Eigen::Vector3f>(record.position_mu) = place.position.cast<float>();
+    std::copy(mark.label.bytes().begin(), mark.label.bytes().end(), record.label);
+  });
   MapHandle active;
   atlas.maps().ForEach([&](MapHandle handle, const Map& map) {
     if (map.keyframes.empty()) return;

@@ -9,13 +9,14 @@
 
 namespace haustra {
 
-// rt-safe. `captured` and `now`: CLOCK_MONOTONIC.
-haustra_pose PoseRecord(const FrameResult& result, TimePoint captured, TimePoint now, std::uint64_t procedure);
+// rt-safe. `captured` and `now`: CLOCK_MONOTONIC. `marks` as of the same frame.
+haustra_pose PoseRecord(const FrameResult& result, const MarkSightings& marks, TimePoint captured, TimePoint now,
+                        std::uint64_t procedure);
 
 haustra_event EventRecord(const MapEvent& event, TimePoint now, std::uint64_t procedure);
 
-// The active map; empty, with HAUSTRA_NO_MAP, when there is none. Every n-th point of a map that has more than there is
-// room for, and of the keyframes likewise. Mapping thread. `points` is workspace.
+// All marks, and the active map; empty but for the marks, with HAUSTRA_NO_MAP, when there is none. Every n-th point of
+// a map that has more than there is room for, and of the keyframes likewise. Mapping thread. `points` is workspace.
 void FillSnapshot(const Engine& engine, TimePoint now, std::uint64_t procedure, std::vector<haustra_point>* points,
                   haustra_snapshot* snapshot);
 

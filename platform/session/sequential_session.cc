@@ -6,6 +6,12 @@ namespace haustra {
 
 Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const Clock& clock, SessionObserver& observer,
                                      const std::atomic<bool>& stop) {
+  SessionHooks no_hooks;
+  return RunSequential(source, engine, clock, observer, stop, no_hooks);
+}
+
+Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const Clock& clock, SessionObserver& observer,
+                                     const std::atomic<bool>& stop, SessionHooks& hooks) {
   SessionSummary summary;
   FrameNumbering numbering(source.calibration().rate_hz);
   const TimePoint start = clock.Now();
@@ -29,11 +35,13 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     outcome.result = engine.Track(*frame, kNoDeadline);
     outcome.use = meter.Read();
     outcome.tracking = clock.Now() - begin;
+    hooks.OnTracked(outcome);
     for (MappingTimes times; TimedMergeStep(engine, clock, &times) || TimedMapStep(engine, clock, &times);) {
       times.frame_index = outcome.result.frame_index;
       if (!times.is_empty()) observer.OnMapped(times);
     }
     outcome.processing = outcome.latency = clock.Now() - begin;
+    hooks.BetweenMapSteps();
     observer.OnFrame(outcome);
     for (LatePose pose; engine.late_poses().TryPop(&pose);) observer.OnLatePose(pose);
     for (MapEvent event; engine.map_events().TryPop(&event);) observer.OnMapEvent(event);

@@ -95,6 +95,9 @@ struct SessionSummary {
 // when `stop` becomes true. Errors of the source end the session with its status; what was mapped stays in the engine.
 Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const Clock& clock, SessionObserver& observer,
                                      const std::atomic<bool>& stop);
+// The same; `hooks` is told of every frame, and may use the engine when mapping and merging have done what it brought.
+Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const Clock& clock, SessionObserver& observer,
+                                     const std::atomic<bool>& stop, SessionHooks& hooks);
 
 struct RealTimeOptions {
   double rate = 1.0;  // > 0; 1: the camera's own pace. A live camera has no other, whatever stands here

@@ -103,6 +103,44 @@ TEST_F(Daemon, StartsReadyTracksWhenToldAndStopsWithItsMapsSaved) {
   EXPECT_EQ(info.exit_code, 0) << info.ToString();
 }
 
+// Marks by the control socket: set in a frame that was published, seen with the poses, saved with the maps, and gone
+// with the procedure.
+TEST_F(Daemon, MarksAreSetListedPublishedAndWiped) {
+  ASSERT_NO_FATAL_FAILURE(StartReady());
+  EXPECT_TRUE(service_.Ask("marks").starts_with("error: no procedure"));
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap("case-1"));
+  EXPECT_EQ(service_.Ask("marks"), "no marks\n");
+  // Some place of the picture shows enough of the map.
+  std::string answer;
+  for (int attempt = 0; attempt < 200 && !answer.starts_with("marked"); ++attempt) {
+    answer = service_.Ask("mark " + std::to_string(60 + 25 * (attempt % 10)) + " " +
+                          std::to_string(60 + 35 * (attempt / 10 % 5)) + " polyp");
+  }
+  EXPECT_EQ(answer, "marked polyp\n");
+  EXPECT_TRUE(service_.Ask("mark 200 200 polyp").starts_with("error: there is a mark 'polyp' already"));
+  EXPECT_TRUE(service_.Ask("mark -5 200 other").starts_with("error: the pixel lies outside"));
+  EXPECT_TRUE(service_.Ask("marks").starts_with("polyp session 0 frame "));
+
+  haustra_ring ring;
+  ASSERT_EQ(haustra_ring_open(&ring, (service_.runtime_folder() + "/poses").c_str()), HAUSTRA_OK);
+  haustra_pose pose{};
+  bool is_published = false;
+  for (int attempt = 0; attempt < 500 && !is_published; ++attempt) {
+    is_published = haustra_ring_latest_pose(&ring, &pose) == HAUSTRA_OK && pose.num_marks == 1;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_TRUE(is_published);
+  EXPECT_GT(pose.marks[0].distance_in_depths, 0.0f);
+  EXPECT_EQ(service_.Ask("save one"), "saved " + StatePath("saved/one.atlas") + "\n");
+  EXPECT_NE(ReadBytes(StatePath("saved/one.atlas")).find("polyp"), std::string::npos);
+  EXPECT_EQ(service_.Ask("unmark polyp"), "removed polyp\n");
+  EXPECT_TRUE(service_.Ask("unmark polyp").starts_with("error: there is no mark 'polyp'"));
+  EXPECT_TRUE(service_.Ask("end wipe").starts_with("wiped"));
+  EXPECT_EQ(haustra_ring_latest_pose(&ring, &pose), HAUSTRA_NOT_YET);
+  haustra_ring_close(&ring);
+  EXPECT_EQ(StopAndWait(), 0);
+}
+
 // The tracking thread alone is held, by a debugger's means: nothing in the product takes part.
 TEST_F(Daemon, WorkerWhoseTrackingHangsIsReplacedAndTheServiceLives) {
   RecordProperty("req", "DMN-002,DMN-010");

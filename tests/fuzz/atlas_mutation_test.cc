@@ -72,8 +72,12 @@ class Mutator {
   Rng rng_;
 };
 
-TEST(AtlasReaderFuzz, DamagedFilesAreRefusedAndNothingElseHappens) {
-  const std::vector<std::uint8_t> file = CorpusFile("small_v1.atlas");
+class AtlasReaderFuzz : public testing::TestWithParam<const char*> {};
+
+INSTANTIATE_TEST_SUITE_P(Corpus, AtlasReaderFuzz, testing::Values("small_v1.atlas", "marked_v1.atlas"));
+
+TEST_P(AtlasReaderFuzz, DamagedFilesAreRefusedAndNothingElseHappens) {
+  const std::vector<std::uint8_t> file = CorpusFile(GetParam());
   ASSERT_TRUE(TryAtlasFile(file));
   Mutator mutator(7);
   int num_taken = 0, num_sealed_taken = 0;
@@ -92,7 +96,7 @@ TEST(AtlasReaderFuzz, DamagedFilesAreRefusedAndNothingElseHappens) {
   EXPECT_LT(num_sealed_taken, num_runs * 19 / 20);
 }
 
-TEST(AtlasReaderFuzz, AnyBytesAreRefused) {
+TEST(AtlasReaderFuzzBytes, AnyBytesAreRefused) {
   Mutator mutator(8);
   for (int run = 0; run < NumRuns() / 10; ++run) {
     std::vector<std::uint8_t> bytes(mutator.Pick(600));
@@ -103,8 +107,8 @@ TEST(AtlasReaderFuzz, AnyBytesAreRefused) {
 }
 
 // Files of version 1 are read as long as there are programs that read version 1.
-TEST(AtlasReaderFuzz, FileOfVersion1IsReadAndSavedAsItIs) {
-  const std::vector<std::uint8_t> file = CorpusFile("small_v1.atlas");
+TEST_P(AtlasReaderFuzz, FileOfVersion1IsReadAndSavedAsItIs) {
+  const std::vector<std::uint8_t> file = CorpusFile(GetParam());
   AtlasHome home;
   const Status status = home.Load(file);
   ASSERT_TRUE(status.ok()) << status.ToString();

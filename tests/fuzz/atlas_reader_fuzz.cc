@@ -14,7 +14,7 @@ namespace haustra::test {
 namespace {
 
 // Small pools, so that what does not fit is met too.
-constexpr Atlas::Capacity kCapacity{12, 48, 6, 48, 12};
+constexpr Atlas::Capacity kCapacity{12, 48, 6, 48, 12, 3};
 
 struct Home {
   Home() : device(Plan(), {}), atlas(kCapacity) {}

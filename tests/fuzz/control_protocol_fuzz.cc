@@ -16,7 +16,8 @@ void FuzzControlProtocol(std::span<const std::uint8_t> bytes) {
     HAUSTRA_CHECK(request->name.empty() || IsControlName(request->name));
     const Result<ControlRequest> again = ParseControlRequest(ToText(*request));
     HAUSTRA_CHECK(again.ok() && again->command == request->command && again->name == request->name &&
-                  again->keep == request->keep);
+                  again->keep == request->keep && again->x_px == request->x_px && again->y_px == request->y_px &&
+                  again->frame_index == request->frame_index);
   } else {
     const std::string message = request.status().message();
     HAUSTRA_CHECK(!message.empty() && message.size() < 400);

@@ -17,6 +17,9 @@ int main(int argc, char** argv) {
   const std::string empty = home.Save();
   home.FillSmall();
   const std::string small = home.Save();
+  haustra::test::AtlasHome marked;
+  marked.FillMarked();
+  std::ofstream(folder / "marked_v1.atlas", std::ios::binary) << marked.Save();
   std::ofstream(folder / "empty_v1.atlas", std::ios::binary) << empty;
   std::ofstream(folder / "small_v1.atlas", std::ios::binary) << small;
   return 0;

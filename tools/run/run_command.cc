@@ -34,6 +34,8 @@
 #include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/report/run_report.h"
+#include "tools/run/mark_file.h"
+#include "tools/run/mark_log.h"
 #include "tools/run/progress.h"
 #include "tools/run/run_outputs.h"
 
@@ -53,6 +55,7 @@ struct RunArguments : ConfigurationOptions {
   std::string report = "on";
   std::string load_atlas;
   std::string save_atlas;
+  std::string marks;
   std::string trap_allocations = "off";
   bool print_config = false;
 };
@@ -227,6 +230,12 @@ int Run(const RunArguments& arguments) {
   if (!vocabulary.ok()) return console::Fail(kRunCommand, vocabulary.status());
 
   const bool is_live = IsV4l2Spec(arguments.sequence);
+  std::vector<MarkRequest> mark_requests;
+  if (!arguments.marks.empty()) {
+    Result<std::vector<MarkRequest>> read = ReadMarkFile(arguments.marks);
+    if (!read.ok()) return console::Fail(kRunCommand, read.status());
+    mark_requests = std::move(read).value();
+  }
   const SystemClock clock;
   Engine engine(config, *camera, **device, mode, &clock, SceneShare((*source)->static_mask()), vocabulary->get());
   if (!arguments.load_atlas.empty()) {
@@ -256,9 +265,12 @@ int Run(const RunArguments& arguments) {
   RealTimeOptions options;
   options.rate = arguments.rate;
   options.rt = config.rt;
+  MarkLog marks(engine, std::move(mark_requests));
+  options.hooks = &marks;
   const Result<SessionSummary> session = is_realtime
                                              ? RunRealTime(**source, engine, clock, options, record, stop_requested)
-                                             : RunSequential(**source, engine, clock, record, stop_requested);
+                                             : RunSequential(**source, engine, clock, record, stop_requested, marks);
+  marks.Finish();
   progress.Finish(record);
   // How long a recording is shows only when it has been read: of it, too, a part that is empty is a mistake.
   if (session.ok() && !stop_requested && record.frames().empty()) {
@@ -278,6 +290,7 @@ int Run(const RunArguments& arguments) {
   const bool is_aborted = !session.ok() || stop_requested;
   RunSummary summary = Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{},
                                  is_aborted ? (*source)->num_frames() : 0);
+  SummariseMarks(marks, engine, &summary);
   summary.mode = arguments.mode;
   summary.device = arguments.device;
   summary.seed = config.seed;
@@ -293,7 +306,8 @@ int Run(const RunArguments& arguments) {
       !status.ok()) {
     console::Warn(kRunCommand, "the points of the maps stay grey: %s", status.message().c_str());
   }
-  const Status written = WriteOutputs(arguments.out, record, poses, summary, engine, **source, std::ref(colours));
+  const Status written =
+      WriteOutputs(arguments.out, record, poses, summary, engine, marks, **source, std::ref(colours));
   if (!written.ok()) {
     const std::string earlier = output->PutBack();
     if (!earlier.empty()) console::Warn(kRunCommand, "earlier results are in %s", earlier.c_str());
@@ -347,6 +361,8 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
                       "Static mask to use instead of the sequence's own (255 inside)");
   command->add_option("--load-atlas", arguments->load_atlas,
                       "Maps of an earlier run with the same camera, to be recognised and joined");
+  command->add_option("--marks", arguments->marks,
+                      "Places to mark, a table frame,u,v,label; where they are seen goes to OUT/marks.csv");
   command->add_option("--save-atlas", arguments->save_atlas, "File for all maps at the end of the run");
   command
       ->add_option("--trap-allocations", arguments->trap_allocations,

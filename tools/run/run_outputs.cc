@@ -183,6 +183,22 @@ Status WriteTimes(ByteSink& sink, const RunRecord& record) {
   return text.Finish();
 }
 
+// Where each mark of the map was in each frame that was tracked there.
+Status WriteMarks(ByteSink& sink, const MarkLog& marks, const RunSummary& summary) {
+  std::map<MarkId, std::string> labels;
+  for (const MarkFigures& mark : summary.marks) labels[mark.id] = mark.label;
+  TextWriter text(sink);
+  text.Text("frame_idx,mark,u_px,v_px,state,distance_in_depths\n");
+  for (const MarkLog::Row& row : marks.rows()) {
+    const MarkSighting& sighting = row.sighting;
+    const bool is_in_view = sighting.state != MarkState::kOutOfView;
+    text.Integer(row.frame_index).Text(",").Text(labels[sighting.id]).Text(",");
+    text.Number(is_in_view ? sighting.u_px : -1.0).Text(",").Number(is_in_view ? sighting.v_px : -1.0).Text(",");
+    text.Text(ToString(sighting.state)).Text(",").Number(sighting.distance_in_depths).Text("\n");
+  }
+  return text.Finish();
+}
+
 Status WriteTrajectories(const fs::path& folder, const RunRecord& record, const std::vector<FinalPose>& poses) {
   std::vector<StampedPose> live;
   std::map<MapId, std::vector<StampedPose>> by_map;
@@ -239,7 +255,7 @@ Status MakeResultFolders(const std::string& folder) {
 }
 
 Status WriteOutputs(const std::string& folder, const RunRecord& record, const std::vector<FinalPose>& poses,
-                    const RunSummary& summary, const Engine& engine, const FrameSource& source,
+                    const RunSummary& summary, const Engine& engine, const MarkLog& marks, const FrameSource& source,
                     const PointColour& colour) {
   const fs::path root(folder);
   HAUSTRA_TRY(WriteTrajectories(root / "trajectory", record, poses));
@@ -248,6 +264,10 @@ Status WriteOutputs(const std::string& folder, const RunRecord& record, const st
   HAUSTRA_TRY(WriteWith(root / "maps.csv", [&](ByteSink& sink) { return WriteMaps(sink, record, poses, engine); }));
   HAUSTRA_TRY(WriteWith(root / "events.csv", [&](ByteSink& sink) { return WriteEvents(sink, record, engine); }));
   HAUSTRA_TRY(WriteWith(root / "times.csv", [&](ByteSink& sink) { return WriteTimes(sink, record); }));
+  // Without marks the folder is what it was before there were any.
+  if (!summary.marks.empty() || !summary.refused_marks.empty()) {
+    HAUSTRA_TRY(WriteWith(root / "marks.csv", [&](ByteSink& sink) { return WriteMarks(sink, marks, summary); }));
+  }
   HAUSTRA_TRY(WriteMapExports(root / "maps", engine, source, colour));
   return WriteWith(root / "summary.json", [&](ByteSink& sink) { return sink.Write(ToJson(summary)); });
 }

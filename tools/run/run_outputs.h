@@ -6,6 +6,7 @@
 
 #include "engine/export_map.h"
 #include "tools/command/output_folder.h"
+#include "tools/run/mark_log.h"
 #include "tools/run/run_record.h"
 #include "tools/run/run_summary.h"
 
@@ -13,7 +14,7 @@ namespace haustra {
 
 inline constexpr FolderContent kRunContent{
     "a run",
-    R"((frames|maps|events|times)\.csv|summary\.json|report\.html|calib\.yaml|trajectory(/(live|map_\d{4,})\.tum)?|)"
+    R"((frames|maps|events|times|marks)\.csv|summary\.json|report\.html|calib\.yaml|trajectory(/(live|map_\d{4,})\.tum)?|)"
     R"(maps(/map_\d{4,}(\.ply|/(cameras|images|points3D)\.txt)?)?)"};
 
 // The folders in it. kUnavailable.
@@ -22,7 +23,7 @@ Status MakeResultFolders(const std::string& folder);
 // Writes everything; files that hold no times are the same bytes for the same run. `source`: names the pictures of the
 // keyframes.
 Status WriteOutputs(const std::string& folder, const RunRecord& record, const std::vector<FinalPose>& poses,
-                    const RunSummary& summary, const Engine& engine, const FrameSource& source,
+                    const RunSummary& summary, const Engine& engine, const MarkLog& marks, const FrameSource& source,
                     const PointColour& colour);
 
 }  // namespace haustra

@@ -202,6 +202,53 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
   return summary;
 }
 
+void SummariseMarks(const MarkLog& log, const Engine& engine, RunSummary* summary) {
+  const Atlas& atlas = engine.atlas();
+  std::map<MarkId, MarkFigures> figures;
+  atlas.marks().ForEach([&](MarkHandle, const Mark& mark) {
+    MarkFigures& of = figures[mark.id];
+    of.id = mark.id;
+    of.label = mark.label.view();
+    of.session = mark.session;
+    of.frame_index = mark.frame_index;
+    of.is_of_this_run = mark.session == atlas.session();
+    of.map_id = atlas.map(atlas.keyframe(mark.keyframe).map).id;
+  });
+  for (const MarkLog::Row& row : log.rows()) {
+    const auto at = figures.find(row.sighting.id);
+    if (at != figures.end()) ++at->second.num_frames[static_cast<std::size_t>(row.sighting.state)];
+  }
+  for (const auto& [id, of] : figures) summary->marks.push_back(of);
+  for (const MarkLog::Refused& refused : log.refused()) {
+    summary->refused_marks.push_back(
+        {std::string(refused.request.label.view()), refused.request.frame_index, refused.reason});
+  }
+}
+
+namespace {
+
+nlohmann::ordered_json MarksJson(const RunSummary& s) {
+  nlohmann::ordered_json set = nlohmann::ordered_json::array(), refused = nlohmann::ordered_json::array();
+  for (const MarkFigures& mark : s.marks) {
+    nlohmann::ordered_json frames;
+    for (std::size_t i = 0; i < mark.num_frames.size(); ++i) {
+      frames[std::string(ToString(static_cast<MarkState>(i)))] = mark.num_frames[i];
+    }
+    set.push_back({{"label", mark.label},
+                   {"map_id", mark.map_id},
+                   {"session", mark.session},
+                   {"frame_idx", mark.frame_index},
+                   {"of_this_run", mark.is_of_this_run},
+                   {"frames", frames}});
+  }
+  for (const RefusedMark& mark : s.refused_marks) {
+    refused.push_back({{"label", mark.label}, {"frame_idx", mark.frame_index}, {"reason", mark.reason}});
+  }
+  return {{"set", set}, {"refused", refused}};
+}
+
+}  // namespace
+
 std::string ToJson(const RunSummary& s) {
   nlohmann::ordered_json json;
   json["mode"] = s.mode;
@@ -249,6 +296,7 @@ std::string ToJson(const RunSummary& s) {
   json["tracking_thread"] = {{"first_frame", ToJson(s.tracking_thread.first_frame, s.is_heap_watched)},
                              {"later_frames", ToJson(s.tracking_thread.later, s.is_heap_watched)},
                              {"frames_with_faults", s.tracking_thread.frames_with_faults}};
+  if (!s.marks.empty() || !s.refused_marks.empty()) json["marks"] = MarksJson(s);
   json["video_s"] = s.video_s;
   json["wall_s"] = s.wall_s;
   json["realtime_ratio"] = s.realtime_ratio;
@@ -315,6 +363,14 @@ std::string ToText(const RunSummary& s) {
   if (s.maps_loaded > 0) {
     Append(&text, "  loaded        %5zu     maps of earlier runs (%zu of the keyframes are theirs)\n", s.maps_loaded,
            s.keyframes_loaded);
+  }
+  for (const MarkFigures& mark : s.marks) {
+    const auto num = [&](MarkState state) { return mark.num_frames[static_cast<std::size_t>(state)]; };
+    Append(&text, "  mark          %5zu     frames show %s (hidden in %zu, unsure in %zu)\n", num(MarkState::kInFront),
+           mark.label.c_str(), num(MarkState::kHidden), num(MarkState::kUnsure));
+  }
+  for (const RefusedMark& mark : s.refused_marks) {
+    Append(&text, "  mark refused  %s in frame %u: %s\n", mark.label.c_str(), mark.frame_index, mark.reason.c_str());
   }
   Append(&text, "  frame time    p50 %.1f ms, p99 %.1f ms, p99.9 %.1f ms, max %.1f ms%s\n", s.frame_ms.p50,
          s.frame_ms.p99, s.frame_ms.p999, s.frame_ms.max,

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/run/mark_log.h"
 #include "tools/run/run_record.h"
 
 namespace haustra {
@@ -35,6 +36,23 @@ struct TrackingThreadFigures {
   ThreadUse first_frame;                 // which pays for what is set up on first use
   ThreadUse later;                       // all others
   std::uint64_t frames_with_faults = 0;  // of the others
+};
+
+// A mark that exists at the end, and in how many frames it was in which state.
+struct MarkFigures {
+  MarkId id = 0;
+  std::string label;
+  std::uint32_t session = 0;      // that set it
+  std::uint32_t frame_index = 0;  // likewise, of that session
+  bool is_of_this_run = false;
+  MapId map_id = 0;
+  std::array<std::size_t, 4> num_frames{};  // by MarkState
+};
+
+struct RefusedMark {
+  std::string label;
+  std::uint32_t frame_index = 0;
+  std::string reason;
 };
 
 struct RunSummary {
@@ -74,6 +92,8 @@ struct RunSummary {
   double wall_s = 0.0;
   double realtime_ratio = 0.0;  // wall time over video time
   MapperCounters mapping;
+  std::vector<MarkFigures> marks;  // by id
+  std::vector<RefusedMark> refused_marks;
   // Real-time mode only.
   std::optional<RealTimeReport> realtime;
   double rate = 1.0;     // pace that was asked for, relative to the camera: frames came this much faster
@@ -89,6 +109,9 @@ std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine)
 // `sequence_frames`: how many the sequence has; 0: not known, those that were answered.
 RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, Engine& engine,
                      const SessionSummary& session, std::size_t sequence_frames);
+
+// The marks of the run, into its summary.
+void SummariseMarks(const MarkLog& log, const Engine& engine, RunSummary* summary);
 
 std::string ToJson(const RunSummary& summary);
 // A few lines for a person.

@@ -416,6 +416,87 @@ TEST(AtlasFile, DeviceThatRefusesLeavesNothingBehind) {
   EXPECT_EQ(home.device.num_free_feature_sets(), 16);
 }
 
+std::string MarkedFile() {
+  AtlasHome home;
+  home.FillMarked();
+  return home.Save();
+}
+
+TEST(AtlasFile, MarksAreSavedAndLoaded) {
+  AtlasHome home, other;
+  home.FillMarked();
+  const std::string file = home.Save();
+  const Status status = other.Load(BytesOf(file));
+  ASSERT_TRUE(status.ok()) << status.ToString();
+  EXPECT_EQ(CheckInvariants(other.atlas).ToString(), "ok");
+  EXPECT_EQ(other.Save(), file);
+  EXPECT_EQ(other.atlas.marks().size(), 2u);
+  for (const char* label : {"polyp-1", "a"}) {
+    const Mark& before = home.atlas.marks().At(home.atlas.FindMark(label));
+    const Mark& after = other.atlas.marks().At(other.atlas.FindMark(label));
+    EXPECT_EQ(after.id, before.id);
+    EXPECT_EQ(after.session, 0u);
+    EXPECT_EQ(after.frame_index, 8u);
+    EXPECT_EQ(after.timestamp, before.timestamp);
+    EXPECT_EQ(other.atlas.PlaceOf(after).position, home.atlas.PlaceOf(before).position);
+    EXPECT_EQ(other.atlas.PlaceOf(after).normal, home.atlas.PlaceOf(before).normal);
+    EXPECT_EQ(other.atlas.PlaceOf(after).radius, home.atlas.PlaceOf(before).radius);
+  }
+  // The id of the one that was removed is not given again.
+  const MarkHandle next = other.AddMark("next", other.atlas.FindById(0), {0.0, 0.0, 3.0});
+  EXPECT_EQ(other.atlas.marks().At(next).id, 3u);
+}
+
+TEST(AtlasFile, AtlasWithoutMarksHasNoSectionForThem) {
+  EXPECT_EQ(SmallFile().find(kMarksTag), std::string::npos);
+  EXPECT_NE(MarkedFile().find(kMarksTag), std::string::npos);
+}
+
+TEST(AtlasFile, EveryDamagedByteOfMarksIsFound) {
+  std::vector<std::uint8_t> file = BytesOf(MarkedFile());
+  const std::string text(file.begin(), file.end());
+  for (std::size_t i = text.find(kMarksTag); i < file.size(); ++i) {
+    for (const int pattern : {0x01, 0x80, 0xff}) {
+      file[i] ^= static_cast<std::uint8_t>(pattern);
+      ASSERT_FALSE(ReadAtlas(file).ok()) << "byte " << i << " changed by " << pattern;
+      file[i] ^= static_cast<std::uint8_t>(pattern);
+    }
+  }
+  EXPECT_TRUE(ReadAtlas(file).ok());
+}
+
+TEST(AtlasFile, MarksThatFindNoRoomAreRefusedWithTheFile) {
+  AtlasHome home({16, 64, 8, 64, AtlasHome::kFeatures, 1});
+  const Status status = home.Load(BytesOf(MarkedFile()));
+  EXPECT_EQ(status.code(), StatusCode::kCapacityExceeded);
+  EXPECT_THAT(status.message(), HasSubstr("2 marks (memory.max_marks) needed, room for 1"));
+  EXPECT_EQ(home.atlas.keyframes().size(), 0u);
+}
+
+TEST(AtlasFile, MarksThatAreNoneAreRefused) {
+  const std::vector<std::uint8_t> file = BytesOf(MarkedFile());
+  const SavedAtlas sound = ReadAtlas(file).value();
+  ASSERT_EQ(sound.marks.size(), 2u);
+  const auto refusal = [&](const std::function<void(SavedAtlas&)>& change) {
+    SavedAtlas changed = sound;
+    change(changed);
+    const Status status = CheckSavedAtlas(changed);
+    EXPECT_EQ(status.code(), StatusCode::kDataLoss);
+    EXPECT_THAT(status.message(), HasSubstr("'MARK'"));
+    return status.message();
+  };
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[1].id = 3; }), HasSubstr("ids end at 3"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[1].id = s.marks[0].id; }), HasSubstr("doubled"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[0].label = MarkLabel(); }), HasSubstr("its label is none"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[1].label = s.marks[0].label; }), HasSubstr("has its label"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[0].session = 1; }), HasSubstr("session 1 of 1"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[0].keyframe_idx = 5; }), HasSubstr("keyframe 5 of 5"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[0].point_in_anchor.y() = kNan; }), HasSubstr("not finite"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[0].normal_in_anchor.x() += 0.5; }), HasSubstr("unit vector"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[0].radius = 0.0; }), HasSubstr("not positive"));
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[0].scale = kNan; }), HasSubstr("not positive"));
+}
+
 // One number of the contents changed at a time; what the checksums say is not asked here.
 TEST(AtlasFile, ContentsThatMakeNoAtlasAreRefused) {
   struct Case {

@@ -25,7 +25,7 @@ inline std::vector<std::uint8_t> BytesOf(const std::string& text) { return {text
 // Atlas and device of one process.
 struct AtlasHome {
   static constexpr int kFeatures = 6;
-  static constexpr Atlas::Capacity kRoomy{16, 64, 8, 64, kFeatures};
+  static constexpr Atlas::Capacity kRoomy{16, 64, 8, 64, kFeatures, 4};
 
   explicit AtlasHome(const Atlas::Capacity& capacity = kRoomy, int num_feature_sets = 16)
       : camera(CameraModel::Create(ColonCalibration()).value()),
@@ -113,6 +113,22 @@ struct AtlasHome {
     const KeyframeHandle e = AddKeyframe(second, 36, at(0.3, -0.1));
     AddPoint(second, {-0.5, 0.25, 4.0}, {{d, 4}, {e, 3}});
     atlas.point(AddPoint(second, {-0.25, 0.5, 4.0}, {{d, 0}, {e, 0}})).normal.setZero();
+  }
+
+  MarkHandle AddMark(std::string_view label, KeyframeHandle keyframe, const Eigen::Vector3d& position) {
+    Mark mark;
+    mark.label = MarkLabel::From(label).value();
+    mark.frame_index = 8;
+    mark.timestamp = TimePoint(std::chrono::milliseconds(320));
+    return atlas.AddMark(mark, keyframe, {atlas.keyframe(keyframe).map, position, {0.0, 0.6, -0.8}, 0.125});
+  }
+  // FillSmall with a mark in each map, and one that was removed.
+  void FillMarked() {
+    FillSmall();
+    AddMark("removed", atlas.FindById(0), {0.1, 0.2, 3.0});
+    AddMark("polyp-1", atlas.FindById(1), {0.1, 0.2, 3.0});
+    AddMark("a", atlas.FindById(6), {-0.5, 0.25, 4.0});
+    atlas.RemoveMark(atlas.FindMark("removed"));
   }
 
   CameraModel camera;

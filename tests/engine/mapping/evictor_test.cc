@@ -34,7 +34,7 @@ class EvictorTest : public testing::Test {
  protected:
   EvictorTest()
       : config_(MakeConfig()),
-        atlas_({config_.memory.max_keyframes, kPool, 8, 64, kFeatures}),
+        atlas_({config_.memory.max_keyframes, kPool, 8, 64, kFeatures, 1}),
         evictor_(
             config_, atlas_, retrieval_, [](FeatureSetHandle) {}, [](MapHandle) {}) {}
 
@@ -153,6 +153,30 @@ TEST_F(EvictorTest, TheTrackersSurroundingsStay) {
   EXPECT_EQ(atlas_.points().size(), atlas_.points().capacity());
   EXPECT_FALSE(evictor_.MakePointRoom(10, here.back()));
   EXPECT_EQ(atlas_.points().size(), atlas_.points().capacity());
+}
+
+// A doctor's mark keeps its map, however small, and goes over to a keyframe that stays.
+TEST_F(EvictorTest, MapWithAMarkStays) {
+  const MapHandle marked = atlas_.CreateMap();
+  const auto there = AddKeyframes(marked, 6);
+  atlas_.map(marked).status = MapStatus::kStored;
+  const MapHandle other = atlas_.CreateMap();
+  AddKeyframes(other, 8);
+  atlas_.map(other).status = MapStatus::kStored;
+  const MapHandle map = atlas_.CreateMap();
+  const auto here = AddKeyframes(map, 10);
+  Mark mark;
+  mark.label = MarkLabel::From("polyp").value();
+  ASSERT_TRUE(atlas_.AddMark(mark, there[2], {marked, {0.0, 0.0, 2.0}, {0.0, 0.0, -1.0}, 0.1}));
+  config_.memory.small_map_keyframes = 8;
+  config_.mapping.min_map_keyframes = 6;
+  EXPECT_TRUE(evictor_.MakeKeyframeRoom(8, here.back()));
+  EXPECT_EQ(atlas_.map(marked).status, MapStatus::kStored);
+  EXPECT_EQ(atlas_.map(other).status, MapStatus::kDropped);
+  config_.mapping.min_map_keyframes = 2;
+  EXPECT_TRUE(evictor_.MakeKeyframeRoom(12, here.back()));
+  EXPECT_EQ(atlas_.marks().size(), 1u);
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
 }
 
 }  // namespace

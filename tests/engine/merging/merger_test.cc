@@ -227,6 +227,38 @@ TEST_F(MergerTest, LongYoungerMapFollowsTheWeld) {
   ExpectResolves(far_off, 0, kOlderFromWorld, 0.05);
 }
 
+// Marks of the map that moves, at its seam and far from it, and of the one that stays.
+TEST_F(MergerTest, MarksFollowTheJoin) {
+  colon_.AddWall(0.0, 14.0, 5000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 41, kOlderFromWorld);
+  const int first = colon_.AddMap(&atlas_, 2.0, 10.0, 40, kYoungerFromWorld).first;
+  struct Marked {
+    MarkHandle mark;
+    Eigen::Vector3d in_world;
+  };
+  std::vector<Marked> marks;
+  for (const auto& [label, frame] :
+       {std::pair("stays", 20), std::pair("seam", first + 2), std::pair("far", first + 35)}) {
+    const SyntheticColon::Frame& seen_from = colon_.frames()[static_cast<std::size_t>(frame)];
+    const Eigen::Vector3d in_world = seen_from.cam_from_world.Inverse() * Eigen::Vector3d(0.4, 0.5, 1.2);
+    Mark mark;
+    mark.label = MarkLabel::From(label).value();
+    PlacedMark place;
+    place.map = atlas_.keyframe(seen_from.keyframe).map;
+    place.position = seen_from.map_from_world * in_world;
+    place.normal = Eigen::Vector3d::UnitX();
+    place.radius = 0.1;
+    marks.push_back({atlas_.AddMark(mark, seen_from.keyframe, place), in_world});
+  }
+  ASSERT_TRUE(Apply(Plan(first + 2, 34)).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  for (const Marked& marked : marks) {
+    const PlacedMark place = atlas_.PlaceOf(atlas_.marks().At(marked.mark));
+    EXPECT_EQ(atlas_.map(place.map).id, 0u);
+    EXPECT_LT((place.position - kOlderFromWorld * marked.in_world).norm() / kOlderFromWorld.scale, 0.05);
+  }
+}
+
 // A long procedure is being tracked when it meets what a short one has left: the long one stays where it is, and with
 // it the tracker.
 TEST_F(MergerTest, LargerMapStaysThoughItIsTheYoungerOne) {
@@ -491,6 +523,51 @@ TEST_F(LoopTest, DriftIsTakenOut) {
   const bool is_joined = std::any_of(covisible.begin(), covisible.end(),
                                      [&](const Covisible& c) { return atlas_.keyframe(c.keyframe).id < 6; });
   EXPECT_TRUE(is_joined);
+}
+
+// The drift that a loop takes out is taken out of the marks, too: each keeps its place before the keyframe that saw it.
+TEST_F(LoopTest, MarksFollowTheirKeyframesAndTheirScale) {
+  BuildDriftingMap();
+  const MergePlan plan = Plan(2 * kTurn - 2, 1);
+  std::vector<MarkHandle> marks;
+  const Eigen::Vector3d before_camera(0.3, -0.4, 1.1);
+  for (const auto& [label, frame] : {std::pair("early", 3), std::pair("turn", kTurn), std::pair("late", 50)}) {
+    const Keyframe& keyframe_of_mark = atlas_.keyframe(keyframe(frame));
+    Mark mark;
+    mark.label = MarkLabel::From(label).value();
+    PlacedMark place;
+    place.map = keyframe_of_mark.map;
+    place.position = keyframe_of_mark.cam_from_map.Inverse() * before_camera;
+    place.normal = Eigen::Vector3d::UnitX();
+    place.radius = 0.1;
+    marks.push_back(atlas_.AddMark(mark, keyframe(frame), place));
+  }
+  const Atlas before = atlas_;
+  ASSERT_TRUE(Apply(plan).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  double largest_growth = 1.0;
+  for (const MarkHandle handle : marks) {
+    const Mark& mark = atlas_.marks().At(handle);
+    const double growth = atlas_.KeyframeScale(mark.keyframe) / before.KeyframeScale(mark.keyframe);
+    largest_growth = std::max({largest_growth, growth, 1.0 / growth});
+    const Eigen::Vector3d in_camera = atlas_.keyframe(mark.keyframe).cam_from_map * atlas_.PlaceOf(mark).position;
+    EXPECT_LT((in_camera - growth * before_camera).norm(), 1e-9);
+    // Points before the same keyframe have come along as well: the mark lies among them as it did.
+    double sum = 0.0;
+    int num = 0;
+    const Keyframe& then = before.keyframe(mark.keyframe);
+    for (int i = 0; i < then.features.num; ++i) {
+      const MapPoint* old_point = before.GetPoint(then.points[i]);
+      const MapPoint* point = atlas_.GetPoint(then.points[i]);
+      if (old_point == nullptr || point == nullptr) continue;
+      const double old_distance = (old_point->position - before.PlaceOf(before.marks().At(handle)).position).norm();
+      sum += (point->position - atlas_.PlaceOf(mark).position).norm() / (growth * old_distance);
+      ++num;
+    }
+    ASSERT_GT(num, 50);
+    EXPECT_NEAR(sum / num, 1.0, 0.05);
+  }
+  EXPECT_GT(largest_growth, 1.02);
 }
 
 // Neighbours that share a node take the drift out nearly as well as keyframes one by one.

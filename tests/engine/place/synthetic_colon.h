@@ -44,7 +44,7 @@ class SyntheticColon {
   Rng& rng() { return rng_; }
   Atlas MakeAtlas() const {
     return Atlas({config_.memory.max_keyframes, config_.memory.max_map_points, config_.memory.max_maps,
-                  config_.memory.max_keyframe_ids, kMaxFeatures});
+                  config_.memory.max_keyframe_ids, kMaxFeatures, config_.memory.max_marks});
   }
 
   // Landmarks between z = begin and end. Returns the index of the first.

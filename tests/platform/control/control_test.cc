@@ -31,6 +31,12 @@ TEST(ControlProtocol, RequestsAreReadAndWrittenAlike) {
     ASSERT_TRUE(request.ok()) << text << ": " << request.status().ToString();
     EXPECT_EQ(ToText(*request), text);
   }
+  const ControlRequest mark = ParseControlRequest("mark 12.5 -3 polyp_1 77").value();
+  EXPECT_EQ(mark.x_px, 12.5);
+  EXPECT_EQ(mark.y_px, -3.0);
+  EXPECT_EQ(mark.name, "polyp_1");
+  EXPECT_EQ(mark.frame_index, 77u);
+  EXPECT_EQ(ParseControlRequest("mark 1 2 a")->frame_index, std::nullopt);
   EXPECT_EQ(ParseControlRequest("begin case7\n")->name, "case7");
   EXPECT_EQ(ParseControlRequest("end keep")->keep, true);
   EXPECT_EQ(ParseControlRequest("end")->keep, std::nullopt);
@@ -44,6 +50,15 @@ TEST(ControlProtocol, WhatIsWrongIsSaid) {
   EXPECT_NE(Message("status now").find("takes no argument"), std::string::npos);
   EXPECT_NE(Message("begin ").find("ends in a space"), std::string::npos);
   EXPECT_NE(Message("save").find("is not a name"), std::string::npos);
+  EXPECT_NE(Message("mark").find("'' is no pixel"), std::string::npos);
+  EXPECT_NE(Message("mark 1 nan a").find("'nan' is no pixel"), std::string::npos);
+  EXPECT_NE(Message("mark 1 1e7 a").find("'1e7' is no pixel"), std::string::npos);
+  EXPECT_NE(Message("mark 1 2").find("'' is not a label"), std::string::npos);
+  EXPECT_NE(Message("mark 1 2 " + std::string(32, 'a')).find("is not a label"), std::string::npos);
+  EXPECT_NE(Message("mark 1 2 a b").find("'b' is no frame number"), std::string::npos);
+  EXPECT_NE(Message("mark 1 2 a -1").find("'-1' is no frame number"), std::string::npos);
+  EXPECT_NE(Message("unmark").find("is not a label"), std::string::npos);
+  EXPECT_NE(Message("marks all").find("takes no argument"), std::string::npos);
   EXPECT_NE(Message(std::string("begin a\0b", 9)).find("not printable"), std::string::npos);
   EXPECT_NE(Message(std::string(kMaxRequestBytes + 1, 'a')).find("longer than"), std::string::npos);
   // A name never leads out of its folder.

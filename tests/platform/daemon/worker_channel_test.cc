@@ -67,6 +67,27 @@ TEST_F(WorkerChannel, ReportsArriveAsTheyWereSent) {
   EXPECT_EQ(received->silence_ns, report.silence_ns);
 }
 
+TEST_F(WorkerChannel, MarksAreAskedForAndAnswered) {
+  WorkerRequest request{.command = WorkerCommand::kMark, .number = 5};
+  request.frame_index = 77;
+  request.pixel = {12.5, 3.0};
+  std::strcpy(request.label.data(), "polyp");
+  ASSERT_TRUE(SendRequest(pair_.supervisor, request, {}).ok());
+  const Result<ReceivedRequest> received = ReceiveRequest(pair_.worker);
+  ASSERT_TRUE(received.ok()) << received.status().ToString();
+  EXPECT_EQ(received->request.frame_index, 77u);
+  EXPECT_EQ(received->request.pixel, request.pixel);
+  EXPECT_STREQ(received->request.label.data(), "polyp");
+  request.label.fill('x');
+  ASSERT_TRUE(SendRequest(pair_.supervisor, request, {}).ok());
+  EXPECT_EQ(ReceiveRequest(pair_.worker).code(), StatusCode::kDataLoss);
+
+  WorkerReport report = MakeReport(WorkerNews::kMarked, Status(StatusCode::kOk, "marked polyp\n"));
+  report.number = 5;
+  ASSERT_TRUE(SendReport(pair_.worker, report).ok());
+  EXPECT_STREQ(ReceiveReport(pair_.supervisor)->text.data(), "marked polyp\n");
+}
+
 TEST_F(WorkerChannel, EndOfTheOtherSideIsHeard) {
   ASSERT_TRUE(SendReport(pair_.worker, MakeReport(WorkerNews::kReady)).ok());
   close(pair_.worker);

@@ -169,7 +169,7 @@ class AlwaysSaves final : public SessionHooks {
  public:
   AlwaysSaves(const Engine& engine, PoseRingWriter& ring) : engine_(engine), ring_(ring) {}
   void OnTracked(const FrameOutcome& outcome) override {
-    ring_.PublishPose(PoseRecord(outcome.result, outcome.due, outcome.due, 1));
+    ring_.PublishPose(PoseRecord(outcome.result, {}, outcome.due, outcome.due, 1));
   }
   void BetweenMapSteps() override {
     StringSink sink;

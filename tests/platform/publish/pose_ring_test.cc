@@ -54,6 +54,8 @@ haustra_pose UniformPose(std::uint64_t number) {
   pose.map_id = pose.num_features = pose.num_inliers = static_cast<std::uint32_t>(number);
   for (double& value : pose.position_mu) value = static_cast<double>(number);
   for (double& value : pose.orientation_xyzw) value = static_cast<double>(number);
+  pose.num_marks = 1 + static_cast<std::uint32_t>(number % HAUSTRA_MAX_MARKS);
+  for (haustra_mark_sighting& mark : pose.marks) mark.id = mark.state = pose.map_id;
   return pose;
 }
 
@@ -66,6 +68,10 @@ bool IsUniform(const haustra_pose& pose) {
                     pose.num_features == pose.map_id && pose.num_inliers == pose.map_id;
   for (const double v : pose.position_mu) is_uniform = is_uniform && v == value;
   for (const double v : pose.orientation_xyzw) is_uniform = is_uniform && v == value;
+  is_uniform = is_uniform && pose.num_marks == 1 + number % HAUSTRA_MAX_MARKS;
+  for (std::uint32_t i = 0; i < pose.num_marks && is_uniform; ++i) {
+    is_uniform = pose.marks[i].id == pose.map_id && pose.marks[i].state == pose.map_id;
+  }
   return is_uniform;
 }
 
@@ -381,6 +387,8 @@ TEST_F(PoseRing, WipeLeavesNothingToRead) {
   writer->PublishEvent({});
   const auto snapshot = std::make_unique<haustra_snapshot>();
   snapshot->num_points = 10;
+  snapshot->num_marks = 1;
+  std::strcpy(snapshot->marks[0].label, "polyp");
   writer->PublishSnapshot(*snapshot);
   std::uint64_t cursor = 4, num_missed = 0;
   writer->Wipe();
@@ -439,7 +447,8 @@ TEST_F(PoseRing, OtherFilesAreRefusedByWhatIsWrongWithThem) {
   };
   EXPECT_EQ(open_with(bytes.size(), 0, bytes.size()), HAUSTRA_OK);
   EXPECT_EQ(open_with(0, 'x', bytes.size()), HAUSTRA_NOT_A_RING);
-  EXPECT_EQ(open_with(offsetof(haustra_ring_header, version), 2, bytes.size()), HAUSTRA_OTHER_VERSION);
+  EXPECT_EQ(open_with(offsetof(haustra_ring_header, version), HAUSTRA_RING_VERSION + 1, bytes.size()),
+            HAUSTRA_OTHER_VERSION);
   EXPECT_EQ(open_with(offsetof(haustra_ring_header, num_pose_slots), 1, bytes.size()), HAUSTRA_NOT_A_RING);
   EXPECT_EQ(open_with(offsetof(haustra_ring_header, pose_slot_bytes), 1, bytes.size()), HAUSTRA_NOT_A_RING);
   for (const std::size_t size : {std::size_t{0}, std::size_t{7}, std::size_t{100}, bytes.size() - 1}) {
@@ -470,7 +479,7 @@ TEST_F(PoseRing, NamesAreThoseOfTheEngine) {
     EXPECT_EQ(ToString(static_cast<TrackingState>(i)), haustra_state_name(i)) << i;
     FrameResult result;
     result.reason = static_cast<TrackingReason>(i);
-    const std::string_view published = haustra_reason_name(PoseRecord(result, {}, {}, 1).reason);
+    const std::string_view published = haustra_reason_name(PoseRecord(result, {}, {}, {}, 1).reason);
     EXPECT_EQ(ToString(result.reason), published) << i;
     EXPECT_EQ(ToString(static_cast<MapEventKind>(i)), haustra_event_name(i)) << i;
   }
@@ -487,7 +496,7 @@ TEST(PublishedRecords, PoseTakesPointsOfTheCameraIntoTheMap) {
   // cam_from_map by hand: R^T (x - centre).
   result.cam_from_map.rotation = map_from_cam.conjugate();
   result.cam_from_map.translation = -(map_from_cam.conjugate() * centre);
-  const haustra_pose pose = PoseRecord(result, TimePoint(Duration(100)), TimePoint(Duration(250)), 7);
+  const haustra_pose pose = PoseRecord(result, {}, TimePoint(Duration(100)), TimePoint(Duration(250)), 7);
   EXPECT_EQ(pose.flags, static_cast<std::uint32_t>(HAUSTRA_POSE_VALID));
   EXPECT_EQ(pose.captured_ns, 100);
   EXPECT_EQ(pose.published_ns, 250);
@@ -499,13 +508,32 @@ TEST(PublishedRecords, PoseTakesPointsOfTheCameraIntoTheMap) {
   EXPECT_LT(read.angularDistance(map_from_cam), 1e-12);
 }
 
+TEST(PublishedRecords, MarksComeWithThePose) {
+  MarkSightings marks;
+  ASSERT_TRUE(marks.PushBack({4, MarkState::kInFront, 100.5f, 20.0f, 0.75f}));
+  ASSERT_TRUE(marks.PushBack({9, MarkState::kHidden, 10.0f, 30.0f, 2.5f}));
+  FrameResult result;
+  result.state = TrackingState::kTracking;
+  const haustra_pose pose = PoseRecord(result, marks, TimePoint{}, TimePoint{}, 1);
+  ASSERT_EQ(pose.num_marks, 2u);
+  EXPECT_EQ(pose.marks[0].id, 4u);
+  EXPECT_EQ(pose.marks[0].state, static_cast<std::uint32_t>(HAUSTRA_MARK_IN_FRONT));
+  EXPECT_EQ(pose.marks[0].u_px, 100.5f);
+  EXPECT_EQ(pose.marks[1].v_px, 30.0f);
+  EXPECT_EQ(pose.marks[1].distance_in_depths, 2.5f);
+  EXPECT_STREQ(haustra_mark_state_name(pose.marks[1].state), "hidden");
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_EQ(haustra_mark_state_name(static_cast<std::uint32_t>(i)), ToString(static_cast<MarkState>(i)));
+  }
+}
+
 TEST(PublishedRecords, PoseWithoutTrackingIsNotValidAndMonocularScaleIsNeverKnown) {
   RecordProperty("req", "TRK-001,SCALE-001");
   FrameResult result;
   result.cam_from_map.translation = Eigen::Vector3d(1, 1, 1);
   for (const TrackingState state : {TrackingState::kInitialising, TrackingState::kTracking, TrackingState::kLost}) {
     result.state = state;
-    const haustra_pose pose = PoseRecord(result, TimePoint{}, TimePoint{}, 1);
+    const haustra_pose pose = PoseRecord(result, {}, TimePoint{}, TimePoint{}, 1);
     EXPECT_EQ((pose.flags & HAUSTRA_POSE_VALID) != 0, state == TrackingState::kTracking);
     EXPECT_EQ(pose.flags & HAUSTRA_POSE_SCALE_KNOWN, 0u);
     if (state != TrackingState::kTracking) {

@@ -1,0 +1,57 @@
+// Sets and removes a doctor's marks (engine/atlas/mark.h), and measures them anew as the map becomes better. A mark is
+// set in a frame that the doctor saw, which need not be a keyframe: the tracker says of every frame where it was
+// (engine/tracking/answered_frame.h), and the last kKeptAnswers of them can be marked. Full pool: refused with a
+// message. thread-bound(mapping).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+#include "engine/atlas/mark.h"
+#include "engine/mapping/mapping_state.h"
+#include "engine/mapping/wall_fit.h"
+#include "engine/tracking/answered_frame.h"
+#include "hal/core/status.h"
+
+namespace haustra {
+
+inline constexpr std::uint32_t kNewestFrame = 0xffffffffu;
+
+struct MarkRequest {
+  std::uint32_t frame_index = kNewestFrame;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  MarkLabel label;
+};
+
+class MarkKeeper {
+ public:
+  // It outlives this.
+  explicit MarkKeeper(MappingState& state) : state_(state), fit_(state.camera) {}
+
+  // Takes what the tracker has answered since; between two steps of the mapper.
+  void HearTracker();
+
+  // kFailedPrecondition: the frame has no measured pose, or too little of the map is near. kNotFound: no such frame
+  // is remembered. kInvalidArgument: label or pixel. kCapacityExceeded: there are as many as may be.
+  Result<MarkId> Set(const MarkRequest& request);
+  // kNotFound.
+  Status Remove(std::string_view label);
+
+  // Measures some marks of the active map again, in turn, as their keyframes see the wall now.
+  void Refine();
+
+ private:
+  const AnsweredFrame* Find(std::uint32_t frame_index) const;
+  Result<WallPatch> FitAround(const SE3& cam_from_map, KeyframeHandle keyframe, const Eigen::Vector2d& pixel,
+                              int num_neighbours);
+
+  MappingState& state_;
+  WallFit fit_;
+  std::array<AnsweredFrame, kKeptAnswers> frames_;  // the latest, by their number among all modulo the size
+  std::uint64_t num_frames_ = 0;
+  std::uint32_t next_to_refine_ = 0;  // slot
+  std::vector<Covisible> covisible_;
+};
+
+}  // namespace haustra

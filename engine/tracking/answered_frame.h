@@ -1,0 +1,25 @@
+// Where a frame was, for who wants to say something about it later: the tracker tells the mapper of every frame it has
+// answered, and the mapper keeps the last ones (engine/mapping/mark_keeper.h). Plain data.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/atlas/handles.h"
+#include "engine/geometry/se3.h"
+#include "hal/core/time.h"
+
+namespace haustra {
+
+// Ten seconds at 50 frames a second: as long as it takes to point at what one has seen.
+inline constexpr std::size_t kKeptAnswers = 512;
+
+struct AnsweredFrame {
+  std::uint32_t frame_index = 0;
+  TimePoint timestamp;
+  KeyframeId reference_keyframe = kNoId;  // kNoId: no pose was measured
+  SE3 cam_from_reference;
+  double reference_scale = 1.0;
+};
+
+}  // namespace haustra

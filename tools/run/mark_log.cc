@@ -1,0 +1,45 @@
+#include "tools/run/mark_log.h"
+
+namespace haustra {
+namespace {
+
+// Of frames that mapping has not looked at: seconds.
+constexpr std::size_t kMaxUnreadFrames = 512;
+
+}  // namespace
+
+MarkLog::MarkLog(Engine& engine, std::vector<MarkRequest> requests)
+    : engine_(engine), requests_(std::move(requests)), frames_(kMaxUnreadFrames) {}
+
+void MarkLog::OnTracked(const FrameOutcome& outcome) {
+  const MarkSightings& sightings = engine_.mark_sightings();
+  if (!sightings.empty()) {
+    if (SeenFrame* slot = frames_.BeginPush()) {
+      slot->frame_index = outcome.result.frame_index;
+      slot->sightings = sightings;
+      frames_.CommitPush();
+    }
+  }
+  newest_frame_.store(outcome.result.frame_index, std::memory_order_release);
+}
+
+void MarkLog::BetweenMapSteps() {
+  const std::int64_t newest = newest_frame_.load(std::memory_order_acquire);
+  for (; next_request_ < requests_.size() && requests_[next_request_].frame_index <= newest; ++next_request_) {
+    const Result<MarkId> id = engine_.SetMark(requests_[next_request_]);
+    if (!id.ok()) refused_.push_back({requests_[next_request_], id.status().message()});
+  }
+  for (const SeenFrame* frame = frames_.Front(); frame != nullptr; frame = frames_.Front()) {
+    for (const MarkSighting& sighting : frame->sightings) rows_.push_back({frame->frame_index, sighting});
+    frames_.Pop();
+  }
+}
+
+void MarkLog::Finish() {
+  BetweenMapSteps();
+  for (; next_request_ < requests_.size(); ++next_request_) {
+    refused_.push_back({requests_[next_request_], "the run ended before its frame came"});
+  }
+}
+
+}  // namespace haustra

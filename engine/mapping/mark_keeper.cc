@@ -7,8 +7,6 @@
 namespace haustra {
 namespace {
 
-// Keyframes around the nearest one that are asked when it knows too little of the wall.
-constexpr int kNeighboursOfMark = 6;
 // A keyframe that a mark was handed to may see a fold before it. What lies this near along the ray, and this way, is
 // the same wall.
 constexpr double kMaxRefinement = 0.1;

@@ -26,8 +26,12 @@ struct MarkRequest {
 
 class MarkKeeper {
  public:
+  // Keyframes around the nearest one that are asked when it knows too little of the wall.
+  static constexpr int kNeighboursOfMark = 6;
+
   // It outlives this.
-  explicit MarkKeeper(MappingState& state) : state_(state), fit_(state.camera) {}
+  explicit MarkKeeper(MappingState& state)
+      : state_(state), fit_(state.camera, (1 + kNeighboursOfMark) * state.config.features.max) {}
 
   // Takes what the tracker has answered since; between two steps of the mapper.
   void HearTracker();

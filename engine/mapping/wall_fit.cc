@@ -30,6 +30,12 @@ Eigen::Vector3d AnyNormalTo(const Eigen::Vector3d& ray) {
 
 }  // namespace
 
+WallFit::WallFit(const CameraModel& camera, int max_points) : camera_(camera) {
+  samples_.reserve(static_cast<std::size_t>(max_points));
+  witnesses_.reserve(static_cast<std::size_t>(max_points));
+  sorted_.reserve(static_cast<std::size_t>(max_points));
+}
+
 void WallFit::Begin(const SE3& cam_from_map) {
   cam_from_map_ = cam_from_map;
   samples_.clear();
@@ -37,7 +43,7 @@ void WallFit::Begin(const SE3& cam_from_map) {
 
 void WallFit::Add(const Keyframe& keyframe, const Atlas& atlas) {
   const std::size_t num_before = samples_.size();
-  for (int i = 0; i < keyframe.features.num; ++i) {
+  for (int i = 0; i < keyframe.features.num && samples_.size() < samples_.capacity(); ++i) {
     if (!keyframe.points[i]) continue;
     const Eigen::Vector3d point_in_cam = cam_from_map_ * atlas.point(keyframe.points[i]).position;
     Sample sample;
@@ -48,8 +54,9 @@ void WallFit::Add(const Keyframe& keyframe, const Atlas& atlas) {
     samples_.push_back(sample);
   }
   if (num_before == 0) return;
-  std::stable_sort(samples_.begin(), samples_.end(),
-                   [](const Sample& a, const Sample& b) { return a.point.index < b.point.index; });
+  // Samples of the same point are the same.
+  std::sort(samples_.begin(), samples_.end(),
+            [](const Sample& a, const Sample& b) { return a.point.index < b.point.index; });
   const auto is_same = [](const Sample& a, const Sample& b) { return a.point == b.point; };
   samples_.erase(std::unique(samples_.begin(), samples_.end(), is_same), samples_.end());
 }

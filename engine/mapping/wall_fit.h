@@ -21,8 +21,8 @@ struct WallPatch {
 
 class WallFit {
  public:
-  // The camera outlives it.
-  explicit WallFit(const CameraModel& camera) : camera_(camera) {}
+  // The camera outlives it. All memory is taken here; points beyond max_points are left out.
+  WallFit(const CameraModel& camera, int max_points);
 
   // A view of a map that shows no points yet.
   void Begin(const SE3& cam_from_map);

@@ -18,7 +18,7 @@ constexpr int kMaxPoints = 600;
 // A view of points that two keyframes see, both from the origin.
 class WallFitTest : public testing::Test {
  protected:
-  WallFitTest() : camera_(ColonCamera()), atlas_({4, kMaxPoints, 2, 8, kMaxPoints}), fit_(camera_) {
+  WallFitTest() : camera_(ColonCamera()), atlas_({4, kMaxPoints, 2, 8, kMaxPoints}), fit_(camera_, 2 * kMaxPoints) {
     map_ = atlas_.CreateMap();
     FrameFeatures features(kMaxPoints);
     features.num = kMaxPoints;

@@ -96,7 +96,9 @@ Result<surface::SurfaceScore> Judge(const SurfaceArguments& arguments, const eva
   if (!has_wall || std::filesystem::exists(depth)) {
     HAUSTRA_ASSIGN(score.depth, surface::JudgeDepths(maps, surfaces, run, evaluation, reference, depth));
   }
-  if (has_wall && IsJudged(arguments.coverage)) {
+  if (has_wall && !IsJudged(arguments.coverage)) {
+    console::Warn(kSurfaceCommand, "coverage is not judged: --max-range and --max-slant are not those of the truth");
+  } else if (has_wall) {
     HAUSTRA_ASSIGN(const surface::TrueWall truth, surface::ReadTrueWall(wall));
     score.coverage = surface::JudgeCoverage(maps, coverages, evaluation, truth);
   }

@@ -65,8 +65,12 @@ TEST(MapCoverage, OfATubeIsWhatItsGeometrySays) {
     for (int column = 0; column < WallGrid::kAngles; ++column) {
       well += wall.cell(row, column).view == WallView::kWell ? 1 : 0;
     }
-    if (beyond > 0.7) EXPECT_GE(well, WallGrid::kAngles - 1) << beyond;
-    if (beyond < 0.15) EXPECT_LT(well, WallGrid::kAngles / 3) << beyond << ": only in the corners of the picture";
+    if (beyond > 0.7) {
+      EXPECT_GE(well, WallGrid::kAngles - 1) << beyond;
+    }
+    if (beyond < 0.15) {
+      EXPECT_LT(well, WallGrid::kAngles / 3) << beyond << ": only in the corners of the picture";
+    }
   }
   ASSERT_EQ(coverage.segments.size(), 3u);
   EXPECT_GT(coverage.segments[2].well, 0.98);

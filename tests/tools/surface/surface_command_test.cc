@@ -95,6 +95,14 @@ TEST_F(SurfaceCommandTest, ADamagedTruthOfTheWallIsNamedWithItsLine) {
   EXPECT_FALSE(IsThere("to"));
 }
 
+TEST_F(SurfaceCommandTest, CoverageByOtherLimitsThanThoseOfTheTruthIsNotJudged) {
+  folder_.Write("truth/groundtruth.txt", "0.0 0 0 0 0 0 0 1\n0.04 0 0 1 0 0 0 1\n");
+  folder_.Write("truth/seen_wall.csv", "row,column,x_mm,y_mm,z_mm,seen\n0,0,1,2,3,well\n");
+  ASSERT_EQ(Surface("seq", {"--groundtruth", folder_.At("truth/groundtruth.txt"), "--max-slant", "60"}), kExitOk)
+      << err_;
+  EXPECT_THAT(err_, HasSubstr("coverage is not judged: --max-range and --max-slant"));
+}
+
 TEST_F(SurfaceCommandTest, AnotherSequenceIsRefused) {
   WriteSequence("late", 64, 48, 500000000);
   EXPECT_NE(Surface("late"), kExitOk);

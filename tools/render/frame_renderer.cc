@@ -93,6 +93,30 @@ void FrameRenderer::MeasureRange(const ExposureMoment& moment, int step_px, std:
   }
 }
 
+void FrameRenderer::FindSeenWall(const ExposureMoment& moment, SeenWall* seen) {
+  mesh_.Project(colon_, camera_, std::span(&moment, 1));
+  visibility_.Rasterise(mesh_);
+  const Eigen::Matrix3d world_from_cam = moment.world_from_cam.matrix3();
+  for (int y = 0; y < camera_.height_px(); ++y) {
+    for (int x = 0; x < camera_.width_px(); ++x) {
+      if (window_.coverage(x, y) < 1.0f) continue;
+      const Eigen::Vector3f& ray = rays_[std::size_t(y) * camera_.width_px() + x];
+      const Eigen::Vector3d ray_in_world = world_from_cam * ray.cast<double>();
+      InstrumentHit hit;
+      const bool has_hit = moment.instrument.Meet(ray, &hit);
+      for (int k = 0; k < 4; ++k) {
+        const int i = 2 * x + (k & 1), j = 2 * y + (k >> 1);
+        const std::uint32_t triangle = visibility_.triangle(i, j);
+        if (triangle == VisibilityBuffer::kNothing) continue;
+        const double range_mm = 1.0 / visibility_.inverse_range(i, j);
+        if (has_hit && hit.range_mm < range_mm) continue;
+        const int quad = static_cast<int>(triangle >> 1);
+        seen->Note(mesh_.first_ring + quad / ProjectedMesh::kM, quad % ProjectedMesh::kM, range_mm, ray_in_world);
+      }
+    }
+  }
+}
+
 void FrameRenderer::ShadePixel(int x, int y, const ExposureMoment& moment, float rgb[3]) const {
   const std::size_t index = std::size_t(y) * camera_.width_px() + x;
   float nearest = 0.0f, farthest = 1e9f;

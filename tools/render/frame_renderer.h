@@ -13,6 +13,7 @@
 #include "tools/render/linear_image.h"
 #include "tools/render/mucosa_texture.h"
 #include "tools/render/projected_mesh.h"
+#include "tools/render/seen_wall.h"
 #include "tools/render/visibility_buffer.h"
 #include "tools/render/window_mask.h"
 
@@ -30,6 +31,9 @@ class FrameRenderer {
   // How far away the nearest thing is along the rays of the cells of step_px x step_px pixels (CellCentrePx of
   // engine/surface/depth_map.h), mm, row by row; 0: nothing within reach, or outside the window. Instruments count.
   void MeasureRange(const ExposureMoment& moment, int step_px, std::vector<float>* range_mm);
+
+  // Notes what the picture shows of the wall, inside the window and not behind an instrument.
+  void FindSeenWall(const ExposureMoment& moment, SeenWall* seen);
 
  private:
   // Radiance along a unit ray that meets `triangle`, and how far away that is.

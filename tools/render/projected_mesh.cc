@@ -29,6 +29,7 @@ void ProjectedMesh::Project(const Colon& colon, const CameraModel& camera, std::
     for (const ExposureMoment& row : rows_seen) row_from_world.push_back(row.world_from_cam.Inverse());
   }
 
+  first_ring = begin;
   rings.resize(std::max(end - begin, 0));
   vertices.resize(rings.size() * kM);
   for (int i = 0; i < num_rings(); ++i) {

@@ -31,6 +31,7 @@ struct ProjectedMesh {
   };
   std::vector<Vertex> vertices;  // kM a ring
   std::vector<Ring> rings;
+  int first_ring = 0;  // of the colon's mesh
 
   int num_rings() const { return static_cast<int>(rings.size()); }
   // Triangles are numbered 2 * (ring * kM + vertex) and + 1; corners in order.

@@ -35,7 +35,9 @@ struct RenderArguments {
   render::Shutter shutter;
   int threads = 0;
   int quality = 92;
+  std::optional<double> tilt_deg;
   bool with_depth = false;
+  bool with_seen_wall = false;
   bool overwrite = false;
 };
 
@@ -76,7 +78,9 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   if (!arguments.calibration_error.empty()) {
     HAUSTRA_ASSIGN(options.calibration_error, render::ParseCalibrationError(arguments.calibration_error));
   }
+  if (arguments.tilt_deg) options.preset.path.tilt_deg = *arguments.tilt_deg;
   options.with_depth = arguments.with_depth;
+  options.with_seen_wall = arguments.with_seen_wall;
   options.overwrite = arguments.overwrite;
   options.num_threads =
       arguments.threads > 0 ? arguments.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -202,6 +206,12 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
       "of the first coefficient; calib_true.yaml is right");
   command->add_flag("--depth", arguments->with_depth,
                     "Write true depth, too: depth/NNNNNN.pgm, the range along the ray at a quarter of the size");
+  command->add_flag("--seen-wall", arguments->with_seen_wall,
+                    "Write which part of the wall the frames show, too: seen_wall.csv");
+  command
+      ->add_option("--tilt", arguments->tilt_deg,
+                   "A bent tip that looks so far from straight ahead, degrees; by default the preset's")
+      ->check(CLI::Range(0.0, 90.0));
   AddOverwriteFlag(*command, arguments->overwrite);
   command->callback([arguments, &action] { action = [arguments] { return RunRender(*arguments); }; });
 }

@@ -16,6 +16,7 @@
 #include "tools/render/out_of_range.h"
 #include "tools/render/parallel_for.h"
 #include "tools/render/revisits.h"
+#include "tools/render/seen_wall.h"
 #include "tools/render/sequence_model.h"
 #include "tools/render/sequence_writer.h"
 
@@ -141,6 +142,10 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
     renderers.push_back(
         std::make_unique<FrameRenderer>(model->colon(), model->mucosa(), model->camera(), model->window()));
   }
+  std::vector<SeenWall> seen_walls;  // of each thread; what all have seen does not depend on which thread saw it
+  for (int i = 0; options.with_seen_wall && i < num_threads; ++i) {
+    seen_walls.emplace_back(model->colon().mesh(), CoverageOptions());
+  }
   std::vector<Image> pictures(num_threads);
   const int batch = std::min(num_frames, kBatchPerThread * num_threads);
   std::vector<LinearImage> light(batch, LinearImage(options.width_px, options.height_px));
@@ -175,6 +180,7 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
         WeaveFields(second_fields[worker], &pictures[worker]);
       }
       if (options.with_depth) error.Note(WriteRange(folder, begin + i, *model, renderers[worker].get()));
+      if (options.with_seen_wall) model->FindSeenWall(begin + i, renderers[worker].get(), &seen_walls[worker]);
       error.Note(WriteJpeg(FramePath(folder, begin + i), pictures[worker].view(), options.jpeg_quality));
       const std::lock_guard<std::mutex> lock(progress_mutex);
       ++num_done;
@@ -182,6 +188,10 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
     });
   }
   HAUSTRA_TRY(error.status());
+  if (options.with_seen_wall) {
+    for (int i = 1; i < num_threads; ++i) seen_walls[0].Add(seen_walls[i]);
+    HAUSTRA_TRY(WriteFile(folder + "/seen_wall.csv", seen_walls[0].Csv()));
+  }
   output.Commit();
   return Status::Ok();
 }

@@ -84,6 +84,13 @@ void SequenceModel::MeasureRange(int frame, int step_px, FrameRenderer* renderer
   renderer->MeasureRange(MomentAt(TimeS(frame)), step_px, range_mm);
 }
 
+void SequenceModel::FindSeenWall(int frame, FrameRenderer* renderer, SeenWall* seen) const {
+  for (const FrameSpan& span : spans_) {
+    if (HidesScene(span.kind) && frame >= span.first_frame && frame <= span.last_frame) return;
+  }
+  renderer->FindSeenWall(MomentAt(TimeS(frame)), seen);
+}
+
 std::vector<ExposureMoment> SequenceModel::RowsAt(double time_s) const {
   const int num_rows = options_.shutter.readout > 0.0 ? options_.height_px : 1;
   std::vector<ExposureMoment> rows(num_rows);

@@ -48,6 +48,9 @@ class SequenceModel {
   void Expose(double time_s, FrameRenderer* renderer, LinearImage* light) const;
   // FrameRenderer::MeasureRange at the time of the frame, with all rows at once.
   void MeasureRange(int frame, int step_px, FrameRenderer* renderer, std::vector<float>* range_mm) const;
+  // FrameRenderer::FindSeenWall at the time of the frame, with all rows at once. Frames in which events hide the scene
+  // show nothing.
+  void FindSeenWall(int frame, FrameRenderer* renderer, SeenWall* seen) const;
   // When the second of two fields is exposed; TimeS(frame) where there are no fields.
   double SecondFieldS(int frame) const { return TimeS(frame) + options_.shutter.field_lag / options_.rate_hz; }
   // Later than the middle row by so much, a row in the middle of its exposure; 0 without a rolling shutter.

@@ -208,6 +208,7 @@ std::string MakePage(const PageContent& content) {
       Section("pictures-section", "Where maps were joined",
               content.pictures_html.empty() ? Paragraph("No sequence was given (--sequence), so there are no pictures.")
                                             : content.pictures_html);
+  if (!content.wall_html.empty()) page += Section("wall-section", "The wall that was looked at", content.wall_html);
   page += Section("events-section", "What happened",
                   "<div class=\"scroll\">" + TableHtml(EventTable(content.run)) + "</div>\n");
   page += Section("rejections-section", "Why no merge here", RejectionsHtml(content.run));

@@ -16,7 +16,8 @@ struct PageContent {
   const evaluate::Reference& reference;  // without poses: nothing to compare with
   const evaluate::Evaluation& evaluation;
   const std::map<int, MapModel>& models;
-  std::string pictures_html;  // of join_pictures.h; empty: no sequence was given
+  std::string pictures_html;   // of join_pictures.h; empty: no sequence was given
+  std::string wall_html = {};  // of wall_pictures.h; empty: no surface was given, the page has no such section
 };
 
 // The figures in it are those of ToJson(evaluation), which is in the page as well (script element "evaluation").

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "tools/report/page.h"
+#include "tools/report/wall_pictures.h"
 
 namespace haustra::report {
 Result<std::string> MakeRunReport(const ReportRequest& request) {
@@ -17,7 +18,11 @@ Result<std::string> MakeRunReport(const ReportRequest& request) {
   if (!request.pictures.sequence.empty()) {
     HAUSTRA_ASSIGN(pictures, JoinPicturesHtml(run, evaluation, models, request.pictures));
   }
-  return MakePage({run, reference, evaluation, models, pictures});
+  std::string walls;
+  if (!request.surface.empty()) {
+    HAUSTRA_ASSIGN(walls, WallPicturesHtml(request.surface));
+  }
+  return MakePage({run, reference, evaluation, models, pictures, walls});
 }
 
 }  // namespace haustra::report

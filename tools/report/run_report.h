@@ -15,10 +15,12 @@ struct ReportRequest {
   std::string groundtruth;  // empty: none
   std::string events;       // empty: events.csv beside the ground truth
   PictureOptions pictures;  // without a sequence: none
+  std::string surface;      // folder of `haustra surface`; empty: none
   evaluate::EvaluateOptions options;
 };
 
-// HTML. Errors of what it reads: evaluate::ReadRunOutput, ReadReference, ReadMapModel, JoinPicturesHtml.
+// HTML. Errors of what it reads: evaluate::ReadRunOutput, ReadReference, ReadMapModel, JoinPicturesHtml,
+// WallPicturesHtml.
 Result<std::string> MakeRunReport(const ReportRequest& request);
 
 }  // namespace haustra::report

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "capture/codec/image_codec.h"
 #include "engine/io/ply_writer.h"
 #include "platform/assemble.h"
 #include "tools/command/common_options.h"
@@ -20,7 +21,11 @@
 #include "tools/exit_codes.h"
 #include "tools/export/glb_writer.h"
 #include "tools/report/map_model.h"
+#include "tools/surface/coverage_picture.h"
+#include "tools/surface/coverage_text.h"
+#include "tools/surface/coverage_truth.h"
 #include "tools/surface/depth_truth.h"
+#include "tools/surface/map_coverage.h"
 #include "tools/surface/map_surface.h"
 #include "tools/surface/surface_input.h"
 #include "tools/surface/surface_text.h"
@@ -28,11 +33,13 @@
 namespace haustra {
 namespace {
 
+using surface::MapCoverage;
 using surface::MapSurface;
 using surface::SurfaceMap;
 
 constexpr const char* kSurfaceCommand = "surface";
-constexpr FolderContent kSurfaceContent{"a surface", R"(map_\d{4,}(\.(ply|glb)|(/\d{6,}\.pgm)?)|surface\.json)"};
+constexpr FolderContent kSurfaceContent{"a surface",
+                                        R"(map_\d{4,}(\.(ply|glb)|_wall\.(png|csv)|(/\d{6,}\.pgm)?)|surface\.json)"};
 
 struct SurfaceArguments {
   std::string run;
@@ -42,16 +49,22 @@ struct SurfaceArguments {
   std::string device = "auto";
   SequenceOptions options;
   surface::SurfaceOptions surface;
+  CoverageOptions coverage;
   bool with_depth_maps = false;
   bool overwrite = false;
 };
 
-Status WriteMap(const SurfaceArguments& arguments, int map_id, const MapSurface& made) {
+Status WriteMap(const SurfaceArguments& arguments, int map_id, const MapSurface& made, const MapCoverage& coverage) {
   const std::string stem = arguments.out + "/" + report::MapFolderName(map_id);
   StringSink ply;
   HAUSTRA_TRY(WriteMeshPly(ply, made.mesh, map_id));
   HAUSTRA_TRY(WriteFile(stem + ".ply", ply.bytes()));
   HAUSTRA_TRY(WriteFile(stem + ".glb", exporting::MeshGlbBytes(made.mesh, map_id)));
+  if (coverage.wall) {
+    HAUSTRA_TRY(WriteFile(stem + "_wall.csv", surface::CellsCsv(*coverage.wall)));
+    const Image picture = surface::UnrolledPicture(*coverage.wall);
+    if (!picture.is_empty()) HAUSTRA_TRY(WritePng(stem + "_wall.png", picture.view()));
+  }
   if (!arguments.with_depth_maps) return Status::Ok();
   std::error_code error;
   std::filesystem::create_directories(stem, error);
@@ -64,15 +77,34 @@ Status WriteMap(const SurfaceArguments& arguments, int map_id, const MapSurface&
   return Status::Ok();
 }
 
-// Nothing without a ground truth, or when it has no depth for this run.
-Result<std::optional<surface::DepthScore>> Judge(const SurfaceArguments& arguments, const evaluate::RunOutput& run,
-                                                 const std::vector<SurfaceMap>& maps,
-                                                 const std::vector<MapSurface>& surfaces) {
-  if (arguments.groundtruth.empty()) return std::optional<surface::DepthScore>();
+// Whether the truth of the coverage is by the same definitions.
+bool IsJudged(const CoverageOptions& options) {
+  const CoverageOptions usual;
+  return options.max_range_radii == usual.max_range_radii && options.max_slant_deg == usual.max_slant_deg;
+}
+
+// Nothing without a ground truth, or of what it does not know for this run.
+Result<surface::SurfaceScore> Judge(const SurfaceArguments& arguments, const evaluate::RunOutput& run,
+                                    const std::vector<SurfaceMap>& maps, const std::vector<MapSurface>& surfaces,
+                                    const std::vector<MapCoverage>& coverages) {
+  surface::SurfaceScore score;
+  if (arguments.groundtruth.empty()) return score;
   HAUSTRA_ASSIGN(const evaluate::Reference reference, evaluate::ReadReference(arguments.groundtruth, ""));
   const evaluate::Evaluation evaluation = evaluate::EvaluateRun(run, reference, {});
-  const std::string truth = (std::filesystem::path(arguments.groundtruth).parent_path() / "depth").string();
-  return surface::JudgeDepths(maps, surfaces, run, evaluation, reference, truth);
+  const std::filesystem::path folder = std::filesystem::path(arguments.groundtruth).parent_path();
+  const std::string depth = (folder / "depth").string(), wall = (folder / "seen_wall.csv").string();
+  const bool has_wall = std::filesystem::exists(wall);
+  // Without either the depth that is missing is named.
+  if (!has_wall || std::filesystem::exists(depth)) {
+    HAUSTRA_ASSIGN(score.depth, surface::JudgeDepths(maps, surfaces, run, evaluation, reference, depth));
+  }
+  if (has_wall && !IsJudged(arguments.coverage)) {
+    console::Warn(kSurfaceCommand, "coverage is not judged: --max-range and --max-slant are not those of the truth");
+  } else if (has_wall) {
+    HAUSTRA_ASSIGN(const surface::TrueWall truth, surface::ReadTrueWall(wall));
+    score.coverage = surface::JudgeCoverage(maps, coverages, evaluation, truth);
+  }
+  return score;
 }
 
 int RunSurface(SurfaceArguments arguments) {
@@ -95,30 +127,36 @@ int RunSurface(SurfaceArguments arguments) {
       surface::ReadKeyframePictures(*run, names, maps->front().camera, arguments.sequence, arguments.options);
   if (!pictures.ok()) return console::Fail(kSurfaceCommand, pictures.status());
   std::vector<MapSurface> surfaces;
+  std::vector<MapCoverage> coverages;
   for (const SurfaceMap& map : *maps) {
     Result<MapSurface> made = surface::MakeMapSurface(map, *pictures, arguments.surface);
     if (!made.ok()) return console::Fail(kSurfaceCommand, made.status());
     surfaces.push_back(std::move(*made));
+    Result<MapCoverage> coverage = surface::MakeMapCoverage(map, surfaces.back(), *run, pictures->mask.view(),
+                                                            arguments.surface, arguments.coverage);
+    if (!coverage.ok()) return console::Fail(kSurfaceCommand, coverage.status());
+    coverages.push_back(std::move(*coverage));
   }
-  const auto score = Judge(arguments, *run, *maps, surfaces);
+  const Result<surface::SurfaceScore> score = Judge(arguments, *run, *maps, surfaces, coverages);
   if (!score.ok()) return console::Fail(kSurfaceCommand, score.status());
 
   Result<OutputFolder> output = OutputFolder::Create(arguments.out, kSurfaceContent, arguments.overwrite);
   if (!output.ok()) return console::FailWriting(kSurfaceCommand, output.status());
   for (std::size_t i = 0; i < maps->size(); ++i) {
     const int map_id = (*maps)[i].map_id;
-    if (const Status status = WriteMap(arguments, map_id, surfaces[i]); !status.ok()) {
+    if (const Status status = WriteMap(arguments, map_id, surfaces[i], coverages[i]); !status.ok()) {
       return console::FailWriting(kSurfaceCommand, status);
     }
     console::Print("%s", surface::ToText(map_id, surfaces[i]).c_str());
+    console::Print("%s", surface::ToText(map_id, coverages[i]).c_str());
   }
-  const Status status = WriteFile(arguments.out + "/surface.json", surface::ToJson(*maps, surfaces, *score));
+  const Status status = WriteFile(arguments.out + "/surface.json", surface::ToJson(*maps, surfaces, coverages, *score));
   if (!status.ok()) return console::FailWriting(kSurfaceCommand, status);
   output->Commit();
-  if (*score) console::Print("%s", surface::ToText(**score).c_str());
-  if (!arguments.groundtruth.empty() && !*score) {
-    console::Warn(kSurfaceCommand, "no map could be aligned to %s: its depth is not judged",
-                  arguments.groundtruth.c_str());
+  if (score->depth) console::Print("%s", surface::ToText(*score->depth).c_str());
+  if (score->coverage) console::Print("%s", surface::ToText(*score->coverage).c_str());
+  if (!arguments.groundtruth.empty() && !score->depth && !score->coverage) {
+    console::Warn(kSurfaceCommand, "no map could be aligned to %s: nothing is judged", arguments.groundtruth.c_str());
   }
   console::Print("%s: a mesh for each map, as .ply and .glb; maps have frames and scales of their own\n",
                  arguments.out.c_str());
@@ -141,8 +179,8 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
       ->capture_default_str();
   AddDeinterlaceOption(*command, arguments->options.deinterlace);
   command->add_option("--groundtruth", arguments->groundtruth,
-                      "True poses of a rendered sequence; true depth lies in depth/ beside them (haustra render "
-                      "--depth). Says how good the depth is");
+                      "True poses of a rendered sequence. Says how good the depth is, where depth/ lies beside them "
+                      "(haustra render --depth), and the coverage, where seen_wall.csv does (--seen-wall)");
   command->add_flag("--depth-maps", arguments->with_depth_maps,
                     "Write the depth of each keyframe, too: map_NNNN/NNNNNN.pgm, 16-bit inverse range");
   command
@@ -154,6 +192,21 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
       ->add_option("--max-blocks", arguments->surface.max_blocks,
                    "Blocks of 8x8x8 voxels of a map, 3 kB each. When they are used up, what comes later is left out")
       ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str();
+  command
+      ->add_option("--max-range", arguments->coverage.max_range_radii,
+                   "From farther away the wall is not seen well, mean radii of the lumen, 0.5 to 6")
+      ->check(CLI::Range(0.5, 6.0))
+      ->capture_default_str();
+  command
+      ->add_option("--max-slant", arguments->coverage.max_slant_deg,
+                   "Nor at more of a slant, degrees from the wall's normal, 10 to 89")
+      ->check(CLI::Range(10.0, 89.0))
+      ->capture_default_str();
+  command
+      ->add_option("--segment", arguments->coverage.segment_radii,
+                   "Length of the segments that coverage is given for, radii, 0.5 to 100")
+      ->check(CLI::Range(0.5, 100.0))
       ->capture_default_str();
   command
       ->add_option("--threads", arguments->surface.num_threads,

@@ -6,6 +6,7 @@
 
 #include "engine/io/text_writer.h"
 #include "tools/evaluate/number_text.h"
+#include "tools/surface/coverage_text.h"
 
 namespace haustra::surface {
 
@@ -51,7 +52,7 @@ std::string ToText(const DepthScore& score) {
 }
 
 std::string ToJson(const std::vector<SurfaceMap>& maps, const std::vector<MapSurface>& surfaces,
-                   const std::optional<DepthScore>& score) {
+                   const std::vector<MapCoverage>& coverages, const SurfaceScore& score) {
   nlohmann::ordered_json json;
   json["maps"] = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < maps.size(); ++i) {
@@ -66,15 +67,18 @@ std::string ToJson(const std::vector<SurfaceMap>& maps, const std::vector<MapSur
                             {"refused_blocks", surface.num_refused_blocks},
                             {"vertices", surface.mesh.positions.size()},
                             {"triangles", surface.mesh.triangles.size()}});
+    AddCoverage(coverages[i], &json["maps"].back());
   }
-  if (score) {
-    json["depth"] = {{"keyframes", score->keyframes},         {"known_cells", score->known_cells},
-                     {"seen_cells", score->seen_cells},       {"answered_cells", score->answered_cells},
-                     {"completeness", score->completeness()}, {"median_error", score->median_error},
-                     {"within_2_percent", score->within_2},   {"within_5_percent", score->within_5},
-                     {"within_10_percent", score->within_10}, {"rms_mm", score->rms_mm},
-                     {"median_mm", score->median_mm}};
+  if (score.depth) {
+    const DepthScore& depth = *score.depth;
+    json["depth"] = {{"keyframes", depth.keyframes},         {"known_cells", depth.known_cells},
+                     {"seen_cells", depth.seen_cells},       {"answered_cells", depth.answered_cells},
+                     {"completeness", depth.completeness()}, {"median_error", depth.median_error},
+                     {"within_2_percent", depth.within_2},   {"within_5_percent", depth.within_5},
+                     {"within_10_percent", depth.within_10}, {"rms_mm", depth.rms_mm},
+                     {"median_mm", depth.median_mm}};
   }
+  if (score.coverage) json["coverage"] = ToJson(*score.coverage);
   return json.dump(2) + "\n";
 }
 

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "tools/surface/coverage_truth.h"
 #include "tools/surface/depth_truth.h"
+#include "tools/surface/map_coverage.h"
 #include "tools/surface/map_surface.h"
 
 namespace haustra::surface {
@@ -14,9 +16,14 @@ namespace haustra::surface {
 std::string ToText(int map_id, const MapSurface& surface);
 // A few lines.
 std::string ToText(const DepthScore& score);
-// score: nothing when there is no truth.
+// What is known of the truth; nothing where it is not.
+struct SurfaceScore {
+  std::optional<DepthScore> depth;
+  std::optional<CoverageScore> coverage;
+};
+// Surfaces and coverages: one a map.
 std::string ToJson(const std::vector<SurfaceMap>& maps, const std::vector<MapSurface>& surfaces,
-                   const std::optional<DepthScore>& score);
+                   const std::vector<MapCoverage>& coverages, const SurfaceScore& score);
 
 // The depth of a keyframe as a 16-bit PGM file: inverse range; a comment tells how many map units there are to 1.
 std::string DepthPgm(const DepthMap& depth);

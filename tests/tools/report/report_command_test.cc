@@ -63,6 +63,14 @@ TEST_F(ReportCommandTest, GroundTruthIsNotNeeded) {
   EXPECT_THAT(folder_.Read("r.html"), HasSubstr("No ground truth was given"));
 }
 
+TEST_F(ReportCommandTest, ASurfaceGivesASectionOfItsOwn) {
+  folder_.Write("wall/surface.json", R"({"maps": [{"map_id": 0, "lumen": {"found": false, "reason": "too short"}}]})");
+  ASSERT_EQ(Run({"report", At("out"), "--surface", At("wall"), "--html", At("r.html")}), kExitOk) << err_;
+  EXPECT_THAT(folder_.Read("r.html"), HasSubstr("No lumen was found: too short."));
+  ASSERT_EQ(Run({"report", At("out"), "--html", At("plain.html")}), kExitOk) << err_;
+  EXPECT_THAT(folder_.Read("plain.html"), ::testing::Not(HasSubstr("wall-section")));
+}
+
 TEST_F(ReportCommandTest, MissingInputsAreNamed) {
   EXPECT_EQ(Run({"report", At("none"), "--html", At("r.html")}), kExitNoInput);
   EXPECT_THAT(err_, HasSubstr("none: no such folder"));
@@ -74,6 +82,8 @@ TEST_F(ReportCommandTest, MissingInputsAreNamed) {
   EXPECT_THAT(err_, HasSubstr("none.csv"));
   EXPECT_EQ(Run({"report", At("out"), "--sequence", At("none"), "--html", At("r.html")}), kExitNoInput);
   EXPECT_THAT(err_, HasSubstr("none: no such file or folder"));
+  EXPECT_EQ(Run({"report", At("out"), "--surface", At("none"), "--html", At("r.html")}), kExitNoInput);
+  EXPECT_THAT(err_, HasSubstr("surface.json"));
   folder_.Write("out/events.csv", "frame_idx,timestamp_ns,event,map_id,other_map_id,details\n");
   EXPECT_EQ(Run({"report", At("out"), "--sequence", At("none"), "--html", At("r.html")}), kExitNoInput) << "no joins";
   EXPECT_THAT(err_, HasSubstr("none: no such file or folder"));

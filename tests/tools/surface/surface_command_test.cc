@@ -72,6 +72,10 @@ TEST_F(SurfaceCommandTest, AMapWithoutDepthGivesAnEmptyMeshAndSaysWhy) {
   EXPECT_EQ(json["maps"][0]["triangles"], 0);
   EXPECT_EQ(json["maps"][0]["keyframes_without_picture"], 1);
   EXPECT_FALSE(json.contains("depth"));
+  // Nor is there a wall to unroll.
+  EXPECT_THAT(out_, HasSubstr("map 0: no lumen found: only 0 points of the wall are known"));
+  EXPECT_EQ(json["maps"][0]["lumen"]["found"], false);
+  EXPECT_FALSE(IsThere("to/map_0000_wall.png"));
 }
 
 TEST_F(SurfaceCommandTest, AnEarlierSurfaceIsKept) {
@@ -81,6 +85,22 @@ TEST_F(SurfaceCommandTest, AnEarlierSurfaceIsKept) {
   EXPECT_EQ(folder_.Read("to/map_0000.ply"), "mine");
   EXPECT_EQ(Surface("seq", {"--overwrite"}), kExitOk) << err_;
   EXPECT_NE(folder_.Read("to/map_0000.ply"), "mine");
+}
+
+TEST_F(SurfaceCommandTest, ADamagedTruthOfTheWallIsNamedWithItsLine) {
+  folder_.Write("truth/groundtruth.txt", "0.0 0 0 0 0 0 0 1\n0.04 0 0 1 0 0 0 1\n");
+  folder_.Write("truth/seen_wall.csv", "row,column,x_mm,y_mm,z_mm,seen\n0,0,1,2,3,maybe\n");
+  EXPECT_NE(Surface("seq", {"--groundtruth", folder_.At("truth/groundtruth.txt")}), kExitOk);
+  EXPECT_THAT(err_, HasSubstr("seen_wall.csv:2: seen is 'maybe'"));
+  EXPECT_FALSE(IsThere("to"));
+}
+
+TEST_F(SurfaceCommandTest, CoverageByOtherLimitsThanThoseOfTheTruthIsNotJudged) {
+  folder_.Write("truth/groundtruth.txt", "0.0 0 0 0 0 0 0 1\n0.04 0 0 1 0 0 0 1\n");
+  folder_.Write("truth/seen_wall.csv", "row,column,x_mm,y_mm,z_mm,seen\n0,0,1,2,3,well\n");
+  ASSERT_EQ(Surface("seq", {"--groundtruth", folder_.At("truth/groundtruth.txt"), "--max-slant", "60"}), kExitOk)
+      << err_;
+  EXPECT_THAT(err_, HasSubstr("coverage is not judged: --max-range and --max-slant"));
 }
 
 TEST_F(SurfaceCommandTest, AnotherSequenceIsRefused) {
@@ -113,6 +133,9 @@ TEST_F(SurfaceCommandTest, OptionsOutOfRangeAreRefused) {
   EXPECT_EQ(Surface("seq", {"--voxel", "0.5"}), kExitUsage);
   EXPECT_EQ(Surface("seq", {"--max-blocks", "0"}), kExitUsage);
   EXPECT_EQ(Surface("seq", {"--threads", "-1"}), kExitUsage);
+  EXPECT_EQ(Surface("seq", {"--max-range", "7"}), kExitUsage);
+  EXPECT_EQ(Surface("seq", {"--max-slant", "90"}), kExitUsage);
+  EXPECT_EQ(Surface("seq", {"--segment", "0"}), kExitUsage);
 }
 
 }  // namespace

@@ -1,0 +1,223 @@
+// Coverage of a tube that is known by geometry, its files, and its judge.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/tools/evaluate/text_folder.h"
+#include "tests/tools/surface/tube_surface.h"
+#include "tools/surface/coverage_picture.h"
+#include "tools/surface/coverage_text.h"
+#include "tools/surface/coverage_truth.h"
+#include "tools/surface/wall_patches.h"
+
+namespace haustra::surface {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+MapCoverage CoverageOfTube() {
+  const TubeSurface tube;
+  Result<MapCoverage> coverage =
+      MakeMapCoverage(tube.map, tube.surface, tube.run, {}, tube.made_with, CoverageOptions());
+  EXPECT_TRUE(coverage.ok()) << coverage.status().ToString();
+  return *coverage;
+}
+
+// As the map, in a world of 40 mm a map unit.
+const Sim3 kTruthFromMap(40.0, Eigen::Quaterniond(Eigen::AngleAxisd(0.6, Eigen::Vector3d::UnitX())),
+                         Eigen::Vector3d(10.0, -5.0, 3.0));
+
+TrueWall TruthLike(const WallGrid& wall) {
+  TrueWall truth;
+  truth.columns = WallGrid::kAngles;
+  for (int row = 0; row < wall.num_rows(); ++row) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (int column = 0; column < WallGrid::kAngles; ++column) {
+      const Eigen::Vector3d position = kTruthFromMap * wall.PointOf(row, column).position_in_map;
+      truth.cells.push_back({position, wall.cell(row, column).view});
+      sum += position / WallGrid::kAngles;
+    }
+    truth.middles.push_back(sum);
+  }
+  return truth;
+}
+
+evaluate::Evaluation Aligned() {
+  evaluate::Evaluation evaluation;
+  evaluate::MapEvaluation& map = evaluation.per_map.emplace_back();
+  map.map_id = 0;
+  map.truth_from_map = kTruthFromMap;
+  return evaluation;
+}
+
+TEST(MapCoverage, OfATubeIsWhatItsGeometrySays) {
+  const MapCoverage coverage = CoverageOfTube();
+  ASSERT_TRUE(coverage.wall) << coverage.no_lumen;
+  const WallGrid& wall = *coverage.wall;
+  EXPECT_NEAR(wall.lumen().radius_mu, kTubeRadius, 0.02);
+  // The scope passed from 1 to 4. What lies 0.6 and more beyond its first place was in the picture, on all sides.
+  EXPECT_NEAR((wall.end_claimed_row() - wall.first_claimed_row()) * wall.step_mu(), 3.0, 0.1);
+  for (int row = wall.first_claimed_row(); row < wall.end_claimed_row(); ++row) {
+    const double beyond = wall.LengthOf(row) - wall.first_claimed_row() * wall.step_mu();
+    int well = 0;
+    for (int column = 0; column < WallGrid::kAngles; ++column) {
+      well += wall.cell(row, column).view == WallView::kWell ? 1 : 0;
+    }
+    if (beyond > 0.7) {
+      EXPECT_GE(well, WallGrid::kAngles - 1) << beyond;
+    }
+    if (beyond < 0.15) {
+      EXPECT_LT(well, WallGrid::kAngles / 3) << beyond << ": only in the corners of the picture";
+    }
+  }
+  ASSERT_EQ(coverage.segments.size(), 3u);
+  EXPECT_GT(coverage.segments[2].well, 0.98);
+  EXPECT_LT(coverage.segments[0].well, 0.8);
+  // Times are seconds since the first frame: the last place is seen until the end, and from when it is near enough.
+  const WallCell& last = wall.cell(wall.end_claimed_row() - 1, 0);
+  EXPECT_GT(last.first_s, 0.8);
+  EXPECT_LE(last.last_s, 2.4);
+}
+
+TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
+  // A wall at the side, seen by a camera that goes along it.
+  const TubeSurface flat(
+      [](double, const Eigen::Vector3d& bearing) { return bearing.y() > 0.1 ? 0.5 / bearing.y() : 0.0; });
+  const Result<MapCoverage> coverage =
+      MakeMapCoverage(flat.map, flat.surface, flat.run, {}, flat.made_with, CoverageOptions());
+  ASSERT_TRUE(coverage.ok());
+  EXPECT_FALSE(coverage->wall);
+  EXPECT_THAT(coverage->no_lumen, HasSubstr("of the directions around the path"));
+  EXPECT_THAT(ToText(3, *coverage), StartsWith("map 3: no lumen found: "));
+  nlohmann::ordered_json json;
+  AddCoverage(*coverage, &json);
+  EXPECT_EQ(json["lumen"]["found"], false);
+  EXPECT_EQ(json["lumen"]["reason"], coverage->no_lumen);
+  EXPECT_FALSE(json.contains("wall_coverage"));
+}
+
+TEST(PatchesOf, ADepthThatOtherKeyframesSeeThroughIsLeftOut) {
+  TubeSurface tube;
+  const CameraModel camera = *CameraModel::Create(tube.map.camera);
+  const std::size_t all = PatchesOf(tube.surface.depths, camera, 4, 1).size();
+  // A strip of one keyframe at half the range: it hangs in the lumen.
+  DepthMap& depth = tube.surface.depths[4].depth;
+  int num_false = 0;
+  for (int x = 10; x < 20; ++x) {
+    const int cell = 8 * 60 + x;
+    ASSERT_TRUE(depth.has_depth(cell));
+    depth.Set(cell, 2.0 * depth.inverse_range(cell), 200);
+    ++num_false;
+  }
+  EXPECT_EQ(PatchesOf(tube.surface.depths, camera, 4, 1).size(), all - static_cast<std::size_t>(num_false));
+  EXPECT_EQ(PatchesOf(tube.surface.depths, camera, 4, 3).size(), all - static_cast<std::size_t>(num_false));
+}
+
+TEST(CoverageText, CellsAreALineEach) {
+  const MapCoverage coverage = CoverageOfTube();
+  const std::string csv = CellsCsv(*coverage.wall);
+  EXPECT_THAT(csv, StartsWith("row,column,length_radii,angle_deg,x_mu,y_mu,z_mu,seen,first_s,last_s\n0,0,0.0"));
+  const int rows = coverage.wall->end_claimed_row() - coverage.wall->first_claimed_row();
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 1 + rows * WallGrid::kAngles);
+  EXPECT_THAT(csv, HasSubstr(",never,,\n"));
+  EXPECT_THAT(csv, HasSubstr(",well,"));
+}
+
+TEST(CoverageText, TheSummaryHasTheWholeAndItsSegments) {
+  const MapCoverage coverage = CoverageOfTube();
+  nlohmann::ordered_json json;
+  AddCoverage(coverage, &json);
+  EXPECT_EQ(json["lumen"]["found"], true);
+  EXPECT_EQ(json["wall_coverage"], coverage.whole.well);
+  ASSERT_EQ(json["segments"].size(), 3u);
+  EXPECT_EQ(json["segments"][1]["wall_coverage"], coverage.segments[1].well);
+  EXPECT_NEAR(json["segments"][1]["from_radii"].get<double>(), 2.0, 0.1);
+  EXPECT_EQ(json["segments"][0]["first_s"], 0.0);
+  EXPECT_THAT(ToText(0, coverage), HasSubstr("of the wall along 6.0 radii of the lumen"));
+}
+
+TEST(UnrolledPicture, HasASquareOfItsColourForEachCell) {
+  MapCoverage coverage = CoverageOfTube();
+  WallGrid& wall = *coverage.wall;
+  const int first = wall.first_claimed_row();
+  wall.cell(first + 2, 5).view = WallView::kPoorly;
+  wall.cell(first + 3, 5).view = WallView::kWell;
+  wall.cell(first + 4, 5).view = WallView::kNever;
+  const Image picture = UnrolledPicture(wall);
+  EXPECT_EQ(picture.width(), (wall.end_claimed_row() - first) * kCellPx);
+  EXPECT_EQ(picture.height(), WallGrid::kAngles * kCellPx);
+  for (int k = 2; k < 5; ++k) {
+    const std::array<std::uint8_t, 3> rgb = ColourOf(wall.cell(first + k, 5).view);
+    const std::uint8_t* pixel = picture.row(5 * kCellPx + 1) + 3 * (k * kCellPx + 2);
+    EXPECT_THAT((std::array<int, 3>{pixel[2], pixel[1], pixel[0]}), ::testing::ElementsAre(rgb[0], rgb[1], rgb[2]));
+  }
+}
+
+TEST(JudgeCoverage, TheTruthItselfIsWithoutFault) {
+  const MapCoverage coverage = CoverageOfTube();
+  const TubeSurface tube;
+  const auto score = JudgeCoverage({tube.map}, {coverage}, Aligned(), TruthLike(*coverage.wall));
+  ASSERT_TRUE(score);
+  EXPECT_EQ(score->segments.size(), 3u);
+  EXPECT_EQ(score->worst_points(), 0.0);
+  EXPECT_EQ(score->agreement(), 1.0);
+  EXPECT_EQ(score->false_mm2, 0.0);
+}
+
+TEST(JudgeCoverage, WhatWasNeverSeenIsMeasuredWhereItHangsTogether) {
+  const MapCoverage coverage = CoverageOfTube();
+  const WallGrid& wall = *coverage.wall;
+  const TubeSurface tube;
+  TrueWall truth = TruthLike(wall);
+  // A block across the seam of the angle, and one cell apart from it.
+  const int row = wall.end_claimed_row() - 10;
+  for (int r = row; r < row + 4; ++r) {
+    for (int c = -3; c < 3; ++c) truth.cells[r * 64 + (c + 64) % 64].view = WallView::kNever;
+  }
+  truth.cells[(row + 1) * 64 + 30].view = WallView::kNever;
+  const auto score = JudgeCoverage({tube.map}, {coverage}, Aligned(), truth);
+  ASSERT_TRUE(score);
+  const double cell_mm2 = std::pow(40.0 * wall.step_mu(), 2);
+  EXPECT_NEAR(score->largest_false_mm2, 24 * cell_mm2, 0.1 * 24 * cell_mm2);
+  EXPECT_NEAR(score->false_mm2, 25 * cell_mm2, 0.1 * 25 * cell_mm2);
+  EXPECT_EQ(score->cells[2][0], 25u) << "called well, was never";
+  const nlohmann::ordered_json json = ToJson(*score);
+  EXPECT_EQ(json["cells"]["called_well_was_never"], 25);
+  EXPECT_EQ(json["segments"].size(), 3u);
+  EXPECT_THAT(ToText(*score), HasSubstr("called seen, never was"));
+}
+
+TEST(JudgeCoverage, WithoutAnAlignmentThereIsNothing) {
+  const MapCoverage coverage = CoverageOfTube();
+  const TubeSurface tube;
+  EXPECT_FALSE(JudgeCoverage({tube.map}, {coverage}, {}, TruthLike(*coverage.wall)));
+}
+
+TEST(ReadTrueWall, SaysWhatIsWrongWithFileAndLine) {
+  const evaluate::TextFolder folder;
+  const std::string header = "row,column,arc_mm,angle_deg,x_mm,y_mm,z_mm,area_mm2,seen\n";
+  const std::string row0 = "0,0,1,2,1.5,2.5,3.5,4,well\n0,1,1,2,3.5,2.5,3.5,4,poorly\n";
+  const auto error = [&](const std::string& text) {
+    folder.Write("w.csv", text);
+    return ReadTrueWall(folder.At("w.csv")).status().message();
+  };
+  folder.Write("w.csv", header + row0 + "1,0,1,2,1,2,3,4,never\n1,1,1,2,1,2,3,4,well\n");
+  const Result<TrueWall> wall = ReadTrueWall(folder.At("w.csv"));
+  ASSERT_TRUE(wall.ok()) << wall.status().ToString();
+  EXPECT_EQ(wall->columns, 2);
+  EXPECT_EQ(wall->num_rows(), 2);
+  EXPECT_EQ(wall->cells[1].view, WallView::kPoorly);
+  EXPECT_EQ(wall->middles[0], Eigen::Vector3d(2.5, 2.5, 3.5));
+  EXPECT_THAT(error(header + row0 + "1,1,1,2,1,2,3,4,well\n"), HasSubstr("w.csv:4: row and column do not follow"));
+  EXPECT_THAT(error(header + row0 + "1,0,1,2,1,2,3,4,well\n"), HasSubstr("the last row is not complete"));
+  EXPECT_THAT(error(header + "0,0,1,2,1,2,3,4,half\n"),
+              HasSubstr("w.csv:2: seen is 'half', not well, poorly or never"));
+  EXPECT_THAT(error(header + "0,0,1,2,x,2,3,4,well\n"), HasSubstr("w.csv:2: x_mm is 'x'"));
+  EXPECT_THAT(error(header), HasSubstr("not complete"));
+  EXPECT_EQ(ReadTrueWall(folder.At("none.csv")).code(), StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace haustra::surface

@@ -1,0 +1,42 @@
+#include "tools/surface/map_coverage.h"
+
+#include "engine/camera/camera_model.h"
+#include "engine/coverage/lumen_finder.h"
+#include "engine/coverage/wall_observer.h"
+#include "tools/surface/wall_patches.h"
+
+namespace haustra::surface {
+
+Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface, const evaluate::RunOutput& run,
+                                    ImageView mask, const SurfaceOptions& made_with, const CoverageOptions& options) {
+  HAUSTRA_TRY(options.Validate());
+  HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(map.camera));
+  std::vector<Eigen::Vector3d> path, wall;
+  for (const evaluate::RunFrame& frame : run.frames) {
+    if (frame.map_id == map.map_id) path.push_back(frame.world_from_cam.translation);
+  }
+  const std::vector<WallPatch> patches =
+      PatchesOf(surface.depths, camera, made_with.depth.step_px, made_with.num_threads);
+  wall.reserve(patches.size());
+  for (const WallPatch& patch : patches) wall.push_back(patch.position_in_map);
+  MapCoverage coverage;
+  const Result<Lumen> lumen = FindLumen(path, wall);
+  if (lumen.code() == StatusCode::kNotFound) {
+    coverage.no_lumen = lumen.status().message();
+    return coverage;
+  }
+  HAUSTRA_TRY(lumen.status());
+  WallGrid& grid = coverage.wall.emplace(*lumen);
+  grid.SetWall(patches, options.max_hole_cells);
+  const WallObserver observer(camera, mask, options);
+  for (const evaluate::RunFrame& frame : run.frames) {
+    if (frame.map_id != map.map_id) continue;
+    const double time_s = static_cast<double>(frame.timestamp_ns - run.frames.front().timestamp_ns) * 1e-9;
+    observer.Observe(frame.world_from_cam.Inverse(), time_s, &grid);
+  }
+  coverage.whole = CoverageOf(grid, grid.first_claimed_row(), grid.end_claimed_row());
+  coverage.segments = CoverageOfSegments(grid, options.segment_radii);
+  return coverage;
+}
+
+}  // namespace haustra::surface

@@ -1,0 +1,32 @@
+// Which part of the wall of a map its frames have looked at.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/coverage/coverage_options.h"
+#include "engine/coverage/wall_coverage.h"
+#include "engine/coverage/wall_grid.h"
+#include "hal/core/status.h"
+#include "hal/core/views.h"
+#include "tools/evaluate/run_output.h"
+#include "tools/surface/map_surface.h"
+#include "tools/surface/surface_input.h"
+
+namespace haustra::surface {
+
+struct MapCoverage {
+  std::string no_lumen;          // why no lumen was found, for people; empty: there is one
+  std::optional<WallGrid> wall;  // with a lumen; times are seconds since the first frame of the run
+  WallCoverage whole;
+  std::vector<WallCoverage> segments;
+};
+
+// Every frame that has a pose in the map at the end counts, not only keyframes: these are chosen for what the map
+// needs, and skip most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere.
+// kInvalidArgument: options, camera.
+Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface, const evaluate::RunOutput& run,
+                                    ImageView mask, const SurfaceOptions& made_with, const CoverageOptions& options);
+
+}  // namespace haustra::surface

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <numbers>
 
-#include "tools/render/parallel_for.h"
+#include "tools/command/parallel_for.h"
 #include "tools/render/smooth_step.h"
 
 namespace haustra::render {

@@ -9,7 +9,7 @@
 #include "engine/surface/depth_fusion.h"
 #include "engine/surface/depth_matcher.h"
 #include "platform/assemble.h"
-#include "tools/render/parallel_for.h"
+#include "tools/command/parallel_for.h"
 
 namespace haustra::surface {
 namespace {
@@ -63,7 +63,7 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const KeyframePictures&
   HAUSTRA_ASSIGN(const std::unique_ptr<DepthSolver> solver,
                  CreateDepthSolver(options.device, matchers[0]->solver_plan()));
   if (solver) matchers[0]->SearchOn(solver.get());
-  render::ParallelFor(count, solver ? 1 : num_threads, [&](int i, int worker) {
+  ParallelFor(count, solver ? 1 : num_threads, [&](int i, int worker) {
     if (!matchers[worker]) {
       matchers[worker] = std::make_unique<DepthMatcher>(camera, pictures.mask.view(), options.depth);
     }
@@ -92,7 +92,7 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const KeyframePictures&
     surface.match_ms = *middle;
   }
   std::vector<KeyframeDepth> depths(count);
-  render::ParallelFor(count, num_threads, [&](int i, int) {
+  ParallelFor(count, num_threads, [&](int i, int) {
     const Work& work = works[i];
     if (!work.has_depth()) return;
     std::vector<PosedDepth> others;

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/surface/depth_consistency.h"
-#include "tools/render/parallel_for.h"
+#include "tools/command/parallel_for.h"
 
 namespace haustra::surface {
 namespace {
@@ -36,7 +36,7 @@ std::vector<WallPatch> PatchesOf(const std::vector<KeyframeDepth>& depths, const
   std::vector<double> farthest;
   for (const KeyframeDepth& each : depths) farthest.push_back(FarthestOf(each.depth));
   std::vector<std::vector<WallPatch>> by_keyframe(depths.size());
-  render::ParallelFor(static_cast<int>(depths.size()), std::max(1, num_threads), [&](int own, int) {
+  ParallelFor(static_cast<int>(depths.size()), std::max(1, num_threads), [&](int own, int) {
     const DepthMap& depth = depths[own].depth;
     const SE3 map_from_cam = depths[own].keyframe->cam_from_map.Inverse();
     // Those that are too far away to see the same wall are not asked.

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "capture/image.h"
+#include "tools/command/parallel_for.h"
 #include "tools/render/exposure.h"
-#include "tools/render/parallel_for.h"
 #include "tools/render/sequence_model.h"
 
 namespace haustra {
@@ -43,7 +43,7 @@ Status RenderPictures(const RenderedPicturesOptions& options, const RenderedPict
     const int num_pictures = std::min(options.pictures_per_colon, num_frames);
     for (int begin = 0; begin < num_pictures; begin += options.num_threads) {
       const int count = std::min(options.num_threads, num_pictures - begin);
-      render::ParallelFor(count, options.num_threads, [&](int i, int worker) {
+      ParallelFor(count, options.num_threads, [&](int i, int worker) {
         const auto frame = static_cast<int>(std::int64_t{begin + i} * num_frames / num_pictures);
         model->Expose(frame, renderers[worker].get(), &light[i]);
         // Each on its own: the exposure that a scope resting there would have settled at.

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-namespace haustra::render {
+namespace haustra {
 
 template <typename Body>
 void ParallelFor(int count, int num_threads, Body&& body) {
@@ -21,4 +21,4 @@ void ParallelFor(int count, int num_threads, Body&& body) {
   for (std::thread& thread : threads) thread.join();
 }
 
-}  // namespace haustra::render
+}  // namespace haustra

@@ -14,7 +14,7 @@ constexpr double kMinNormalCos = 0.7;
 // A mark costs a look at all points of a keyframe.
 constexpr int kRefinedPerKeyframe = 4;
 
-PlacedMark PlaceOn(const WallPatch& patch, const Eigen::Vector3d& ray, const SE3& cam_from_map, MapHandle map) {
+PlacedMark PlaceOn(const FittedWall& patch, const Eigen::Vector3d& ray, const SE3& cam_from_map, MapHandle map) {
   const SE3 map_from_cam = cam_from_map.Inverse();
   PlacedMark place;
   place.map = map;
@@ -38,12 +38,12 @@ const AnsweredFrame* MarkKeeper::Find(std::uint32_t frame_index) const {
   return nullptr;
 }
 
-Result<WallPatch> MarkKeeper::FitAround(const SE3& cam_from_map, KeyframeHandle keyframe, const Eigen::Vector2d& pixel,
-                                        int num_neighbours) {
+Result<FittedWall> MarkKeeper::FitAround(const SE3& cam_from_map, KeyframeHandle keyframe, const Eigen::Vector2d& pixel,
+                                         int num_neighbours) {
   // What the nearest keyframe sees is in sight; what its neighbours see may lie behind a fold.
   fit_.Begin(cam_from_map);
   fit_.Add(state_.atlas.keyframe(keyframe), state_.atlas);
-  Result<WallPatch> patch = fit_.At(pixel);
+  Result<FittedWall> patch = fit_.At(pixel);
   if (patch.code() != StatusCode::kFailedPrecondition || num_neighbours == 0) return patch;
   state_.atlas.FindCovisible(keyframe, state_.config.mapping.min_shared_points, &covisible_);
   if (covisible_.size() > static_cast<std::size_t>(num_neighbours)) {
@@ -81,7 +81,7 @@ Result<MarkId> MarkKeeper::Set(const MarkRequest& request) {
       !atlas.Resolve(frame->reference_keyframe, frame->cam_from_reference, frame->reference_scale, &pose)) {
     return FailedPrecondition(name + ": its map was dropped");
   }
-  HAUSTRA_ASSIGN(const WallPatch patch, FitAround(pose.cam_from_map, keyframe, request.pixel, kNeighboursOfMark));
+  HAUSTRA_ASSIGN(const FittedWall patch, FitAround(pose.cam_from_map, keyframe, request.pixel, kNeighboursOfMark));
   Eigen::Vector3d ray;
   if (!state_.camera.Unproject(request.pixel, &ray)) return Internal("a pixel with a patch and without a ray");
   Mark mark;
@@ -122,7 +122,7 @@ void MarkKeeper::Refine() {
     Eigen::Vector2d pixel;
     if (!state_.camera.Project(mark.point_in_anchor, &pixel)) continue;
     // The ray stays: it is where the doctor pointed. Only how far away the wall is along it is better known now.
-    const Result<WallPatch> patch = FitAround(keyframe.cam_from_map, mark.keyframe, pixel, 0);
+    const Result<FittedWall> patch = FitAround(keyframe.cam_from_map, mark.keyframe, pixel, 0);
     if (!patch.ok()) continue;
     const PlacedMark before = atlas.PlaceOf(mark);
     PlacedMark place = PlaceOn(*patch, mark.point_in_anchor.normalized(), keyframe.cam_from_map, keyframe.map);

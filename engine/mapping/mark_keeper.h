@@ -47,8 +47,8 @@ class MarkKeeper {
 
  private:
   const AnsweredFrame* Find(std::uint32_t frame_index) const;
-  Result<WallPatch> FitAround(const SE3& cam_from_map, KeyframeHandle keyframe, const Eigen::Vector2d& pixel,
-                              int num_neighbours);
+  Result<FittedWall> FitAround(const SE3& cam_from_map, KeyframeHandle keyframe, const Eigen::Vector2d& pixel,
+                               int num_neighbours);
 
   MappingState& state_;
   WallFit fit_;

@@ -63,7 +63,7 @@ void WallFit::Add(const Keyframe& keyframe, const Atlas& atlas) {
 
 // A plane m with m . point = 1 gives 1 / distance = m . ray: linear in m, whose parts along the ray and across it are
 // the unknowns.
-Result<WallPatch> WallFit::At(const Eigen::Vector2d& pixel) {
+Result<FittedWall> WallFit::At(const Eigen::Vector2d& pixel) {
   Eigen::Vector3d ray;
   if (!camera_.IsInImage(pixel) || !camera_.Unproject(pixel, &ray)) {
     return InvalidArgument("the camera sees nothing at this pixel");
@@ -129,7 +129,7 @@ Result<WallPatch> WallFit::At(const Eigen::Vector2d& pixel) {
     return FailedPrecondition("the map is not clear about the wall there: " + std::to_string(num_agreeing) + " of " +
                               std::to_string(witnesses_.size()) + " points agree");
   }
-  WallPatch patch;
+  FittedWall patch;
   patch.distance = 1.0 / (unit * plane.x());
   patch.normal_in_cam = -(plane.x() * ray + plane.y() * across + plane.z() * up).normalized();
   patch.radius = patch.distance * patch_px / camera_.focal_px();

@@ -12,7 +12,7 @@
 
 namespace haustra {
 
-struct WallPatch {
+struct FittedWall {
   double distance = 0.0;                                    // along the ray, map units
   Eigen::Vector3d normal_in_cam = Eigen::Vector3d::Zero();  // towards the camera, unit
   double radius = 0.0;                                      // of the patch, map units
@@ -30,7 +30,7 @@ class WallFit {
   void Add(const Keyframe& keyframe, const Atlas& atlas);
   // kFailedPrecondition: too few points are near, or they do not agree. kInvalidArgument: the camera sees nothing
   // there.
-  Result<WallPatch> At(const Eigen::Vector2d& pixel);
+  Result<FittedWall> At(const Eigen::Vector2d& pixel);
 
  private:
   struct Sample {

@@ -44,7 +44,7 @@ struct ControlRequest {
   // kMark: of magnitude kMaxMarkPixel at most.
   double x_px = 0.0;
   double y_px = 0.0;
-  std::optional<std::uint32_t> frame_index;
+  std::optional<std::uint32_t> frame_index = std::nullopt;
 };
 
 // Status and metrics: they change nothing.

@@ -7,7 +7,7 @@
 namespace haustra {
 namespace {
 
-CameraModel SmallCamera() {
+CameraModel NarrowCamera() {
   CameraCalibration calibration;
   calibration.width_px = 64;
   calibration.height_px = 48;
@@ -18,14 +18,14 @@ CameraModel SmallCamera() {
 }
 
 TEST(DepthSolverChoiceTest, TheCpuNeedsNone) {
-  const DepthMatcher matcher(SmallCamera(), ImageView{}, DepthOptions());
+  const DepthMatcher matcher(NarrowCamera(), ImageView{}, DepthOptions());
   const auto solver = CreateDepthSolver("cpu", matcher.solver_plan());
   ASSERT_TRUE(solver.ok());
   EXPECT_EQ(solver->get(), nullptr);
 }
 
 TEST(DepthSolverChoiceTest, ADeviceThatIsNotThereIsSaid) {
-  const DepthMatcher matcher(SmallCamera(), ImageView{}, DepthOptions());
+  const DepthMatcher matcher(NarrowCamera(), ImageView{}, DepthOptions());
   EXPECT_EQ(CreateDepthSolver("tpu", matcher.solver_plan()).status().code(), StatusCode::kInvalidArgument);
   if (ResolveVisionDevice("auto") == "cuda") GTEST_SKIP() << "this machine has a CUDA device";
   const Status status = CreateDepthSolver("cuda", matcher.solver_plan()).status();

@@ -47,7 +47,7 @@ class WallFitTest : public testing::Test {
       AddPoint(ray * (offset / normal.dot(ray)) * (1.0 + noise * Gaussian(rng_)));
     }
   }
-  Result<WallPatch> Fit(const Eigen::Vector2d& pixel) {
+  Result<FittedWall> Fit(const Eigen::Vector2d& pixel) {
     fit_.Begin(cam_from_map_);
     fit_.Add(atlas_.keyframe(keyframes_[0]), atlas_);
     return fit_.At(pixel);
@@ -66,7 +66,7 @@ TEST_F(WallFitTest, SlantedWallIsFoundWithItsSlope) {
   const Eigen::Vector2d pixel(300.0, 200.0);
   const Eigen::Vector3d normal = Eigen::Vector3d(0.8, 0.3, 1.0).normalized();
   AddPlane(pixel, 60.0, 60, normal, 2.0, 0.01);
-  const Result<WallPatch> patch = Fit(pixel);
+  const Result<FittedWall> patch = Fit(pixel);
   ASSERT_TRUE(patch.ok()) << patch.status().ToString();
   const double truth = 2.0 / normal.dot(Ray(pixel));
   EXPECT_NEAR(patch->distance / truth, 1.0, 0.01);
@@ -79,7 +79,7 @@ TEST_F(WallFitTest, FoldBesideThePixelHasNoSay) {
   const Eigen::Vector2d pixel(360.0, 270.0);
   AddPlane(pixel, 50.0, 40, Eigen::Vector3d::UnitZ(), 3.0, 0.01);
   AddPlane(pixel + Eigen::Vector2d(55.0, 0.0), 20.0, 16, Eigen::Vector3d::UnitZ(), 1.2, 0.01);
-  const Result<WallPatch> patch = Fit(pixel);
+  const Result<FittedWall> patch = Fit(pixel);
   ASSERT_TRUE(patch.ok()) << patch.status().ToString();
   EXPECT_NEAR(patch->distance / (3.0 / Ray(pixel).z()), 1.0, 0.02);
 }
@@ -87,7 +87,7 @@ TEST_F(WallFitTest, FoldBesideThePixelHasNoSay) {
 TEST_F(WallFitTest, FewPointsAreRefused) {
   const Eigen::Vector2d pixel(360.0, 270.0);
   AddPlane(pixel, 30.0, 5, Eigen::Vector3d::UnitZ(), 3.0, 0.0);
-  const Result<WallPatch> patch = Fit(pixel);
+  const Result<FittedWall> patch = Fit(pixel);
   EXPECT_EQ(patch.code(), StatusCode::kFailedPrecondition);
   EXPECT_THAT(patch.status().message(), HasSubstr("too little of the map is near"));
 }
@@ -104,7 +104,7 @@ TEST_F(WallFitTest, PointsThatDisagreeAreRefused) {
     const Eigen::Vector2d at = pixel + Eigen::Vector2d(rng_.Uniform(-50.0, 50.0), rng_.Uniform(-50.0, 50.0));
     AddPoint(Ray(at) * std::exp(rng_.Uniform(-1.5, 1.5)));
   }
-  const Result<WallPatch> patch = Fit(pixel);
+  const Result<FittedWall> patch = Fit(pixel);
   EXPECT_EQ(patch.code(), StatusCode::kFailedPrecondition);
   EXPECT_THAT(patch.status().message(), HasSubstr("not clear about the wall"));
 }

@@ -7,9 +7,7 @@
 namespace haustra {
 namespace {
 
-// A keyframe that a mark was handed to may see a fold before it. What lies this near along the ray, and this way, is
-// the same wall.
-constexpr double kMaxRefinement = 0.1;
+// A keyframe that a mark was handed to may see a fold before it. A wall that lies this way may be the same one.
 constexpr double kMinNormalCos = 0.7;
 // A mark costs a look at all points of a keyframe.
 constexpr int kRefinedPerKeyframe = 4;
@@ -128,7 +126,7 @@ void MarkKeeper::Refine() {
     PlacedMark place = PlaceOn(*patch, mark.point_in_anchor.normalized(), keyframe.cam_from_map, keyframe.map);
     place.radius = before.radius;
     const double distance = (keyframe.cam_from_map * before.position).norm();
-    if (std::abs(patch->distance - distance) > kMaxRefinement * distance) continue;
+    if (std::abs(patch->distance - distance) > WallFit::kSameWall * distance) continue;
     if (place.normal.dot(before.normal) < kMinNormalCos) continue;
     atlas.PlaceMark(handle, mark.keyframe, place);
   }

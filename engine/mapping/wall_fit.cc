@@ -16,8 +16,6 @@ constexpr std::size_t kMaxWitnesses = 32;
 constexpr int kMinWitnesses = 6;
 // So many lie in the patch itself: a wall is not guessed from one side.
 constexpr int kMinInPatch = 2;
-// Of the inverse distance, relative: what counts as the same wall.
-constexpr double kAgreement = 0.15;
 // Of the slope of the wall against the ray, before anything is measured (tangent of the angle).
 constexpr double kSlopeSigma = 2.0;
 constexpr double kInverseSigma = 0.1;
@@ -103,7 +101,7 @@ Result<FittedWall> WallFit::At(const Eigen::Vector2d& pixel) {
   const double wish = kInverseSigma * kInverseSigma / (kSlopeSigma * kSlopeSigma);
   for (int round = 0; round < kRounds; ++round) {
     // What is far off at first may be slope.
-    const double tolerance = kAgreement * std::max(1.0, 3.0 - round);
+    const double tolerance = kSameWall * std::max(1.0, 3.0 - round);
     Eigen::Matrix3d normal_matrix = Eigen::Vector3d(0.0, wish, wish).asDiagonal();
     Eigen::Vector3d right_side = Eigen::Vector3d::Zero();
     for (const Witness& witness : witnesses_) {
@@ -120,7 +118,7 @@ Result<FittedWall> WallFit::At(const Eigen::Vector2d& pixel) {
   int num_agreeing = 0;
   double agreeing = 0.0, all = 0.0;
   for (const Witness& witness : witnesses_) {
-    const bool agrees = std::abs(witness.row.dot(plane) - witness.inverse) <= kAgreement * plane.x();
+    const bool agrees = std::abs(witness.row.dot(plane) - witness.inverse) <= kSameWall * plane.x();
     num_agreeing += agrees;
     agreeing += agrees ? witness.weight : 0.0;
     all += witness.weight;

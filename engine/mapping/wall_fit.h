@@ -21,6 +21,9 @@ struct FittedWall {
 
 class WallFit {
  public:
+  // Distances that differ by less than this share may be of the same wall.
+  static constexpr double kSameWall = 0.15;
+
   // The camera outlives it. All memory is taken here; points beyond max_points are left out.
   WallFit(const CameraModel& camera, int max_points);
 

@@ -28,7 +28,6 @@ __device__ __forceinline__ float Dot(float3 a, float3 b) { return a.x * b.x + a.
 __device__ __forceinline__ float3 Along(float3 a, float t, float3 b) {
   return make_float3(a.x + t * b.x, a.y + t * b.y, a.z + t * b.z);
 }
-__device__ __forceinline__ float3 Scaled(float t, float3 a) { return make_float3(t * a.x, t * a.y, t * a.z); }
 __device__ __forceinline__ float3 Turned(const float* r, float3 v) {
   return make_float3(r[0] * v.x + r[1] * v.y + r[2] * v.z, r[3] * v.x + r[4] * v.y + r[5] * v.z,
                      r[6] * v.x + r[7] * v.y + r[8] * v.z);

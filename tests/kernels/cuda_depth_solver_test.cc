@@ -134,7 +134,7 @@ INSTANTIATE_TEST_SUITE_P(Cameras, CudaDepthSolverTest,
                                                 PlaneWall(Eigen::Vector3d(0.8, 0.2, 1.0).normalized(), 1.1)},
                                            Case{"Fisheye", SmallFisheye, SphereWall(Eigen::Vector3d(0.1, 0, 0.3), 1.5)},
                                            Case{"Ocam", SmallOcam, SphereWall(Eigen::Vector3d(0.1, 0, 0.3), 1.5)}),
-                         [](const auto& info) { return std::string(info.param.name); });
+                         [](const auto& each) { return std::string(each.param.name); });
 
 }  // namespace
 }  // namespace haustra

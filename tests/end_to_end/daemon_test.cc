@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <iterator>
+#include <limits>
 #include <set>
 #include <string>
 #include <thread>
@@ -314,7 +315,9 @@ TEST_F(Daemon, ManyProceduresTakeNoMoreMemoryThanAFew) {
   constexpr double kPages_bytes = 1e6;
   ASSERT_NO_FATAL_FAILURE(StartReady(
       {"--set", "vision.threads=1", "--set", "memory.max_map_points=20000", "--set", "memory.max_keyframes=100"}));
-  double most_of_first = 0.0, last = 0.0;
+  // The worker is a new process each time, and how much it takes depends on how many keyframes there was time for: what
+  // grows is above all of the first ones in each of the last ones.
+  double most_of_first = 0.0, least_of_last = std::numeric_limits<double>::infinity();
   int num_files = 0, num_threads = 0;  // of the supervisor; the worker is another one each time
   for (int i = 0; i < num_procedures; ++i) {
     ASSERT_NO_FATAL_FAILURE(BeginAndMap("case-" + std::to_string(i)));
@@ -323,9 +326,10 @@ TEST_F(Daemon, ManyProceduresTakeNoMoreMemoryThanAFew) {
     const std::string name = "\nhaustra_resident_memory_bytes ";
     const std::size_t at = metrics.find(name);
     ASSERT_NE(at, std::string::npos);
-    last = std::stod(metrics.substr(at + name.size()));
+    const double resident = std::stod(metrics.substr(at + name.size()));
+    if (i >= num_procedures - kNumFirst) least_of_last = std::min(least_of_last, resident);
     if (i < kNumFirst) {
-      most_of_first = std::max(most_of_first, last);
+      most_of_first = std::max(most_of_first, resident);
       num_files = NumListed(service_.pid(), "fd");
       num_threads = NumListed(service_.pid(), "task");
     }
@@ -333,8 +337,8 @@ TEST_F(Daemon, ManyProceduresTakeNoMoreMemoryThanAFew) {
   // A client that has hung up may be noticed a moment later.
   EXPECT_LE(NumListed(service_.pid(), "fd"), num_files + 1);
   EXPECT_LE(NumListed(service_.pid(), "task"), num_threads);
-  EXPECT_LE(last, most_of_first + kPages_bytes);
-  RecordProperty("growth_bytes", std::to_string(last - most_of_first));
+  EXPECT_LE(least_of_last, most_of_first + kPages_bytes);
+  RecordProperty("growth_bytes", std::to_string(least_of_last - most_of_first));
   EXPECT_EQ(StopAndWait(), 0);
 }
 
@@ -459,7 +463,7 @@ TEST_F(Daemon, FullDiskCostsCheckpointsAndNothingElse) {
   RecordProperty("req", "DMN-009");
   // As full as it gets without a file system of one's own: the poses fit, the maps do not.
   ASSERT_NO_FATAL_FAILURE(StartReady({"--set", "checkpoint.interval_s=1"},
-                                     {"/bin/bash", "-c", "trap '' XFSZ; ulimit -f 700; exec \"$@\"", "limited"}));
+                                     {"/bin/bash", "-c", "trap '' XFSZ; ulimit -f 900; exec \"$@\"", "limited"}));
   ASSERT_NO_FATAL_FAILURE(BeginAndMap("case-1"));
   ASSERT_TRUE(service_.WaitForStatus("checkpoint_error"));
   EXPECT_NE(service_.StatusValue("checkpoint_error").find("checkpoint.atlas"), std::string::npos);

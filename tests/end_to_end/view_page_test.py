@@ -144,8 +144,8 @@ class PageTest(unittest.TestCase):
                     for each in (page, other):
                         self.assertTrue(each.wait_for("document.getElementById('state').textContent === 'No engine'"))
                         # What it showed was a patient's.
-                        self.assertEqual(each.value("document.body.dataset.poses"), "0")
-                        self.assertTrue(each.value("document.getElementById('picture-panel').hidden"))
+                        self.assertTrue(each.wait_for("document.body.dataset.poses === '0'"))
+                        self.assertTrue(each.wait_for("document.getElementById('picture-panel').hidden"))
                         each.value("document.body.dataset.points = document.body.dataset.matched = 0")
                 self.assertEqual(page.messages, [])
         finally:

@@ -181,7 +181,13 @@ TEST(WorkerReport, AnyBytesAreTakenOrRefused) {
 
 TEST(WorkerRequest, WhatNoSupervisorSaysIsRefused) {
   WorkerRequest request;
-  request.command = static_cast<WorkerCommand>(6);
+  request.command = static_cast<WorkerCommand>(kNumWorkerCommands);
+  EXPECT_EQ(ParseWorkerRequest(BytesOf(request)).code(), StatusCode::kDataLoss);
+  request = {};
+  request.label.fill('a');  // no end
+  EXPECT_EQ(ParseWorkerRequest(BytesOf(request)).code(), StatusCode::kDataLoss);
+  request = {};
+  request.pixel[1] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(ParseWorkerRequest(BytesOf(request)).code(), StatusCode::kDataLoss);
   request = {};
   request.log_level = static_cast<std::uint32_t>(LogLevel::kDebug) + 1;

@@ -1,91 +1,62 @@
 #include "platform/publish/pose_ring_writer.h"
 
-#include <cerrno>
-#include <cstddef>
-#include <cstdio>
-#include <cstring>
-#include <system_error>
-#include <utility>
+#include <sys/mman.h>
+#include <unistd.h>
 
+#include <cstddef>
+#include <cstring>
+
+#include "platform/publish/shared_file.h"
 #include "platform/publish/slot_writer.h"
 
 namespace haustra {
 namespace {
-
-std::string ErrorText(int error) { return std::generic_category().message(error); }
 
 // Readers of a daemon that died still hold its file.
 void CloseFormerFile(const std::string& path) {
   haustra_ring former;
   if (haustra_ring_open(&former, path.c_str()) != HAUSTRA_OK) return;
   haustra_ring_close(&former);
-  const OwnedDescriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)};
-  haustra_ring_file* memory = file.value < 0 ? nullptr : MapShared<haustra_ring_file>(file.value);
-  if (memory == nullptr) return;
-  StoreWord(&memory->header.service, HAUSTRA_SERVICE_CLOSED);
-  // What it showed was a patient's.
-  WipeSlots(memory->poses);
-  WipeSlots(memory->events);
-  WipeSlots(memory->snapshots);
-  ::munmap(memory, sizeof *memory);
+  ChangeFormerFile(path, sizeof(haustra_ring_file), [](void* memory) {
+    auto* file = static_cast<haustra_ring_file*>(memory);
+    StoreWord(&file->header.service, HAUSTRA_SERVICE_CLOSED);
+    // What it showed was a patient's.
+    WipeSlots(file->poses);
+    WipeSlots(file->events);
+    WipeSlots(file->snapshots);
+  });
 }
 
 }  // namespace
 
 Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string& path, mode_t mode, gid_t group) {
-  const std::string temporary_path = path + ".new";
-  ::unlink(temporary_path.c_str());
-  OwnedDescriptor file{::open(temporary_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600)};
-  if (file.value < 0) {
-    const int error = errno;
-    if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
-    return Unavailable(path + ": cannot be created: " + ErrorText(error));
-  }
-  const auto fail = [&](int error) {
-    ::unlink(temporary_path.c_str());
-    return Unavailable(path + ": cannot be created: " + ErrorText(error));
+  const auto prepare = [&](void* memory) {
+    haustra_ring_header& header = static_cast<haustra_ring_file*>(memory)->header;
+    header.version = HAUSTRA_RING_VERSION;
+    header.header_bytes = sizeof(haustra_ring_header);
+    header.file_bytes = sizeof(haustra_ring_file);
+    header.pose_slot_bytes = sizeof(haustra_pose_slot);
+    header.num_pose_slots = HAUSTRA_POSE_SLOTS;
+    header.event_slot_bytes = sizeof(haustra_event_slot);
+    header.num_event_slots = HAUSTRA_EVENT_SLOTS;
+    header.snapshot_slot_bytes = sizeof(haustra_snapshot_slot);
+    header.num_snapshot_slots = HAUSTRA_SNAPSHOT_SLOTS;
+    header.writer_pid = static_cast<std::uint64_t>(::getpid());
+    header.service = HAUSTRA_SERVICE_STARTING;
+    header.alive_ns = haustra_now_ns();
+    header.magic = HAUSTRA_RING_MAGIC;
+    CloseFormerFile(path);
   };
-  // Not ftruncate: memory that is not there would be missed at the first frame, with SIGBUS.
-  if (const int error = ::posix_fallocate(file.value, 0, sizeof(haustra_ring_file)); error != 0) return fail(error);
-  if (group != static_cast<gid_t>(-1) && ::fchown(file.value, static_cast<uid_t>(-1), group) != 0) return fail(errno);
-  if (::fchmod(file.value, mode) != 0) return fail(errno);
-  haustra_ring_file* memory = MapShared<haustra_ring_file>(file.value);
-  if (memory == nullptr) return fail(errno);
-
-  haustra_ring_header& header = memory->header;
-  header.version = HAUSTRA_RING_VERSION;
-  header.header_bytes = sizeof(haustra_ring_header);
-  header.file_bytes = sizeof(haustra_ring_file);
-  header.pose_slot_bytes = sizeof(haustra_pose_slot);
-  header.num_pose_slots = HAUSTRA_POSE_SLOTS;
-  header.event_slot_bytes = sizeof(haustra_event_slot);
-  header.num_event_slots = HAUSTRA_EVENT_SLOTS;
-  header.snapshot_slot_bytes = sizeof(haustra_snapshot_slot);
-  header.num_snapshot_slots = HAUSTRA_SNAPSHOT_SLOTS;
-  header.writer_pid = static_cast<std::uint64_t>(::getpid());
-  header.service = HAUSTRA_SERVICE_STARTING;
-  header.alive_ns = haustra_now_ns();
-  header.magic = HAUSTRA_RING_MAGIC;
-
-  CloseFormerFile(path);
-  if (std::rename(temporary_path.c_str(), path.c_str()) != 0) {
-    const int error = errno;
-    ::munmap(memory, sizeof *memory);
-    return fail(error);
-  }
-  return std::unique_ptr<PoseRingWriter>(new PoseRingWriter(path, std::exchange(file.value, -1), memory));
+  HAUSTRA_ASSIGN(const SharedFile file, CreateSharedFile(path, mode, group, sizeof(haustra_ring_file), prepare));
+  return std::unique_ptr<PoseRingWriter>(
+      new PoseRingWriter(path, file.descriptor, static_cast<haustra_ring_file*>(file.memory)));
 }
 
 Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Attach(int descriptor) {
-  struct stat info {};
-  if (::fstat(descriptor, &info) != 0 || !S_ISREG(info.st_mode) ||
-      info.st_size != static_cast<off_t>(sizeof(haustra_ring_file))) {
-    return DataLoss("the pose ring has another size");
-  }
-  haustra_ring_file* memory = MapShared<haustra_ring_file>(descriptor);
-  if (memory == nullptr) return Unavailable("the pose ring cannot be mapped: " + ErrorText(errno));
-  std::unique_ptr<PoseRingWriter> writer(new PoseRingWriter("", -1, memory));
-  if (memory->header.magic != HAUSTRA_RING_MAGIC || memory->header.version != HAUSTRA_RING_VERSION) {
+  HAUSTRA_ASSIGN(void* const memory, AttachSharedFile(descriptor, sizeof(haustra_ring_file), "the pose ring"));
+  auto* file = static_cast<haustra_ring_file*>(memory);
+  std::unique_ptr<PoseRingWriter> writer(new PoseRingWriter("", -1, file));
+  if (file->header.magic != HAUSTRA_RING_MAGIC || file->header.version != HAUSTRA_RING_VERSION) {
     return DataLoss("the pose ring has another layout");
   }
   return writer;

@@ -1,8 +1,5 @@
-// What the writers of shared memory have in common: records behind a lock word (haustra_pose_ring.h), and the file.
+// How records behind a lock word (haustra_pose_ring.h) are written and wiped.
 #pragma once
-
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -43,21 +40,6 @@ void WipeSlots(Slot (&slots)[kNumSlots]) {
     auto* words = &slot.lock;
     for (std::size_t i = 1; i < sizeof(Slot) / 8; ++i) StoreWord(words + i, 0);
   }
-}
-
-// Closed at the end of its scope.
-struct OwnedDescriptor {
-  int value = -1;
-  ~OwnedDescriptor() {
-    if (value >= 0) ::close(value);
-  }
-};
-
-// All its pages are there; null when it cannot be mapped.
-template <typename File>
-File* MapShared(int descriptor) {
-  void* memory = ::mmap(nullptr, sizeof(File), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
-  return memory == MAP_FAILED ? nullptr : static_cast<File*>(memory);
 }
 
 }  // namespace haustra

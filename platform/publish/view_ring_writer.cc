@@ -1,34 +1,30 @@
 #include "platform/publish/view_ring_writer.h"
 
+#include <sys/mman.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
-#include <cerrno>
-#include <cstdio>
-#include <system_error>
 #include <utility>
 
+#include "platform/publish/shared_file.h"
 #include "platform/publish/slot_writer.h"
 
 namespace haustra {
 namespace {
-
-std::string WhatIs(int error) { return std::generic_category().message(error); }
 
 void WipeRecords(haustra_view_file* file) {
   WipeSlots(file->pictures);
   WipeSlots(file->matches);
 }
 
-// Readers of a daemon that died still hold its file.
+// Readers of a daemon that died still hold its file, and what it showed was a patient's.
 void WipeFormerFile(const std::string& path) {
   haustra_view former;
   if (haustra_view_open(&former, path.c_str()) != HAUSTRA_OK) return;
   haustra_view_close(&former);
-  const OwnedDescriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)};
-  haustra_view_file* memory = file.value < 0 ? nullptr : MapShared<haustra_view_file>(file.value);
-  if (memory == nullptr) return;
-  WipeRecords(memory);
-  ::munmap(memory, sizeof *memory);
+  ChangeFormerFile(path, sizeof(haustra_view_file),
+                   [](void* memory) { WipeRecords(static_cast<haustra_view_file*>(memory)); });
 }
 
 std::uint8_t Clamped(int value) { return static_cast<std::uint8_t>(std::clamp(value, 0, 255)); }
@@ -68,54 +64,28 @@ ViewRingWriter::ViewRingWriter(std::string path, int descriptor, haustra_view_fi
     : path_(std::move(path)), descriptor_(descriptor), file_(file), picture_(std::make_unique<haustra_picture>()) {}
 
 Result<std::unique_ptr<ViewRingWriter>> ViewRingWriter::Create(const std::string& path, mode_t mode, gid_t group) {
-  const std::string temporary_path = path + ".new";
-  ::unlink(temporary_path.c_str());
-  OwnedDescriptor file{::open(temporary_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600)};
-  if (file.value < 0) {
-    const int error = errno;
-    if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
-    return Unavailable(path + ": cannot be created: " + WhatIs(error));
-  }
-  const auto fail = [&](int error) {
-    ::unlink(temporary_path.c_str());
-    return Unavailable(path + ": cannot be created: " + WhatIs(error));
+  const auto prepare = [&](void* memory) {
+    haustra_view_header& header = static_cast<haustra_view_file*>(memory)->header;
+    header.version = HAUSTRA_VIEW_VERSION;
+    header.header_bytes = sizeof(haustra_view_header);
+    header.file_bytes = sizeof(haustra_view_file);
+    header.picture_slot_bytes = sizeof(haustra_picture_slot);
+    header.num_picture_slots = HAUSTRA_PICTURE_SLOTS;
+    header.matches_slot_bytes = sizeof(haustra_matches_slot);
+    header.num_matches_slots = HAUSTRA_MATCHES_SLOTS;
+    header.magic = HAUSTRA_VIEW_MAGIC;
+    WipeFormerFile(path);
   };
-  // As for the poses: memory that is not there would be missed at the first frame.
-  if (const int error = ::posix_fallocate(file.value, 0, sizeof(haustra_view_file)); error != 0) return fail(error);
-  if (group != static_cast<gid_t>(-1) && ::fchown(file.value, static_cast<uid_t>(-1), group) != 0) return fail(errno);
-  if (::fchmod(file.value, mode) != 0) return fail(errno);
-  auto* memory = MapShared<haustra_view_file>(file.value);
-  if (memory == nullptr) return fail(errno);
-
-  haustra_view_header& header = memory->header;
-  header.version = HAUSTRA_VIEW_VERSION;
-  header.header_bytes = sizeof(haustra_view_header);
-  header.file_bytes = sizeof(haustra_view_file);
-  header.picture_slot_bytes = sizeof(haustra_picture_slot);
-  header.num_picture_slots = HAUSTRA_PICTURE_SLOTS;
-  header.matches_slot_bytes = sizeof(haustra_matches_slot);
-  header.num_matches_slots = HAUSTRA_MATCHES_SLOTS;
-  header.magic = HAUSTRA_VIEW_MAGIC;
-
-  WipeFormerFile(path);
-  if (std::rename(temporary_path.c_str(), path.c_str()) != 0) {
-    const int error = errno;
-    ::munmap(memory, sizeof *memory);
-    return fail(error);
-  }
-  return std::unique_ptr<ViewRingWriter>(new ViewRingWriter(path, std::exchange(file.value, -1), memory));
+  HAUSTRA_ASSIGN(const SharedFile file, CreateSharedFile(path, mode, group, sizeof(haustra_view_file), prepare));
+  return std::unique_ptr<ViewRingWriter>(
+      new ViewRingWriter(path, file.descriptor, static_cast<haustra_view_file*>(file.memory)));
 }
 
 Result<std::unique_ptr<ViewRingWriter>> ViewRingWriter::Attach(int descriptor) {
-  struct stat info {};
-  if (::fstat(descriptor, &info) != 0 || !S_ISREG(info.st_mode) ||
-      info.st_size != static_cast<off_t>(sizeof(haustra_view_file))) {
-    return DataLoss("the view ring has another size");
-  }
-  auto* memory = MapShared<haustra_view_file>(descriptor);
-  if (memory == nullptr) return Unavailable("the view ring cannot be mapped: " + WhatIs(errno));
-  std::unique_ptr<ViewRingWriter> writer(new ViewRingWriter("", -1, memory));
-  if (memory->header.magic != HAUSTRA_VIEW_MAGIC || memory->header.version != HAUSTRA_VIEW_VERSION) {
+  HAUSTRA_ASSIGN(void* const memory, AttachSharedFile(descriptor, sizeof(haustra_view_file), "the view ring"));
+  auto* file = static_cast<haustra_view_file*>(memory);
+  std::unique_ptr<ViewRingWriter> writer(new ViewRingWriter("", -1, file));
+  if (file->header.magic != HAUSTRA_VIEW_MAGIC || file->header.version != HAUSTRA_VIEW_VERSION) {
     return DataLoss("the view ring has another layout");
   }
   return writer;

@@ -14,11 +14,15 @@ void AddConfigurationOptions(CLI::App& command, ConfigurationOptions& options) {
   AddDeviceOptions(command, options.device, options.threads);
 }
 
-void AddDeviceOptions(CLI::App& command, std::string& device, int& threads) {
+void AddDeviceOption(CLI::App& command, std::string& device) {
   command.add_option("--device", device, "Vision device; auto: cuda where this build and machine have it, else cpu")
       ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
       ->capture_default_str();
   command.parse_complete_callback([&device] { device = ResolveVisionDevice(device); });
+}
+
+void AddDeviceOptions(CLI::App& command, std::string& device, int& threads) {
+  AddDeviceOption(command, device);
   command.add_option("--threads", threads, "Threads of the CPU device, 0: one a core, in real time one less")
       ->check(CLI::Range(0, 256))
       ->capture_default_str();

@@ -19,6 +19,8 @@ struct ConfigurationOptions {
 // --config, --set, --device and --threads. `options` must outlive the parsing; `device` is "cpu" or "cuda" after it.
 void AddConfigurationOptions(CLI::App& command, ConfigurationOptions& options);
 
+// --device alone; the same of `device`.
+void AddDeviceOption(CLI::App& command, std::string& device);
 // --device and --threads alone.
 void AddDeviceOptions(CLI::App& command, std::string& device, int& threads);
 

@@ -12,8 +12,8 @@
 
 #include "capture/codec/image_codec.h"
 #include "engine/io/ply_writer.h"
-#include "platform/assemble.h"
 #include "tools/command/common_options.h"
+#include "tools/command/configuration_options.h"
 #include "tools/command/console.h"
 #include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
@@ -46,7 +46,6 @@ struct SurfaceArguments {
   std::string sequence;
   std::string out;
   std::string groundtruth;
-  std::string device = "auto";
   SequenceOptions options;
   surface::SurfaceOptions surface;
   CoverageOptions coverage;
@@ -108,7 +107,6 @@ Result<surface::SurfaceScore> Judge(const SurfaceArguments& arguments, const eva
 }
 
 int RunSurface(SurfaceArguments arguments) {
-  arguments.surface.device = ResolveVisionDevice(arguments.device);
   if (arguments.surface.num_threads == 0) {
     arguments.surface.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   }
@@ -213,12 +211,8 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
                    "Threads; 0: all cores. The result does not depend on it")
       ->check(CLI::Range(0, 256))
       ->default_val(0);
-  command
-      ->add_option("--device", arguments->device,
-                   "Where depth is searched; auto: cuda where this build and machine have it, else cpu. They round "
-                   "differently")
-      ->check(CLI::IsMember({"auto", "cpu", "cuda"}))
-      ->capture_default_str();
+  arguments->surface.device = "auto";
+  AddDeviceOption(*command, arguments->surface.device);
   AddOverwriteFlag(*command, arguments->overwrite);
   command->callback([arguments, &action] { action = [arguments] { return RunSurface(*arguments); }; });
 }

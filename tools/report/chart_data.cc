@@ -108,6 +108,36 @@ Json MarksOf(const RunOutput& run, const Evaluation& evaluation, const std::map<
 
 using Positions = std::vector<Eigen::Vector3d>;
 
+// Where the middle one of `values` is; they are put into another order. Not of nothing.
+double Median(std::vector<double>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
+// Whether a position lies with the others: no farther from their middle than so many times the median distance. A map
+// may hold points whose distance is not known, and these are anywhere.
+class Crowd {
+ public:
+  explicit Crowd(const Positions& positions) {
+    if (positions.empty()) return;
+    std::vector<double> values(positions.size());
+    for (int axis = 0; axis < 3; ++axis) {
+      for (std::size_t i = 0; i < positions.size(); ++i) values[i] = positions[i][axis];
+      middle_[axis] = Median(&values);
+    }
+    for (std::size_t i = 0; i < positions.size(); ++i) values[i] = (positions[i] - middle_).norm();
+    reach_ = kFar * Median(&values);
+  }
+  // Of positions that are all in one place each is with the others.
+  bool Has(const Eigen::Vector3d& position) const { return reach_ == 0.0 || (position - middle_).norm() <= reach_; }
+
+ private:
+  static constexpr double kFar = 20.0;
+  Eigen::Vector3d middle_ = Eigen::Vector3d::Zero();
+  double reach_ = 0.0;
+};
+
 // Axes of largest, middle and smallest extent as rows, each pointing to where its largest component is positive.
 Eigen::Matrix3d PrincipalAxes(const Positions& positions, Eigen::Vector3d* centre) {
   *centre = Eigen::Vector3d::Zero();
@@ -161,6 +191,8 @@ Json ViewJson(const std::string& title, const std::string& unit, const Positions
       for (const Positions& line : map.lines) paths.insert(paths.end(), line.begin(), line.end());
       paths.insert(paths.end(), map.points.begin(), map.points.end());
     }
+    const Crowd crowd(paths);
+    std::erase_if(paths, [&crowd](const Eigen::Vector3d& p) { return !crowd.Has(p); });
   }
   Eigen::Vector3d centre;
   const Eigen::Matrix3d axes = PrincipalAxes(paths, &centre);

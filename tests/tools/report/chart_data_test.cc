@@ -77,6 +77,29 @@ TEST(ChartData, WithoutGroundTruthMapsAreInTheirOwnUnits) {
   EXPECT_TRUE(views[0]["truth"].empty());
 }
 
+// A point whose distance was never known may lie anywhere: path and wall keep their shape.
+TEST(ChartData, PointFarAwayDoesNotFlattenTheMap) {
+  const evaluate::RunOutput run = SmallRun();
+  MapModel model;
+  for (int i = 0; i < 60; ++i) {
+    model.points.push_back(evaluate::MapFromWorld(0) * (evaluate::TruePose(i) * Eigen::Vector3d(0, 0, 5)));
+  }
+  model.points.push_back(1e8 * Eigen::Vector3d::Ones());
+  model.rgb.resize(model.points.size());
+  const auto line_of = [&] {
+    return DataOf(run, evaluate::Reference(), {{0, model}})["views"][0]["maps"][0]["lines"][1];
+  };
+  const Json with_far = line_of();
+  model.points.back() = model.points.front();
+  const Json without = line_of();
+  ASSERT_EQ(with_far.size(), 20u);
+  for (std::size_t i = 0; i < with_far.size(); ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
+      EXPECT_NEAR(with_far[i][axis].get<double>(), without[i][axis].get<double>(), 0.5) << i;
+    }
+  }
+}
+
 TEST(ChartData, ErrorsAreDistancesFromTheTruth) {
   const Json data = DataOf(SmallRun(), ShiftedReference(60));
   ASSERT_EQ(data["errors"].size(), 1u);

@@ -44,6 +44,8 @@ class FrameExtractor {
   bool Extract(const ImageView& image);
   // The frame extracted last has become the last one: what it showed may be followed.
   void KeepLast() { is_last_extracted_ = true; }
+  // Nothing is followed into the next frame.
+  void ForgetLast() { is_last_extracted_ = false; }
   // Frames for which the device had no feature set left. Any thread.
   std::uint64_t num_sets_refused() const { return num_sets_refused_.load(std::memory_order_relaxed); }
 

@@ -53,6 +53,9 @@ class Initialiser {
   // After Try: the reference has little in common with what is seen now, or no motion explains it any more.
   bool is_worn_out() const { return is_worn_out_; }
 
+  // What MoveInto would give.
+  std::span<const FoundingPair> pairs() const { return {pairs_.data(), static_cast<std::size_t>(num_pairs_)}; }
+
   int num_matches() const { return num_matches_; }
   int num_inliers() const { return num_inliers_; }
 

@@ -12,11 +12,13 @@ Proposer::Proposer(const EngineConfig& config, VisionDevice& device, TrackingLin
     : config_(config), device_(device), link_(link), noise_(noise), frame_(frame), heard_(heard) {}
 
 bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate, const LocalKeyframe& reference,
-                          double share) const {
+                          bool is_map_new, double share) const {
   const KeyframeConfig& options = config_.keyframes;
   const Course& course = tracking.course;
   const double spacing_ms = ToMilliseconds(frame_.timestamp - course.keyframe_time);
-  if (spacing_ms < options.min_spacing_ms || is_mapper_busy()) return false;
+  const bool is_thin = static_cast<int>(estimate.matches.size()) < options.low_inliers;
+  // A map of two views has little to lose, and is lost in the next frames unless it grows.
+  if ((spacing_ms < options.min_spacing_ms && !(is_map_new && is_thin)) || is_mapper_busy()) return false;
   // Points made of the last keyframes alone may be on something that came between the scope and the wall.
   if (estimate.num_established < config_.tracking.min_inliers) return false;
   const double baseline =
@@ -24,7 +26,6 @@ bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate
   const double parallax_deg = std::atan2(baseline, estimate.median_depth) / kDegree;
   const bool has_left_reference =
       estimate.num_established < options.min_tracked_ratio * share * reference.num_established;
-  const bool is_thin = static_cast<int>(estimate.matches.size()) < options.low_inliers;
   const bool has_moved = parallax_deg > options.min_parallax_deg;
   const bool is_late = spacing_ms >= options.max_spacing_ms && parallax_deg > 0.25 * options.min_parallax_deg;
   return has_left_reference || is_thin || has_moved || is_late;

@@ -102,6 +102,10 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   switch (may_measure ? Measure(frame, &result) : Outcome::kNoTime) {
     case Outcome::kPose: AnswerWithPose(&result); break;
     case Outcome::kNoPose:
+      if (std::holds_alternative<AwaitingMap>(state_)) {
+        KeepFoundingFrame(result.reason);
+        break;
+      }
       ForgetLastFrame();
       DropFrame();
       break;
@@ -173,6 +177,7 @@ void Tracker::HearMapper() {
 Tracker::Outcome Tracker::Measure(const Frame& frame, FrameResult* result) {
   HearMapper();
   search_.Begin();
+  if (MayFoundMap()) extractor_.ForgetLast();
   const bool is_extracted = extractor_.Extract(frame.image);
   result->num_features = current_.features.num;
   if (!is_extracted && lane_.has_pending()) return Outcome::kNoTime;
@@ -182,6 +187,12 @@ Tracker::Outcome Tracker::Measure(const Frame& frame, FrameResult* result) {
     return Outcome::kNoPose;
   }
   return state() == TrackingState::kTracking ? TrackMap(result) : FindPose(result);
+}
+
+// The frame may become a view of a new map. One that goes on from the second view of a map does not.
+bool Tracker::MayFoundMap() const {
+  const Lost* lost = std::get_if<Lost>(&state_);
+  return lost != nullptr && (!lost->start || lost->start->is_found);
 }
 
 // Tracking: guided search, and brute force where it finds nothing or few points hold what it has found.
@@ -308,6 +319,8 @@ Tracker::Outcome Tracker::BeginMap(Lost* lost, FrameResult* result) {
     result->num_inliers = initialiser_.num_inliers();
   }
   if (result->reason == TrackingReason::kMapProposed) {
+    ForgetLastFrame();
+    for (const FoundingPair& pair : initialiser_.pairs()) last_.matches.emplace_back(pair.feature, MapPointHandle{});
     const std::optional<AwaitingMap> awaiting = proposer_.ProposeMap(*lost, &initialiser_);
     is_set_given_ = awaiting.has_value();
     if (awaiting) state_ = *awaiting;
@@ -407,7 +420,8 @@ void Tracker::ConsiderKeyframe(const LocalKeyframe& reference, Tracking* trackin
   const double reduced_share = config_.scheduler.reduced_share;
   const double share = (current_.features.is_reduced && !reference.is_reduced ? reduced_share : 1.0) *
                        (budget_.has_fewer_points() ? reduced_share : 1.0);
-  if (!proposer_.IsKeyframe(*tracking, search_.estimate(), reference, share)) return;
+  const bool is_map_new = local_map().keyframes.size() <= 2;
+  if (!proposer_.IsKeyframe(*tracking, search_.estimate(), reference, is_map_new, share)) return;
   is_set_given_ = result->is_keyframe = proposer_.ProposeKeyframe(search_.estimate(), local_map(), tracking);
 }
 
@@ -431,6 +445,15 @@ void Tracker::KeepFrame(Tracking* tracking) {
     last_.matches.emplace_back(match.feature_idx, local_map().points[match.point_idx].handle);
   }
   tracking->has_last_frame = true;
+}
+
+// While the mapper makes a map, what its second view shows is followed: the detector alone finds too little of a young
+// map again. last_ has the features of the founding for matches, without points.
+void Tracker::KeepFoundingFrame(TrackingReason reason) {
+  if (reason != TrackingReason::kMapProposed) ForgetLastFrame();
+  std::swap(last_.features, current_.features);
+  owns_last_set_ = !is_set_given_;
+  extractor_.KeepLast();
 }
 
 std::size_t Tracker::MatchedPixels(std::span<Eigen::Vector2f> to) const {

@@ -83,6 +83,7 @@ class Tracker {
   int MaxVelocityAge() const;
   void HearMapper();
   bool NeedsAllFeatures() const;
+  bool MayFoundMap() const;
   Outcome Measure(const Frame& frame, FrameResult* result);
 
   Outcome TrackMap(FrameResult* result);
@@ -100,6 +101,7 @@ class Tracker {
   void WatchOverlay(MapId map_id);
   void ConsiderKeyframe(const LocalKeyframe& reference, Tracking* tracking, FrameResult* result);
   void KeepFrame(Tracking* tracking);
+  void KeepFoundingFrame(TrackingReason reason);
   bool IsHeldByMap() const;
   bool IsDeniedByFlow(MapId map_id, bool is_tracked) const;
   void AnchorChain(const FrameResult& result);

@@ -52,10 +52,11 @@ class Camera:
     """Unit rays of pixels, by a calib.yaml."""
 
     COEFFICIENTS = {"pinhole": ("k1", "k2", "p1", "p2", "k3"), "kannala_brandt": ("k1", "k2", "k3", "k4")}
+    TYPES = {"PinHole": "pinhole", "KannalaBrandt8": "kannala_brandt"}  # as the program names them, with "Camera." before each key
 
     def __init__(self, path):
         values = self._read(path)
-        self.model = values.get("model")
+        self.model = values.get("model", self.TYPES.get(values.get("type"), values.get("type")))
         if self.model not in self.COEFFICIENTS:
             raise Refusal(f"{path}: model is '{self.model}'; known here: {', '.join(self.COEFFICIENTS)}")
         try:
@@ -73,7 +74,7 @@ class Camera:
         for line in path.read_text(encoding="utf-8").splitlines():
             key, colon, value = line.split("#")[0].partition(":")
             if colon and value.strip():
-                values[key.strip()] = value.strip().strip("'\"")
+                values[key.strip().removeprefix("Camera.")] = value.strip().strip("'\"")
         return values
 
     def distort(self, x, y):

@@ -16,7 +16,9 @@ class ProposerTest : public ::testing::Test {
     estimate_.matches.resize(300);
     estimate_.num_established = 70;
   }
-  bool IsKeyframe() const { return proposer_.IsKeyframe(tracking_, estimate_, reference_, 1.0); }
+  bool IsKeyframe(bool is_map_new = false) const {
+    return proposer_.IsKeyframe(tracking_, estimate_, reference_, is_map_new, 1.0);
+  }
 
   ScriptedColon colon_;
   TrackingLink link_{colon_.config()};
@@ -51,6 +53,17 @@ TEST_F(ProposerTest, NoKeyframeFollowsTooSoonOrWhileTheMapperIsBusy) {
   tracking_.course.keyframe_time = TimePoint{};
   link_.num_pending = 1;
   EXPECT_FALSE(IsKeyframe());
+}
+
+TEST_F(ProposerTest, AMapOfTwoViewsGrowsAtOnceWhereItIsThin) {
+  tracking_.course.keyframe_time = frame_.timestamp - std::chrono::milliseconds(33);
+  EXPECT_FALSE(IsKeyframe(true)) << "300 points hold it";
+  estimate_.matches.resize(static_cast<std::size_t>(colon_.config().keyframes.low_inliers) - 1);
+  estimate_.num_established = static_cast<int>(estimate_.matches.size());
+  EXPECT_TRUE(IsKeyframe(true));
+  EXPECT_FALSE(IsKeyframe(false));
+  estimate_.num_established = colon_.config().tracking.min_inliers - 1;
+  EXPECT_FALSE(IsKeyframe(true)) << "a keyframe rests on established points all the same";
 }
 
 TEST(LocalMap, WhereThereAreTwoKeyframesThePointsOfBothAreEstablished) {

@@ -165,6 +165,17 @@ class FlowJudgeTest(unittest.TestCase):
                 pixels, _ = project(points.reshape(-1, 1, 3), zero, zero, camera_matrix, np.array(k))
             np.testing.assert_allclose(flow_judge.Camera(path).rays(pixels.reshape(-1, 2)), expected, atol=1e-8)
 
+    def test_the_calibration_that_a_run_writes_is_read(self):
+        path = Path(self.temporary.name) / "written.yaml"
+        path.write_text('%YAML:1.0\nCamera.type: "KannalaBrandt8"\nCamera.fx: 166.1\nCamera.fy: 166.2\nCamera.cx: 176.5\n'
+                        "Camera.cy: 118.5\nCamera.k1: -0.1\nCamera.k2: 0.008\nCamera.k3: 0\nCamera.k4: 0\nCamera.RGB: 1\n")
+        camera = flow_judge.Camera(path)
+        self.assertEqual((camera.model, *camera.focal, *camera.centre), ("kannala_brandt", 166.1, 166.2, 176.5, 118.5))
+        self.assertEqual(camera.k, [-0.1, 0.008, 0.0, 0.0])
+        path.write_text('Camera.type: "Fishbowl"\n')
+        with self.assertRaisesRegex(flow_judge.Refusal, "model is 'Fishbowl'; known here"):
+            flow_judge.Camera(path)
+
     def test_errors_name_the_file(self):
         path = Path(self.temporary.name) / "other.yaml"
         path.write_text("model: ocamcalib\n")

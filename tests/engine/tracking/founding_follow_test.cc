@@ -1,0 +1,117 @@
+// What is followed while a map is being made: a founding takes its matches to err each by itself, and must see nothing
+// that was followed; the map that it gives is to be found in the next frame.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "engine/mapping/mapper.h"
+#include "engine/tracking/tracker.h"
+#include "hal/forwarding_vision_device.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra::test {
+namespace {
+
+// Remembers what the last extraction was asked to follow.
+class FollowWatch final : public ForwardingVisionDevice {
+ public:
+  using ForwardingVisionDevice::ForwardingVisionDevice;
+  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    followed.assign(request.follow.begin() + request.num_only_followed, request.follow.end());
+    return ForwardingVisionDevice::EnqueueExtract(lane, request);
+  }
+  std::vector<Keypoint> followed;
+};
+
+class FoundingFollowTest : public testing::Test {
+ protected:
+  FoundingFollowTest()
+      : link_(config_),
+        places_(config_, std::pmr::get_default_resource()),
+        device_(colon_.device()),
+        mapper_(config_, colon_.camera(), device_, link_, places_, nullptr, false, nullptr),
+        tracker_(config_, colon_.camera(), device_, link_, nullptr, 1.0) {
+    colon_.config().merging.enabled = false;
+    colon_.Move(0.0, 3.0, 100);
+  }
+
+  FrameResult TrackNext() {
+    const Result<Frame> frame = colon_.source().Next(kNoDeadline);
+    EXPECT_TRUE(frame.ok());
+    return tracker_.Track(*frame, kNoDeadline);
+  }
+  void Map() {
+    while (mapper_.Step()) continue;
+  }
+  // Up to the second view of a new map, which the mapper has not yet seen.
+  void TrackUntilProposed() {
+    for (int i = 0; i < 60; ++i) {
+      const FrameResult result = TrackNext();
+      EXPECT_TRUE(device_.followed.empty()) << "before a map, frame " << i;
+      if (result.reason == TrackingReason::kMapProposed) return;
+      Map();
+    }
+    FAIL() << "no map was proposed";
+  }
+
+  // Of what waits for the mapper. It may have been asked for the place of the frame before.
+  const KeyframeProposal& founding() {
+    while (link_.proposals.Front()->kind != ProposalKind::kFounding) mapper_.Step();
+    return *link_.proposals.Front();
+  }
+
+  ScriptedColon colon_;
+  const EngineConfig& config_ = colon_.config();
+  TrackingLink link_;
+  PlaceMailbox places_;
+  FollowWatch device_;
+  Mapper mapper_;
+  Tracker tracker_;
+};
+
+TEST_F(FoundingFollowTest, FromTheSecondViewOnThePointsOfTheMapComeFirst) {
+  ASSERT_NO_FATAL_FAILURE(TrackUntilProposed());
+  const KeyframeProposal& proposal = founding();
+  std::vector<Keypoint> points;
+  for (int i = 0; i < proposal.num_pairs; ++i) {
+    points.push_back(proposal.view.features.keypoints[proposal.pairs[i].feature]);
+  }
+  const auto num_features = static_cast<std::size_t>(proposal.view.features.num);
+  Map();
+  EXPECT_EQ(TrackNext().state, TrackingState::kTracking);
+  ASSERT_EQ(device_.followed.size(), num_features);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    EXPECT_EQ(device_.followed[i].x_px, points[i].x_px);
+    EXPECT_EQ(device_.followed[i].y_px, points[i].y_px);
+  }
+}
+
+TEST_F(FoundingFollowTest, GoesOnWhileTheMapperIsBusy) {
+  ASSERT_NO_FATAL_FAILURE(TrackUntilProposed());
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(TrackNext().reason, TrackingReason::kAwaitingMap);
+    EXPECT_FALSE(device_.followed.empty());
+  }
+  Map();
+  EXPECT_EQ(TrackNext().state, TrackingState::kTracking);
+  EXPECT_FALSE(device_.followed.empty());
+}
+
+TEST_F(FoundingFollowTest, EndsWhenTheMapIsRefused) {
+  ASSERT_NO_FATAL_FAILURE(TrackUntilProposed());
+  EXPECT_EQ(TrackNext().reason, TrackingReason::kAwaitingMap);
+  link_.replies.TryPush({0, MapRefused{founding().founding_id}});
+  EXPECT_EQ(TrackNext().reason, TrackingReason::kNoReference) << "the next founding begins";
+  EXPECT_TRUE(device_.followed.empty());
+}
+
+TEST_F(FoundingFollowTest, HoldsTheFeatureSetOfTheLastFrameOnly) {
+  ASSERT_NO_FATAL_FAILURE(TrackUntilProposed());
+  TrackNext();
+  const std::int32_t num_free = device_.num_free_feature_sets();
+  for (int i = 0; i < 5; ++i) TrackNext();
+  EXPECT_EQ(device_.num_free_feature_sets(), num_free);
+}
+
+}  // namespace
+}  // namespace haustra::test

@@ -18,9 +18,9 @@ struct FeatureConfig {
   int max = 2400;  // a frame, detected and followed ones together [100, 8000]
   // Of them, those that are detected, the paper's operating point [100, 8000]; never more than max.
   int max_detected = 2000;
-  // While the scope is tracked, features of the last frame that the detector loses are followed by optical flow, as far
-  // as there is room. Before tracking is lost on living tissue the detector finds few of its features again from frame
-  // to frame, optical flow several times as many (kernels/decisions/2026-11-24-all-features-are-followed.md).
+  // While the scope is tracked or a map is made, features of the last frame that the detector loses are followed, as
+  // far as there is room. Before tracking is lost on living tissue the detector finds few of its features again from
+  // frame to frame, optical flow several times as many (kernels/decisions/2026-11-24-all-features-are-followed.md).
   bool are_followed = true;
   double contrast_threshold = 0.0;  // |DoG| on intensities in [0, 1]; 0: the extractor's own floor [0, 0.2]
   double edge_threshold = 10.0;     // ratio of principal curvatures, Lowe 2004 section 4.1 [2, 50]

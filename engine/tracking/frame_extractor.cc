@@ -64,7 +64,7 @@ bool FrameExtractor::Extract(const ImageView& image) {
 }
 
 // The points of the chain, then all features of the last frame if it was tracked. A chain that has just begun has these
-// for points. Without a map nothing becomes a feature: what is followed errs together, and a founding takes its matches
+// for points. Nothing is followed into a founding: what is followed errs together, and a founding takes its matches
 // to err each by itself.
 void FrameExtractor::ListFeaturesToFollow() {
   follow_.assign(parts_.chain.points().begin(), parts_.chain.points().end());

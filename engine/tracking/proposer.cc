@@ -12,13 +12,13 @@ Proposer::Proposer(const EngineConfig& config, VisionDevice& device, TrackingLin
     : config_(config), device_(device), link_(link), noise_(noise), frame_(frame), heard_(heard) {}
 
 bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate, const LocalKeyframe& reference,
-                          bool is_map_new, double share) const {
+                          double share) const {
   const KeyframeConfig& options = config_.keyframes;
   const Course& course = tracking.course;
   const double spacing_ms = ToMilliseconds(frame_.timestamp - course.keyframe_time);
   const bool is_thin = static_cast<int>(estimate.matches.size()) < options.low_inliers;
   // A map of two views has little to lose, and is lost in the next frames unless it grows.
-  if ((spacing_ms < options.min_spacing_ms && !(is_map_new && is_thin)) || is_mapper_busy()) return false;
+  if ((spacing_ms < options.min_spacing_ms && !(tracking.is_map_new && is_thin)) || is_mapper_busy()) return false;
   // Points made of the last keyframes alone may be on something that came between the scope and the wall.
   if (estimate.num_established < config_.tracking.min_inliers) return false;
   const double baseline =
@@ -58,6 +58,7 @@ bool Proposer::ProposeKeyframe(const PoseEstimate& estimate, const LocalMap& map
   Commit();
   tracking->course.keyframe_time = frame_.timestamp;
   tracking->course.keyframe_from_map = estimate.cam_from_map;
+  tracking->is_map_new = false;
   return true;
 }
 

@@ -28,10 +28,9 @@ class Proposer {
   Proposer(const EngineConfig& config, VisionDevice& device, TrackingLink& link, const NoiseModel& noise,
            const ProposedView& frame, const RepliesHeard& heard);
 
-  // Whether the tracked frame shows what the map lacks. is_map_new: it has two keyframes. share: of the points that a
-  // full frame would have shown.
+  // Whether the tracked frame shows what the map lacks. share: of the points that a full frame would have shown.
   bool IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate, const LocalKeyframe& reference,
-                  bool is_map_new, double share) const;
+                  double share) const;
   // True: the frame's feature set has the mapper for an owner, and the course begins anew.
   bool ProposeKeyframe(const PoseEstimate& estimate, const LocalMap& map, Tracking* tracking);
   // The initialiser's views and the frame; nothing when the ring is full, and the initialiser keeps its views.

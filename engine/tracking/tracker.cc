@@ -420,8 +420,7 @@ void Tracker::ConsiderKeyframe(const LocalKeyframe& reference, Tracking* trackin
   const double reduced_share = config_.scheduler.reduced_share;
   const double share = (current_.features.is_reduced && !reference.is_reduced ? reduced_share : 1.0) *
                        (budget_.has_fewer_points() ? reduced_share : 1.0);
-  const bool is_map_new = local_map().keyframes.size() <= 2;
-  if (!proposer_.IsKeyframe(*tracking, search_.estimate(), reference, is_map_new, share)) return;
+  if (!proposer_.IsKeyframe(*tracking, search_.estimate(), reference, share)) return;
   is_set_given_ = result->is_keyframe = proposer_.ProposeKeyframe(search_.estimate(), local_map(), tracking);
 }
 

@@ -57,6 +57,7 @@ struct Tracking {
   KeyframeId reference = kNoId;  // keyframe that the last pose was given relative to
   bool has_last_frame = false;   // what it showed can be searched in the next one
   int num_predicted = 0;         // frames in a row that were answered without a measurement
+  bool is_map_new = false;       // the course began with the founding, and no keyframe was proposed since
 };
 
 using TrackerState = std::variant<Lost, AwaitingMap, Tracking>;

@@ -16,9 +16,7 @@ class ProposerTest : public ::testing::Test {
     estimate_.matches.resize(300);
     estimate_.num_established = 70;
   }
-  bool IsKeyframe(bool is_map_new = false) const {
-    return proposer_.IsKeyframe(tracking_, estimate_, reference_, is_map_new, 1.0);
-  }
+  bool IsKeyframe() const { return proposer_.IsKeyframe(tracking_, estimate_, reference_, 1.0); }
 
   ScriptedColon colon_;
   TrackingLink link_{colon_.config()};
@@ -56,14 +54,25 @@ TEST_F(ProposerTest, NoKeyframeFollowsTooSoonOrWhileTheMapperIsBusy) {
 }
 
 TEST_F(ProposerTest, AMapOfTwoViewsGrowsAtOnceWhereItIsThin) {
-  tracking_.course.keyframe_time = frame_.timestamp - std::chrono::milliseconds(33);
-  EXPECT_FALSE(IsKeyframe(true)) << "300 points hold it";
+  tracking_ = GoOnFrom({false, 3, SE3{}, 7}, frame_.timestamp - std::chrono::milliseconds(33));
+  EXPECT_FALSE(IsKeyframe()) << "300 points hold it";
   estimate_.matches.resize(static_cast<std::size_t>(colon_.config().keyframes.low_inliers) - 1);
   estimate_.num_established = static_cast<int>(estimate_.matches.size());
-  EXPECT_TRUE(IsKeyframe(true));
-  EXPECT_FALSE(IsKeyframe(false));
+  EXPECT_TRUE(IsKeyframe());
+  const Tracking young = tracking_;
   estimate_.num_established = colon_.config().tracking.min_inliers - 1;
-  EXPECT_FALSE(IsKeyframe(true)) << "a keyframe rests on established points all the same";
+  EXPECT_FALSE(IsKeyframe()) << "a keyframe rests on established points all the same";
+  estimate_.num_established = static_cast<int>(estimate_.matches.size());
+  LocalMap map;
+  map.points.resize(1);
+  for (PointMatch& match : estimate_.matches) match = {0, 0};
+  frame_.features.num = 1;
+  ASSERT_TRUE(proposer_.ProposeKeyframe(estimate_, map, &tracking_));
+  link_.num_pending = 0;
+  tracking_.course.keyframe_time = young.course.keyframe_time;
+  EXPECT_FALSE(IsKeyframe()) << "the map has its third keyframe";
+  tracking_ = GoOnFrom({true, 3, SE3{}, 7}, young.course.keyframe_time);
+  EXPECT_FALSE(IsKeyframe()) << "a map that was found again has long grown";
 }
 
 TEST(LocalMap, WhereThereAreTwoKeyframesThePointsOfBothAreEstablished) {

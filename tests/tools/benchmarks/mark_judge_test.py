@@ -124,7 +124,7 @@ class Chain(unittest.TestCase):
                 self.assertEqual((folder / "plain" / name).read_bytes(), (folder / "marked" / name).read_bytes(), name)
             result = mark_judge.judge(folder / "marked", mark_judge.Sequence(folder / "colon"), mark_judge.read_marks(marks)[:-3])
             self.assertGreaterEqual(result["frames"]["seen"], 40)
-            self.assertGreaterEqual(result["found_share"], 0.95)
+            self.assertGreaterEqual(result["found_share"], 0.9)
             refused = result["refused"]
             self.assertIn("outside the image", refused["outside"])
             self.assertIn("already", refused["m20"])

@@ -102,12 +102,12 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   switch (may_measure ? Measure(frame, &result) : Outcome::kNoTime) {
     case Outcome::kPose: AnswerWithPose(&result); break;
     case Outcome::kNoPose:
-      if (std::holds_alternative<AwaitingMap>(state_)) {
+      if (IsViewOfNewMap(result.reason)) {
         KeepFoundingFrame(result.reason);
-        break;
+      } else {
+        ForgetLastFrame();
+        DropFrame();
       }
-      ForgetLastFrame();
-      DropFrame();
       break;
     case Outcome::kNoTime:
       budget_.GaveUp();
@@ -444,6 +444,12 @@ void Tracker::KeepFrame(Tracking* tracking) {
     last_.matches.emplace_back(match.feature_idx, local_map().points[match.point_idx].handle);
   }
   tracking->has_last_frame = true;
+}
+
+// It was proposed as one, or the mapper is at it; and it shows something.
+bool Tracker::IsViewOfNewMap(TrackingReason reason) const {
+  return std::holds_alternative<AwaitingMap>(state_) &&
+         (reason == TrackingReason::kMapProposed || reason == TrackingReason::kAwaitingMap);
 }
 
 // While the mapper makes a map, what its second view shows is followed: the detector alone finds too little of a young

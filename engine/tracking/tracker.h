@@ -101,6 +101,7 @@ class Tracker {
   void WatchOverlay(MapId map_id);
   void ConsiderKeyframe(const LocalKeyframe& reference, Tracking* tracking, FrameResult* result);
   void KeepFrame(Tracking* tracking);
+  bool IsViewOfNewMap(TrackingReason reason) const;
   void KeepFoundingFrame(TrackingReason reason);
   bool IsHeldByMap() const;
   bool IsDeniedByFlow(MapId map_id, bool is_tracked) const;

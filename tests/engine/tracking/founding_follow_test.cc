@@ -2,7 +2,7 @@
 // that was followed; the map that it gives is to be found in the next frame.
 #include <gtest/gtest.h>
 
-#include <algorithm>
+#include <utility>
 
 #include "engine/mapping/mapper.h"
 #include "engine/tracking/tracker.h"
@@ -16,11 +16,17 @@ namespace {
 class FollowWatch final : public ForwardingVisionDevice {
  public:
   using ForwardingVisionDevice::ForwardingVisionDevice;
+  Result<FeatureSetHandle> CreateFeatureSet() override {
+    if (std::exchange(has_room, true)) return ForwardingVisionDevice::CreateFeatureSet();
+    return Status(StatusCode::kCapacityExceeded);
+  }
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
+    if (!std::exchange(sees, true)) return Status(StatusCode::kDataLoss);
     followed.assign(request.follow.begin() + request.num_only_followed, request.follow.end());
     return ForwardingVisionDevice::EnqueueExtract(lane, request);
   }
   std::vector<Keypoint> followed;
+  bool has_room = true, sees = true;  // false: the next frame finds it otherwise
 };
 
 class FoundingFollowTest : public testing::Test {
@@ -103,6 +109,22 @@ TEST_F(FoundingFollowTest, EndsWhenTheMapIsRefused) {
   link_.replies.TryPush({0, MapRefused{founding().founding_id}});
   EXPECT_EQ(TrackNext().reason, TrackingReason::kNoReference) << "the next founding begins";
   EXPECT_TRUE(device_.followed.empty());
+}
+
+// The device fails, or has no feature set for the frame: then it has not seen the picture, and the one before counts.
+TEST_F(FoundingFollowTest, AFrameWithoutFeaturesIsNotFollowed) {
+  ASSERT_NO_FATAL_FAILURE(TrackUntilProposed());
+  for (bool FollowWatch::*what : {&FollowWatch::sees, &FollowWatch::has_room}) {
+    EXPECT_EQ(TrackNext().reason, TrackingReason::kAwaitingMap);
+    const std::int32_t num_free = device_.num_free_feature_sets();
+    device_.*what = false;
+    EXPECT_EQ(TrackNext().reason, TrackingReason::kDamagedFrame);
+    EXPECT_EQ(device_.num_free_feature_sets(), num_free + 1) << "that of the frame before it";
+    EXPECT_EQ(TrackNext().reason, TrackingReason::kAwaitingMap);
+    EXPECT_EQ(device_.followed.empty(), what == &FollowWatch::sees);
+  }
+  Map();
+  EXPECT_EQ(TrackNext().state, TrackingState::kTracking);
 }
 
 TEST_F(FoundingFollowTest, HoldsTheFeatureSetOfTheLastFrameOnly) {

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "tools/evaluate/statistics.h"
 #include "tools/report/base64.h"
 
 namespace haustra::report {
@@ -108,13 +109,6 @@ Json MarksOf(const RunOutput& run, const Evaluation& evaluation, const std::map<
 
 using Positions = std::vector<Eigen::Vector3d>;
 
-// Where the middle one of `values` is; they are put into another order. Not of nothing.
-double Median(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
-
 // Whether a position lies with the others: no farther from their middle than so many times the median distance. A map
 // may hold points whose distance is not known, and these are anywhere.
 class Crowd {
@@ -124,10 +118,10 @@ class Crowd {
     std::vector<double> values(positions.size());
     for (int axis = 0; axis < 3; ++axis) {
       for (std::size_t i = 0; i < positions.size(); ++i) values[i] = positions[i][axis];
-      middle_[axis] = Median(&values);
+      middle_[axis] = evaluate::Median(values);
     }
     for (std::size_t i = 0; i < positions.size(); ++i) values[i] = (positions[i] - middle_).norm();
-    reach_ = kFar * Median(&values);
+    reach_ = kFar * evaluate::Median(values);
   }
   // Of positions that are all in one place each is with the others.
   bool Has(const Eigen::Vector3d& position) const { return reach_ == 0.0 || (position - middle_).norm() <= reach_; }

@@ -1,54 +1,12 @@
 // What is followed while a map is being made: a founding takes its matches to err each by itself, and must see nothing
 // that was followed; the map that it gives is to be found in the next frame.
-#include <gtest/gtest.h>
-
-#include <utility>
-
-#include "engine/mapping/mapper.h"
-#include "engine/tracking/tracker.h"
-#include "hal/forwarding_vision_device.h"
-#include "tests/tools/run/scripted_colon.h"
+#include "tests/engine/tracking/tracker_with_mapper.h"
 
 namespace haustra::test {
 namespace {
 
-// Remembers what the last extraction was asked to follow.
-class FollowWatch final : public ForwardingVisionDevice {
- public:
-  using ForwardingVisionDevice::ForwardingVisionDevice;
-  Result<FeatureSetHandle> CreateFeatureSet() override {
-    if (std::exchange(has_room, true)) return ForwardingVisionDevice::CreateFeatureSet();
-    return Status(StatusCode::kCapacityExceeded);
-  }
-  Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
-    if (!std::exchange(sees, true)) return Status(StatusCode::kDataLoss);
-    followed.assign(request.follow.begin() + request.num_only_followed, request.follow.end());
-    return ForwardingVisionDevice::EnqueueExtract(lane, request);
-  }
-  std::vector<Keypoint> followed;
-  bool has_room = true, sees = true;  // false: the next frame finds it otherwise
-};
-
-class FoundingFollowTest : public testing::Test {
+class FoundingFollowTest : public TrackerWithMapper {
  protected:
-  FoundingFollowTest()
-      : link_(config_),
-        places_(config_, std::pmr::get_default_resource()),
-        device_(colon_.device()),
-        mapper_(config_, colon_.camera(), device_, link_, places_, nullptr, false, nullptr),
-        tracker_(config_, colon_.camera(), device_, link_, nullptr, 1.0) {
-    colon_.config().merging.enabled = false;
-    colon_.Move(0.0, 3.0, 100);
-  }
-
-  FrameResult TrackNext() {
-    const Result<Frame> frame = colon_.source().Next(kNoDeadline);
-    EXPECT_TRUE(frame.ok());
-    return tracker_.Track(*frame, kNoDeadline);
-  }
-  void Map() {
-    while (mapper_.Step()) continue;
-  }
   // Up to the second view of a new map, which the mapper has not yet seen.
   void TrackUntilProposed() {
     for (int i = 0; i < 60; ++i) {
@@ -65,14 +23,6 @@ class FoundingFollowTest : public testing::Test {
     while (link_.proposals.Front()->kind != ProposalKind::kFounding) mapper_.Step();
     return *link_.proposals.Front();
   }
-
-  ScriptedColon colon_;
-  const EngineConfig& config_ = colon_.config();
-  TrackingLink link_;
-  PlaceMailbox places_;
-  FollowWatch device_;
-  Mapper mapper_;
-  Tracker tracker_;
 };
 
 TEST_F(FoundingFollowTest, FromTheSecondViewOnThePointsOfTheMapComeFirst) {

@@ -1,38 +1,13 @@
 // What the tracker makes of what the mapper tells it, however late it looks.
-#include <gtest/gtest.h>
+#include <memory>
 
-#include "engine/mapping/mapper.h"
-#include "engine/tracking/tracker.h"
-#include "tests/tools/run/scripted_colon.h"
+#include "tests/engine/tracking/tracker_with_mapper.h"
 
 namespace haustra::test {
 namespace {
 
-class MapRepliesTest : public testing::Test {
+class MapRepliesTest : public TrackerWithMapper {
  protected:
-  MapRepliesTest()
-      : link_(config_),
-        places_(config_, std::pmr::get_default_resource()),
-        mapper_(config_, colon_.camera(), colon_.device(), link_, places_, nullptr, false, nullptr),
-        tracker_(config_, colon_.camera(), colon_.device(), link_, nullptr, 1.0) {
-    colon_.config().merging.enabled = false;
-    colon_.Move(0.0, 3.0, 100);
-  }
-
-  FrameResult TrackNext() {
-    const Result<Frame> frame = colon_.source().Next(kNoDeadline);
-    EXPECT_TRUE(frame.ok());
-    return tracker_.Track(*frame, kNoDeadline);
-  }
-  FrameResult TrackAndMap(int num_frames) {
-    FrameResult result;
-    for (int i = 0; i < num_frames; ++i) {
-      result = TrackNext();
-      while (mapper_.Step()) continue;
-    }
-    return result;
-  }
-
   // What the mapper does when it moves its map: it tells so, and publishes what the map has become.
   void MoveMap(const Sim3& new_from_old) {
     if (newest_ == nullptr) {
@@ -56,12 +31,6 @@ class MapRepliesTest : public testing::Test {
     link_.snapshots.Publish();
   }
 
-  ScriptedColon colon_;
-  const EngineConfig& config_ = colon_.config();
-  TrackingLink link_;
-  PlaceMailbox places_;
-  Mapper mapper_;
-  Tracker tracker_;
   std::unique_ptr<LocalMap> newest_;
 };
 

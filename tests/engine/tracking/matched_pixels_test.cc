@@ -1,38 +1,11 @@
 // Where the tracker says that it has found points of the map in a frame: what a viewer draws.
-#include <gtest/gtest.h>
-
-#include "engine/mapping/mapper.h"
-#include "engine/tracking/tracker.h"
-#include "tests/tools/run/scripted_colon.h"
+#include "tests/engine/tracking/tracker_with_mapper.h"
 
 namespace haustra::test {
 namespace {
 
-class MatchedPixelsTest : public testing::Test {
+class MatchedPixelsTest : public TrackerWithMapper {
  protected:
-  MatchedPixelsTest()
-      : link_(config_),
-        places_(config_, std::pmr::get_default_resource()),
-        mapper_(config_, colon_.camera(), colon_.device(), link_, places_, nullptr, false, nullptr),
-        tracker_(config_, colon_.camera(), colon_.device(), link_, nullptr, 1.0) {
-    colon_.config().merging.enabled = false;
-    colon_.Move(0.0, 3.0, 100);
-  }
-
-  FrameResult TrackNext() {
-    const Result<Frame> frame = colon_.source().Next(kNoDeadline);
-    EXPECT_TRUE(frame.ok());
-    const FrameResult result = tracker_.Track(*frame, kNoDeadline);
-    while (mapper_.Step()) continue;
-    return result;
-  }
-
-  ScriptedColon colon_;
-  const EngineConfig& config_ = colon_.config();
-  TrackingLink link_;
-  PlaceMailbox places_;
-  Mapper mapper_;
-  Tracker tracker_;
   std::vector<Eigen::Vector2f> pixels_ = std::vector<Eigen::Vector2f>(8000);
 };
 
@@ -41,7 +14,7 @@ TEST_F(MatchedPixelsTest, AreThoseThatAgreeWithThePose) {
   const CameraCalibration& camera = colon_.camera().calibration();
   int num_tracked = 0;
   for (int i = 0; i < 60; ++i) {
-    const FrameResult result = TrackNext();
+    const FrameResult result = TrackAndMap(1);
     const std::size_t count = tracker_.MatchedPixels(pixels_);
     if (result.state != TrackingState::kTracking) {
       EXPECT_EQ(count, 0u) << "frame " << i << " has no pose";
@@ -59,7 +32,7 @@ TEST_F(MatchedPixelsTest, AreThoseThatAgreeWithThePose) {
 }
 
 TEST_F(MatchedPixelsTest, OfMoreThanThereIsRoomForComesAnEvenSelection) {
-  for (int i = 0; i < 60; ++i) TrackNext();
+  TrackAndMap(60);
   const std::size_t all = tracker_.MatchedPixels(pixels_);
   ASSERT_GT(all, 20u);
   std::vector<Eigen::Vector2f> few(10);

@@ -1,9 +1,10 @@
 #include "capture/yuv.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 
 #include "capture/image_transform.h"
+#include "hal/core/pixels.h"
 
 namespace haustra {
 namespace {
@@ -22,14 +23,6 @@ LumaLayout LayoutOf(PixelFormat format) {
   }
 }
 
-std::uint8_t Clamped(double value) { return static_cast<std::uint8_t>(std::clamp(std::lround(value), 0L, 255L)); }
-
-void WriteBgr(int y, int cb, int cr, std::uint8_t* bgr) {
-  bgr[0] = Clamped(y + 1.772 * (cb - 128));
-  bgr[1] = Clamped(y - 0.344136 * (cb - 128) - 0.714136 * (cr - 128));
-  bgr[2] = Clamped(y + 1.402 * (cr - 128));
-}
-
 }  // namespace
 
 void LumaToGrey(ImageView image, Image* grey) {
@@ -37,13 +30,8 @@ void LumaToGrey(ImageView image, Image* grey) {
     ToGrey(image, grey);
     return;
   }
-  const LumaLayout luma = LayoutOf(image.format);
   grey->Resize(image.width, image.height, PixelFormat::kGrey8);
-  for (int y = 0; y < image.height; ++y) {
-    const std::uint8_t* from = image.row(y) + luma.offset;
-    std::uint8_t* to = grey->row(y);
-    for (int x = 0; x < image.width; ++x) to[x] = from[x * luma.step];
-  }
+  for (int y = 0; y < image.height; ++y) GreyOfRow(image, y, grey->row(y));
 }
 
 void HalveLuma(ImageView image, Image* half) {
@@ -80,19 +68,10 @@ void ToBgr(ImageView image, Image* colour) {
   }
   colour->Resize(image.width, image.height, PixelFormat::kBgr8);
   for (int y = 0; y < image.height; ++y) {
-    const std::uint8_t* row = image.row(y);
     std::uint8_t* to = colour->row(y);
     for (int x = 0; x < image.width; ++x, to += 3) {
-      if (image.format == PixelFormat::kNv12) {
-        const std::uint8_t* chroma = image.row(image.height + y / 2) + x / 2 * 2;
-        WriteBgr(row[x], chroma[0], chroma[1], to);
-      } else if (image.format == PixelFormat::kYuyv) {
-        const std::uint8_t* pair = row + x / 2 * 4;
-        WriteBgr(pair[x % 2 * 2], pair[1], pair[3], to);
-      } else {
-        const std::uint8_t* pair = row + x / 2 * 4;
-        WriteBgr(pair[1 + x % 2 * 2], pair[0], pair[2], to);
-      }
+      const std::array<std::uint8_t, 3> bgr = BgrAt(image, x, y);
+      std::copy(bgr.begin(), bgr.end(), to);
     }
   }
 }

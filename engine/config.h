@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 
+#include "engine/depth/depth_config.h"
 #include "engine/merging/merging_config.h"
 #include "engine/place/place_config.h"
 #include "engine/scheduler/scheduler_config.h"
@@ -190,6 +191,7 @@ struct EngineConfig {
   MappingConfig mapping;
   PlaceConfig place;
   MergingConfig merging;
+  DepthConfig depth;
   MemoryConfig memory;
   SchedulerConfig scheduler;
   RealTimeConfig rt;  // the platform reads it; here so that a program has one configuration

@@ -1,6 +1,7 @@
 #include "engine/engine.h"
 
 #include "engine/io/atlas_reader.h"
+#include "hal/core/check.h"
 
 namespace haustra {
 namespace {
@@ -35,7 +36,7 @@ ExtractOptions Engine::ExtractOptionsFor(const EngineConfig& config) {
   return options;
 }
 
-MemoryPlan Engine::PlanMemory(const EngineConfig& config) {
+MemoryPlan Engine::PlanMemory(const EngineConfig& config, int width_px, int height_px) {
   MemoryPlan plan = Mapper::PlanMemory(config);
   plan.Append(TrackingLink::PlanMemory(config));
   plan.Append(Tracker::PlanMemory(config));
@@ -43,22 +44,35 @@ MemoryPlan Engine::PlanMemory(const EngineConfig& config) {
            PlaceTask::BytesFor(config),
            "features.max, memory.max_keyframes, recognition.max_candidates, common_area.group_size, "
            "common_area.confirming_keyframes, retrieval.max_keyframes_per_query, retrieval.max_descriptors");
+  if (config.depth.enabled) plan.Append(DepthKeeper::PlanMemory(config, width_px, height_px));
   return plan;
 }
 
 Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode,
-               const Clock* clock, double scene_share, const Vocabulary* vocabulary)
+               const Clock* clock, double scene_share, const Vocabulary* vocabulary, DepthMatcher* depth)
     : config_(config),
       camera_(camera),
       clock_(clock),
-      arena_(PlanMemory(config).bytes(MemoryPlace::kHostArena)),
+      arena_(PlanMemory(config, camera.width_px(), camera.height_px()).bytes(MemoryPlace::kHostArena)),
       link_(config_, &arena_),
       places_(config_, &arena_),
       background_device_(BackgroundDevice(device, mode)),
       mapper_(config_, camera_, background_device_, link_, places_, clock, mode == Mode::kRealTime, vocabulary,
               &arena_),
       recogniser_(config_, camera_, background_device_),
-      tracker_(config_, camera_, device, link_, clock, scene_share, &arena_) {}
+      tracker_(config_, camera_, device, link_, clock, scene_share, &arena_) {
+  HAUSTRA_CHECK((depth != nullptr) == config.depth.enabled);
+  if (depth == nullptr) return;
+  depth_.emplace(config_, camera_, mapper_.atlas(), *depth, &arena_);
+  depth->StopWhen(&stop_depth_);
+}
+
+Engine::Depth::Depth(const EngineConfig& config, const CameraModel& camera, const Atlas& atlas,
+                     DepthMatcher& depth_matcher, std::pmr::memory_resource* memory)
+    : matcher(depth_matcher),
+      pictures(kHandedPictures, memory, camera.width_px(), camera.height_px(), memory),
+      mailbox(matcher.width(), matcher.height(), config.features.max, memory),
+      keeper(config, camera, atlas, pictures, mailbox, memory) {}
 
 // The device that mapping and merging work with.
 VisionDevice& Engine::BackgroundDevice(VisionDevice& device, Mode mode) {
@@ -79,6 +93,30 @@ bool Engine::MergeStep() {
   if (clock_ != nullptr) task->merging_duration += clock_->Now() - start;
   places_.Answer();
   return true;
+}
+
+bool Engine::DepthStep() {
+  DepthTask* task = depth_ ? depth_->mailbox.Asked() : nullptr;
+  if (task == nullptr) return false;
+  const TimePoint start = clock_ == nullptr ? TimePoint{} : clock_->Now();
+  const std::span<const DepthView> sources{task->sources.data(), task->sources.size()};
+  task->status = depth_->matcher.Match(task->reference, sources, task->seeds, &task->depth);
+  task->duration = clock_ == nullptr ? Duration{0} : clock_->Now() - start;
+  depth_->mailbox.Answer();
+  return true;
+}
+
+void Engine::FinishDepth(const std::atomic<bool>& stop) {
+  if (!depth_) return;
+  depth_->keeper.BeginToFinish();
+  while (!stop.load(std::memory_order_relaxed) && BackgroundStep()) {
+  }
+}
+
+void Engine::KeepPicture(const Frame& frame, const FrameResult& result) {
+  if (!depth_ || !(result.is_keyframe || result.reason == TrackingReason::kMapProposed)) return;
+  HandedPicture* picture = depth_->pictures.BeginPush();
+  if (picture != nullptr && picture->Copy(frame)) depth_->pictures.CommitPush();
 }
 
 FrameResult Engine::Track(const Frame& frame, TimePoint deadline, TimePoint next_due) {

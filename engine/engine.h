@@ -5,11 +5,12 @@
 //   engine.Resolve(result, &pose)   // final pose, any time later
 //
 // Sequential: one thread calls Track and BackgroundStep in turn; the results repeat to the bit for the same frames,
-// configuration and device. Real time: one thread calls Track only, another MapStep only, a third MergeStep
-// only. Tracking shares no lock with the others (tracker.h, mapper.h, place_mailbox.h). The engine knows no file,
-// camera or GPU: frames come in as views, the device is handed in.
+// configuration and device. Real time: one thread calls Track and KeepPicture only, another MapStep only, a third
+// MergeStep only, a fourth DepthStep only. Tracking shares no lock with the others (tracker.h, mapper.h,
+// task_mailbox.h). The engine knows no file, camera or GPU: frames come in as views, the device is handed in.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -19,6 +20,7 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
+#include "engine/depth/depth_keeper.h"
 #include "engine/mapping/mapper.h"
 #include "engine/place/place_mailbox.h"
 #include "engine/place/place_recogniser.h"
@@ -39,17 +41,19 @@ class Engine {
   // What the vision device must be planned for.
   static VisionPlan PlanFor(const EngineConfig& config, const CameraCalibration& calibration);
   static ExtractOptions ExtractOptionsFor(const EngineConfig& config);
-  // What an engine of this configuration takes on the host, pool by pool; the vision device has its own plan.
-  static MemoryPlan PlanMemory(const EngineConfig& config);
+  // What an engine of this configuration takes on the host for pictures of this size, pool by pool; the vision device
+  // and the matcher of depths have plans of their own.
+  static MemoryPlan PlanMemory(const EngineConfig& config, int width_px, int height_px);
 
   // `device` is planned by PlanFor and outlives the engine. `clock` (may be null) times the stages of tracker and
   // mapper; in real-time mode it boxes the mapper's work and tells the tracker what it has time for. Takes all its
   // memory here: one arena for the pools, and workspaces on the heap. Throws std::bad_alloc; CheckFits(PlanMemory)
   // tells beforehand. scene_share: part of the image's area inside the scope's window (static mask), (0, 1].
   // `vocabulary` fits the configuration and outlives the engine; null unless config.place.retrieval asks for one
-  // (engine/place/make_retrieval.h).
+  // (engine/place/make_retrieval.h). `depth` is made with config.depth.options() for this camera and outlives the
+  // engine; null unless config.depth.enabled asks for one.
   Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode, const Clock* clock,
-         double scene_share, const Vocabulary* vocabulary = nullptr);
+         double scene_share, const Vocabulary* vocabulary = nullptr, DepthMatcher* depth = nullptr);
 
   // Before the first frame: the maps of an atlas file (engine/io/atlas_format.h) become stored maps of this engine,
   // which tracking may find itself in and maps of this run may be joined with. Nothing is changed on error:
@@ -66,6 +70,9 @@ class Engine {
   // next_due: when the next frame is expected; the mapper keeps an accelerator free for it. The frame's pixels stay
   // until MayReleaseFrame.
   FrameResult Track(const Frame& frame, TimePoint deadline, TimePoint next_due = kNoDeadline);
+  // Tracking thread, after the answer to this frame was given. rt-safe: copies the picture of a keyframe, whose depth
+  // is searched later; nothing without config.depth.enabled.
+  void KeepPicture(const Frame& frame, const FrameResult& result);
   // False: the device still reads the last frame at `until`. Always true without a deadline.
   bool MayReleaseFrame(TimePoint until) { return tracker_.MayReleaseFrame(until); }
   // Tracking thread, after Track. rt-safe. See Tracker.
@@ -81,21 +88,34 @@ class Engine {
   // Tracking thread: all marks of the map in which the last frame was tracked, as of its answer.
   const MarkSightings& mark_sightings() const { return tracker_.mark_sightings(); }
 
-  // Mapping thread. False when there was nothing to do.
-  bool MapStep() { return mapper_.Step(); }
+  // Mapping thread. False when there was nothing to do. What the depth of keyframes asks for comes last.
+  bool MapStep() { return mapper_.Step() || (depth_ && depth_->keeper.Step()); }
   // Merging thread: answers what mapping asks about places (engine/place). False when there was nothing to do.
   bool MergeStep();
   // Any thread. Merging has something to do; mapping has asked something whose answer it has not yet taken.
   bool has_merge_work() const { return places_.has_question(); }
   bool is_merging() const { return places_.is_out(); }
-  // Both in turn, on one thread: every question is answered before mapping goes on.
-  bool BackgroundStep() { return MergeStep() || MapStep(); }
+  // Depth thread: searches the depth of a keyframe (engine/depth). False when there was nothing to do.
+  bool DepthStep();
+  // Any thread. DepthStep has something to do.
+  bool has_depth_work() const { return depth_ && depth_->mailbox.has_question(); }
+  // Any thread. While it is stopped DepthStep ends within milliseconds, and what it was at is asked again.
+  void StopDepth(bool stop) { stop_depth_.store(stop, std::memory_order_relaxed); }
+  // All in turn, on one thread: every question is answered before mapping goes on.
+  bool BackgroundStep() { return MergeStep() || MapStep() || DepthStep(); }
+  // Any thread, when all have stopped: no frame will come any more. Searches what was still to come, which takes as
+  // many seconds as DepthStep does for all kept pictures; ends early when `stop` becomes true.
+  void FinishDepth(const std::atomic<bool>& stop);
 
   // Mapping thread, or any when both have stopped.
   const Atlas& atlas() const { return mapper_.atlas(); }
   const MapperCounters& mapper_counters() const { return mapper_.counters(); }
   // Any thread.
   PoolUse pool_use() const { return mapper_.pool_use(); }
+  // Mapping thread, or any when both have stopped. Null: no depth is searched.
+  const DepthKeeper* depths() const { return depth_ ? &depth_->keeper : nullptr; }
+  // Keyframes whose pictures found the ring full. Exact when both threads have stopped.
+  std::uint64_t num_pictures_refused() const { return depth_ ? depth_->pictures.num_dropped() : 0; }
   const EvictionCounters& evictions() const { return mapper_.evictions(); }
   const MemoryArena& arena() const { return arena_; }
   std::uint64_t max_proposals() const { return link_.proposals.capacity(); }
@@ -112,6 +132,16 @@ class Engine {
   const EngineConfig& config() const { return config_; }
 
  private:
+  struct Depth {
+    Depth(const EngineConfig& config, const CameraModel& camera, const Atlas& atlas, DepthMatcher& depth_matcher,
+          std::pmr::memory_resource* memory);
+
+    DepthMatcher& matcher;
+    PictureRing pictures;  // tracking to mapping
+    DepthMailbox mailbox;  // mapping to depth and back
+    DepthKeeper keeper;
+  };
+
   VisionDevice& BackgroundDevice(VisionDevice& device, Mode mode);
 
   EngineConfig config_;
@@ -126,6 +156,8 @@ class Engine {
   std::optional<SharedLaneDevice> shared_device_;
   VisionDevice& background_device_;
   Mapper mapper_;
+  std::optional<Depth> depth_;
+  std::atomic<bool> stop_depth_{false};
   PlaceRecogniser recogniser_;
   Tracker tracker_;
 };

@@ -88,6 +88,16 @@ Result<std::unique_ptr<DepthSolver>> CreateDepthSolver(std::string_view name, co
 #endif
 }
 
+Result<DepthSearch> CreateDepthSearch(std::string_view name, const EngineConfig& config, const CameraModel& camera,
+                                      ImageView mask) {
+  DepthSearch search;
+  if (!config.depth.enabled) return search;
+  search.matcher = std::make_unique<DepthMatcher>(camera, mask, config.depth.options());
+  HAUSTRA_ASSIGN(search.solver, CreateDepthSolver(name, search.matcher->solver_plan()));
+  if (search.solver) search.matcher->SearchOn(search.solver.get());
+  return search;
+}
+
 double SceneShare(const ImageView& mask) {
   if (mask.is_empty()) return 1.0;
   std::size_t inside = 0;

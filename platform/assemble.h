@@ -37,6 +37,17 @@ Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, 
 // as above, and those of the plan.
 Result<std::unique_ptr<DepthSolver>> CreateDepthSolver(std::string_view name, const DepthSolverPlan& plan);
 
+// Where an engine searches the depth of its keyframes. The matcher works on the solver, where there is one.
+struct DepthSearch {
+  std::unique_ptr<DepthSolver> solver;
+  std::unique_ptr<DepthMatcher> matcher;  // null: none is asked for
+};
+
+// For an engine of this configuration; takes nothing unless config.depth.enabled. mask: empty, or of the camera's size.
+// Errors of CreateDepthSolver.
+Result<DepthSearch> CreateDepthSearch(std::string_view name, const EngineConfig& config, const CameraModel& camera,
+                                      ImageView mask);
+
 // Part of the image inside the static mask (0, 1]; 1 without one.
 double SceneShare(const ImageView& mask);
 

@@ -1,13 +1,7 @@
 #include "platform/atlas_file.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cerrno>
-#include <system_error>
-
 #include "platform/file_sink.h"
+#include "platform/whole_file.h"
 
 namespace haustra {
 namespace {
@@ -15,20 +9,6 @@ namespace {
 Status WithPath(const std::string& path, const Status& status) {
   return status.ok() ? status : Status(status.code(), path + ": " + status.message());
 }
-
-Status CannotRead(const std::string& path, int error) {
-  const std::string text = std::generic_category().message(error);
-  return error == ENOENT || error == ENOTDIR ? NotFound(path + ": no such file")
-                                             : Unavailable(path + ": cannot be read: " + text);
-}
-
-// Closed when it goes out of scope.
-struct Descriptor {
-  int value = -1;
-  ~Descriptor() {
-    if (value >= 0) ::close(value);
-  }
-};
 
 }  // namespace
 
@@ -43,27 +23,8 @@ Status SaveAtlasFile(const Engine& engine, const std::string& path) {
 
 Status CheckAtlasFileCanBeSaved(const std::string& path) { return FileSink::Create(path).status(); }
 
-Result<std::vector<std::uint8_t>> ReadAtlasFileBytes(const std::string& path) {
-  const Descriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
-  if (file.value < 0) return CannotRead(path, errno);
-  struct stat info {};
-  if (::fstat(file.value, &info) != 0) return CannotRead(path, errno);
-  if (!S_ISREG(info.st_mode)) return Unavailable(path + ": is not a file");
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(info.st_size));
-  std::size_t num_read = 0;
-  while (num_read < bytes.size()) {
-    const ssize_t count = ::read(file.value, bytes.data() + num_read, bytes.size() - num_read);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return CannotRead(path, errno);
-    if (count == 0) break;  // became shorter meanwhile; the checksums will tell
-    num_read += static_cast<std::size_t>(count);
-  }
-  bytes.resize(num_read);
-  return bytes;
-}
-
 Status LoadAtlasFile(const std::string& path, Engine* engine) {
-  HAUSTRA_ASSIGN(const std::vector<std::uint8_t> bytes, ReadAtlasFileBytes(path));
+  HAUSTRA_ASSIGN(const std::vector<std::uint8_t> bytes, ReadWholeFile(path));
   return WithPath(path, engine->LoadAtlas(bytes));
 }
 

@@ -2,9 +2,7 @@
 // full disk leaves the one before it. Messages name the file.
 #pragma once
 
-#include <cstdint>
 #include <string>
-#include <vector>
 
 #include "engine/engine.h"
 
@@ -18,8 +16,5 @@ Status CheckAtlasFileCanBeSaved(const std::string& path);
 
 // Before the first frame; see Engine::LoadAtlas. kNotFound: no such file; kUnavailable: cannot be read.
 Status LoadAtlasFile(const std::string& path, Engine* engine);
-
-// The bytes of a file of any kind.
-Result<std::vector<std::uint8_t>> ReadAtlasFileBytes(const std::string& path);
 
 }  // namespace haustra

@@ -11,6 +11,7 @@
 #include "engine/engine.h"
 #include "kernels/cpu/cpu_vision_device.h"
 #ifdef HAUSTRA_HAVE_CUDA
+#include "kernels/cuda/cuda_depth_solver.h"
 #include "kernels/cuda/cuda_vision_device.h"
 #endif
 #include "platform/session/session.h"
@@ -35,7 +36,7 @@ std::uint64_t MachineBytes() {
 
 Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibration& calibration, std::string_view device,
                               int num_threads) {
-  MemoryPlan plan = Engine::PlanMemory(config);
+  MemoryPlan plan = Engine::PlanMemory(config, calibration.width_px, calibration.height_px);
   const VisionPlan vision = Engine::PlanFor(config, calibration);
   if (device == "cpu") {
     const int threads =
@@ -50,6 +51,15 @@ Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibratio
 #endif
   } else {
     return InvalidArgument("vision device '" + std::string(device) + "': unknown; use 'cpu' or 'cuda'");
+  }
+  if (config.depth.enabled) {
+    const DepthOptions options = config.depth.options();
+    HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
+    plan.Add(MemoryPlace::kHost, "depth matcher", 1,
+             DepthMatcher::BytesFor(calibration.width_px, calibration.height_px, options), "image size, depth.step_px");
+#ifdef HAUSTRA_HAVE_CUDA
+    if (device == "cuda") plan.Append(PlanCudaDepthSolver(DepthMatcher::SolverSizes(camera, options)));
+#endif
   }
   plan.Append(PlanRealTimeSession(calibration));
   return plan;

@@ -109,8 +109,9 @@ void DepthFusion::UpdateBlock(int block, const DepthMap& depth, ImageView colour
     voxel.distance = static_cast<std::int16_t>(
         std::lround((voxel.distance * static_cast<double>(voxel.weight) + share * Voxel::kUnit * weight) / sum));
     if (share < 1.0) {
+      const Eigen::Vector2d place = colour.width == depth.width() ? Eigen::Vector2d(u, v) : pixel;
       const std::uint8_t* p =
-          colour.row(static_cast<int>(std::lround(pixel.y()))) + std::lround(pixel.x()) * BytesPerPixel(colour.format);
+          colour.row(static_cast<int>(std::lround(place.y()))) + std::lround(place.x()) * BytesPerPixel(colour.format);
       const bool is_colour = colour.format == PixelFormat::kBgr8;
       for (int c = 0; c < 3; ++c) {
         const double value = is_colour ? p[2 - c] : p[0];

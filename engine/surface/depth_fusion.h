@@ -26,8 +26,9 @@ class DepthFusion {
   DepthFusion(const CameraModel& camera, int step_px, const FusionOptions& options, int max_blocks);
 
   void Reset() { blocks_.Reset(); }
-  // colour: kBgr8 or kGrey8, of the camera's size. A voxel counts a depth by its confidence and by how squarely the ray
-  // meets the wall. The result depends on the order of the calls by rounding only; same order, same bits.
+  // colour: kBgr8 or kGrey8, of the camera's size or a pixel a cell. A voxel counts a depth by its confidence and by
+  // how squarely the ray meets the wall. The result depends on the order of the calls by rounding only; same order,
+  // same bits.
   void Integrate(const DepthMap& depth, ImageView colour, const SE3& cam_from_map);
 
   const VoxelBlocks& blocks() const { return blocks_; }

@@ -1,13 +1,17 @@
 // Depth of one keyframe on a grid that is coarser than its picture: 16-bit inverse range and a confidence a cell.
 // Range is the distance from the camera centre along the ray, in map units, so that fisheye cameras have it everywhere.
-// Memory is taken at construction. Value type, reentrant; rt-safe but for construction and copies.
+// Memory is taken at construction. Value type, reentrant; rt-safe but for construction and copies of another size.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory_resource>
+#include <span>
 #include <vector>
+
+#include "hal/core/memory_arena.h"
 
 namespace haustra {
 
@@ -20,8 +24,15 @@ class DepthMap {
   static constexpr double kMaxCode = 65535.0;
 
   DepthMap() = default;
-  DepthMap(int width, int height)
-      : width_(width), height_(height), code_(std::size_t(width) * height), confidence_(std::size_t(width) * height) {}
+  DepthMap(int width, int height, std::pmr::memory_resource* memory = std::pmr::get_default_resource())
+      : width_(width),
+        height_(height),
+        code_(std::size_t(width) * height, memory),
+        confidence_(std::size_t(width) * height, memory) {}
+  // What one takes from its arena.
+  static std::size_t BytesFor(int num_cells) {
+    return MemoryArena::BytesFor<std::uint16_t>(num_cells) + MemoryArena::BytesFor<std::uint8_t>(num_cells);
+  }
 
   int width() const { return width_; }
   int height() const { return height_; }
@@ -49,6 +60,19 @@ class DepthMap {
     code_[cell] = fits ? static_cast<std::uint16_t>(code) : kNoDepth;
     confidence_[cell] = fits ? static_cast<std::uint8_t>(std::clamp(confidence, 0, 255)) : std::uint8_t{0};
   }
+  // The map's unit has become shorter: all ranges are so many times what they were, > 0.
+  void ScaleRanges(double factor) { unit_ /= factor; }
+
+  // As it is stored: inverse range of code 1, 1 / map units, and a code and a confidence a cell.
+  double unit() const { return unit_; }
+  std::span<const std::uint16_t> codes() const { return code_; }
+  std::span<const std::uint8_t> confidences() const { return confidence_; }
+  // unit > 0; both of num_cells().
+  void Restore(double unit, std::span<const std::uint16_t> codes, std::span<const std::uint8_t> confidences) {
+    unit_ = unit;
+    std::copy(codes.begin(), codes.end(), code_.begin());
+    std::copy(confidences.begin(), confidences.end(), confidence_.begin());
+  }
   void Erase(int cell) {
     code_[cell] = kNoDepth;
     confidence_[cell] = 0;
@@ -57,8 +81,8 @@ class DepthMap {
  private:
   int width_ = 0, height_ = 0;
   double unit_ = 1.0;  // inverse range of code 1
-  std::vector<std::uint16_t> code_;
-  std::vector<std::uint8_t> confidence_;
+  std::pmr::vector<std::uint16_t> code_;
+  std::pmr::vector<std::uint8_t> confidence_;
 };
 
 }  // namespace haustra

@@ -86,15 +86,22 @@ DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const Dept
   sources_.resize(options.max_sources);
 }
 
+DepthSolverPlan DepthMatcher::SolverSizes(const CameraModel& camera, const DepthOptions& options) {
+  DepthSolverPlan plan;
+  plan.camera = camera.projection_constants();
+  plan.width_px = camera.width_px();
+  plan.height_px = camera.height_px();
+  plan.width = camera.width_px() / options.step_px;
+  plan.height = camera.height_px() / options.step_px;
+  plan.options = options;
+  return plan;
+}
+
 DepthSolverPlan DepthMatcher::solver_plan() const {
-  return {camera_.projection_constants(),
-          camera_.width_px(),
-          camera_.height_px(),
-          width_,
-          height_,
-          options_,
-          solver_cells_,
-          is_scene_};
+  DepthSolverPlan plan = SolverSizes(camera_, options_);
+  plan.cells = solver_cells_;
+  plan.is_scene = is_scene_;
+  return plan;
 }
 
 void DepthMatcher::SearchOn(DepthSolver* solver) {
@@ -105,9 +112,14 @@ void DepthMatcher::SearchOn(DepthSolver* solver) {
   solver_confidences_.resize(cells_.size());
 }
 
-Eigen::Vector2d DepthMatcher::CellOfPixel(const Eigen::Vector2d& pixel) const {
-  const double offset = CellCentrePx(0, options_.step_px);
-  return (pixel.array() - offset).matrix() / options_.step_px;
+std::size_t DepthMatcher::BytesFor(int width_px, int height_px, const DepthOptions& options) {
+  const auto num_cells = static_cast<std::size_t>(width_px / options.step_px) * (height_px / options.step_px);
+  const auto side = static_cast<std::size_t>(2 * options.window_radius + 1);
+  const std::size_t per_cell = sizeof(Cell) + sizeof(DepthCell) + sizeof(Estimate) + sizeof(InversePlane) +
+                               (2 * side * side + 1) * sizeof(float);
+  // With a solver: planes, range and confidence of each cell.
+  constexpr std::size_t kOfSolver = 4 * sizeof(float) + sizeof(std::uint8_t);
+  return static_cast<std::size_t>(width_px) * height_px + num_cells * (per_cell + kOfSolver);
 }
 
 void DepthMatcher::PrepareWindows(ImageView grey) {
@@ -347,7 +359,7 @@ void DepthMatcher::Answer(int cell, DepthMap* map) const {
   map->Set(cell, refined, static_cast<int>(std::lround(1.0 + 254.0 * match * peak)));
 }
 
-void DepthMatcher::Search(ImageView reference, DepthMap* map) {
+Status DepthMatcher::Search(ImageView reference, DepthMap* map) {
   PrepareWindows(reference);
   const int num_cells = width_ * height_;
   for (int i = 0; i < num_cells; ++i) {
@@ -356,6 +368,9 @@ void DepthMatcher::Search(ImageView reference, DepthMap* map) {
   for (int iteration = 0; iteration < options_.num_iterations; ++iteration) {
     for (const int colour : {0, 1}) {
       for (int i = 0; i < num_cells; ++i) {
+        if (i % width_ == 0 && stop_ != nullptr && stop_->load(std::memory_order_relaxed)) {
+          return Status(StatusCode::kCancelled);
+        }
         if ((i % width_ + i / width_) % 2 == colour && cells_[i].is_usable) Improve(i, iteration);
       }
     }
@@ -363,6 +378,7 @@ void DepthMatcher::Search(ImageView reference, DepthMap* map) {
   for (int i = 0; i < num_cells; ++i) {
     if (cells_[i].is_usable) Answer(i, map);
   }
+  return Status::Ok();
 }
 
 Status DepthMatcher::SearchElsewhere(ImageView reference, DepthMap* map) {
@@ -437,8 +453,7 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
     first_[i] = plane;
   }
   if (solver_ != nullptr) return SearchElsewhere(reference.grey, map);
-  Search(reference.grey, map);
-  return Status::Ok();
+  return Search(reference.grey, map);
 }
 
 }  // namespace haustra

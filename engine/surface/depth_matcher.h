@@ -10,6 +10,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <atomic>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -45,18 +46,25 @@ class DepthMatcher {
   int height() const { return height_; }
   // Unit ray of a cell in the camera; zero where the model has none or the mask hides it.
   const Eigen::Vector3d& bearing(int cell) const { return cells_[cell].bearing; }
-  // Where a pixel of the matched picture lies on the grid.
-  Eigen::Vector2d CellOfPixel(const Eigen::Vector2d& pixel) const;
 
   // What a solver for this matcher is made for. Valid as long as the matcher.
   DepthSolverPlan solver_plan() const;
+  // Its sizes alone, without a matcher.
+  static DepthSolverPlan SolverSizes(const CameraModel& camera, const DepthOptions& options);
   // From now on the search runs on the solver, which outlives the matcher. Takes memory: before the first Match.
   void SearchOn(DepthSolver* solver);
+
+  // A search of our own gives up soon after this becomes true: kCancelled. It outlives the matcher; null: never.
+  void StopWhen(const std::atomic<bool>* stop) { stop_ = stop; }
+
+  // What one of so many pixels takes on the heap.
+  static std::size_t BytesFor(int width_px, int height_px, const DepthOptions& options);
 
   // Fills `map`, which has this size. Cells without a source that sees them under enough parallax have no depth.
   // Ranges lie within a factor of two of those of the seeds. Of more than max_sources sources the first are used.
   // Same input, same bits. kInvalidArgument: a picture or the map is of another size. kFailedPrecondition: no source,
-  // or fewer than kMinSeeds seeds with a positive inverse range; the map has no depth then. Or what the solver says.
+  // or fewer than kMinSeeds seeds with a positive inverse range; the map has no depth then. kCancelled: stopped;
+  // what the map holds is anything. Or what the solver says.
   // Cost without one: cells * iterations * 16 * sources windows; 2.3 s for 120x90 cells and 6 sources on one busy
   // x86-64 core.
   Status Match(const DepthView& reference, std::span<const DepthView> sources, std::span<const DepthSeed> seeds,
@@ -78,7 +86,7 @@ class DepthMatcher {
     float data = 0.0f;  // cost of the pictures alone
   };
 
-  void Search(ImageView reference, DepthMap* map);
+  Status Search(ImageView reference, DepthMap* map);
   Status SearchElsewhere(ImageView reference, DepthMap* map);
   void PrepareWindows(ImageView grey);
   // False where the window carries no source's picture.
@@ -107,6 +115,7 @@ class DepthMatcher {
   std::vector<Source> sources_;      // max_sources
   int num_sources_ = 0;
   double min_inverse_ = 0.0, max_inverse_ = 0.0;
+  const std::atomic<bool>* stop_ = nullptr;
 
   // Of a solver.
   DepthSolver* solver_ = nullptr;

@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <span>
 
+#include "engine/surface/depth_map.h"
+
 namespace haustra {
 
 // A point that the keyframe sees.
@@ -12,6 +14,19 @@ struct DepthSeed {
   Eigen::Vector3d bearing = Eigen::Vector3d::UnitZ();  // unit, camera
   double inverse_range = 0.0;                          // 1 / map units, > 0
 };
+
+// Where a pixel lies on a grid of so many pixels a cell (depth_map.h).
+inline Eigen::Vector2d CellOfPixel(const Eigen::Vector2d& pixel, int step_px) {
+  return (pixel.array() - CellCentrePx(0, step_px)).matrix() / step_px;
+}
+
+// The seed of a point; false: it is the camera's centre.
+inline bool MakeSeed(const Eigen::Vector2d& pixel, int step_px, const Eigen::Vector3d& point_in_cam, DepthSeed* seed) {
+  const double range = point_in_cam.norm();
+  if (!(range > 0.0)) return false;
+  *seed = {CellOfPixel(pixel, step_px), point_in_cam / range, 1.0 / range};
+  return true;
+}
 
 // A plane p . x = 1 in the camera's coordinates, x in map units. Along a unit ray b its inverse range is p . b, linear
 // in b: a plane can be continued from one cell to the next as it is.

@@ -20,6 +20,9 @@ struct SeeingView {
   std::vector<SeenPoint> points;                            // by point_id, strictly increasing
 };
 
+// A view that scores less is no help: what a dozen well-placed points count.
+inline constexpr double kMinSourceScore = 10.0;
+
 // At most `max_sources` other views, the best first. A shared point counts by the angle between its two rays: one at
 // 8 degrees, falling off as a Gaussian with 3 degrees below and 12 above. Less parallax says little about depth, and
 // with more the pictures become unlike (Yao et al. 2018, "MVSNet", section 4.1; the angles are ours, for the short

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <tuple>
 
+#include "hal/core/pixels.h"
 #include "kernels/common/request_checks.h"
 
 namespace haustra::kernels {
@@ -17,18 +18,6 @@ constexpr int kFollowedPerTask = 8;
 constexpr int kPixelsPerExtremum = 16;
 
 int NumTasks(int count, int per_task) { return (count + per_task - 1) / per_task; }
-
-// Integer luma (Rec. 601), rounded.
-void ConvertToGrey(const std::uint8_t* bgr, int width, std::uint8_t* grey) {
-  for (int x = 0; x < width; ++x) {
-    grey[x] = static_cast<std::uint8_t>((29 * bgr[3 * x] + 150 * bgr[3 * x + 1] + 77 * bgr[3 * x + 2] + 128) >> 8);
-  }
-}
-
-// Every second byte.
-void ConvertYuvToGrey(const std::uint8_t* luma, int width, std::uint8_t* grey) {
-  for (int x = 0; x < width; ++x) grey[x] = luma[2 * x];
-}
 
 MaskOptions MaskOptionsOf(const ExtractOptions& options) {
   return {options.reflection_threshold, options.border_threshold, options.mask_dilation_px};
@@ -240,12 +229,7 @@ void SiftExtractor::ToGrey() {
     return;
   }
   for (int y = 0; y < image_.height; ++y) {
-    std::uint8_t* grey = grey_.data() + static_cast<std::size_t>(y) * image_.width;
-    if (image_.format == PixelFormat::kBgr8) {
-      ConvertToGrey(image_.row(y), image_.width, grey);
-    } else {
-      ConvertYuvToGrey(image_.row(y) + (image_.format == PixelFormat::kUyvy ? 1 : 0), image_.width, grey);
-    }
+    GreyOfRow(image_, y, grey_.data() + static_cast<std::size_t>(y) * image_.width);
   }
   grey_pitch_bytes_ = image_.width;
   grey_rows_ = grey_.data();

@@ -41,10 +41,21 @@ class CudaDepthSolver final : public DepthSolver {
         max_sources_(plan.options.max_sources) {}
 
   ~CudaDepthSolver() override {
-    (void)cudaSetDevice(device_);
     if (stream_ == nullptr) return;
+    (void)cudaSetDevice(device_);
     (void)cudaStreamSynchronize(stream_);
     (void)cudaStreamDestroy(stream_);
+  }
+
+  // What Construct takes. The addresses that it leaves behind mean nothing.
+  MemoryPlan Count(const DepthSolverPlan& plan) {
+    BlockDealer device, pinned;
+    Deal(plan, &device, &pinned);
+    MemoryPlan memory;
+    memory.Add(MemoryPlace::kDevice, "depth search", num_cells_, device.used_bytes(), "image size, depth.max_sources");
+    memory.Add(MemoryPlace::kHostPinned, "depth transfers", num_cells_, pinned.used_bytes(),
+               "image size, depth.max_sources");
+    return memory;
   }
 
   Status Construct(const DepthSolverPlan& plan) {
@@ -57,13 +68,13 @@ class CudaDepthSolver final : public DepthSolver {
     int least_priority = 0, greatest_priority = 0;
     HAUSTRA_TRY(ToStatus(cudaDeviceGetStreamPriorityRange(&least_priority, &greatest_priority), "priorities"));
     HAUSTRA_TRY(ToStatus(cudaStreamCreateWithPriority(&stream_, cudaStreamNonBlocking, least_priority), "stream"));
-    // Once to count, once to deal.
-    BlockDealer count_device, count_pinned;
-    Deal(plan, &count_device, &count_pinned);
-    HAUSTRA_TRY(device_block_.Allocate(count_device.used_bytes()));
-    HAUSTRA_TRY(pinned_block_.Allocate(count_pinned.used_bytes()));
-    BlockDealer device(device_block_.data(), count_device.used_bytes());
-    BlockDealer pinned(pinned_block_.data(), count_pinned.used_bytes());
+    const MemoryPlan memory = Count(plan);
+    const std::size_t num_device_bytes = memory.bytes(MemoryPlace::kDevice);
+    const std::size_t num_pinned_bytes = memory.bytes(MemoryPlace::kHostPinned);
+    HAUSTRA_TRY(device_block_.Allocate(num_device_bytes));
+    HAUSTRA_TRY(pinned_block_.Allocate(num_pinned_bytes));
+    BlockDealer device(device_block_.data(), num_device_bytes);
+    BlockDealer pinned(pinned_block_.data(), num_pinned_bytes);
     Deal(plan, &device, &pinned);
     return Upload(plan);
   }
@@ -229,6 +240,10 @@ class CudaDepthSolver final : public DepthSolver {
 
 }  // namespace
 }  // namespace kernels::cuda
+
+MemoryPlan PlanCudaDepthSolver(const DepthSolverPlan& plan) {
+  return kernels::cuda::CudaDepthSolver(plan, 0).Count(plan);
+}
 
 Result<std::unique_ptr<DepthSolver>> CreateCudaDepthSolver(const DepthSolverPlan& plan, int device) {
   HAUSTRA_TRY(kernels::cuda::CheckDepthPlan(plan));

@@ -347,6 +347,21 @@ void AddMerging(Fields* out) {
 }
 
 template <auto kMember>
+ConfigField Depth(const char* key, ConfigRange range, const char* unit, const char* description) {
+  return BindField<&EngineConfig::depth, kMember>(std::string("depth.") + key, range, unit, description, kRestart);
+}
+void AddDepth(Fields* out) {
+  using C = DepthConfig;
+  out->push_back(Depth<&C::enabled>("enabled", {}, "", "search the depth of keyframes in the background and keep it"));
+  out->push_back(Depth<&C::step_px>("step_px", {1, 8}, "px", "from one cell of the depth to the next"));
+  out->push_back(Depth<&C::iterations>("iterations", {1, 20}, "iterations", "of the search"));
+  out->push_back(Depth<&C::max_sources>("max_sources", {1, 12}, "keyframes", "that one is compared with"));
+  out->push_back(Depth<&C::kept_pictures>("kept_pictures", {4, 200}, "pictures", "of the newest keyframes"));
+  out->push_back(Depth<&C::newer_keyframes>("newer_keyframes", {0, 100}, "keyframes",
+                                            "that come after one before its depth is searched"));
+}
+
+template <auto kMember>
 ConfigField Memory(const char* key, ConfigRange range, const char* unit, const char* description) {
   return BindField<&EngineConfig::memory, kMember>(std::string("memory.") + key, range, unit, description, kRestart);
 }
@@ -446,6 +461,7 @@ std::vector<ConfigField> EngineConfigFields() {
   AddRecognition(&fields);
   AddRelocalisation(&fields);
   AddMerging(&fields);
+  AddDepth(&fields);
   AddMemory(&fields);
   AddScheduler(&fields);
   AddRealTime(&fields);

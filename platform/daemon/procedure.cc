@@ -57,8 +57,10 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   procedure->watched_ = std::make_unique<WatchedVisionDevice>(*procedure->device_, context.clock,
                                                               std::chrono::milliseconds(config.vision.answer_limit_ms));
   HAUSTRA_ASSIGN(procedure->vocabulary_, LoadVocabularyFor(config.engine));
-  procedure->engine_ = std::make_unique<Engine>(config.engine, camera, *procedure->watched_, Engine::Mode::kRealTime,
-                                                &context.clock, SceneShare(mask), procedure->vocabulary_.get());
+  HAUSTRA_ASSIGN(procedure->depth_, CreateDepthSearch(config.vision.device, config.engine, camera, mask));
+  procedure->engine_ =
+      std::make_unique<Engine>(config.engine, camera, *procedure->watched_, Engine::Mode::kRealTime, &context.clock,
+                               SceneShare(mask), procedure->vocabulary_.get(), procedure->depth_.matcher.get());
   LeaveMemoryOutOfDumps();
   return procedure;
 }

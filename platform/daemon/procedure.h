@@ -15,6 +15,7 @@
 
 #include "engine/engine.h"
 #include "hal/clock.h"
+#include "platform/assemble.h"
 #include "platform/daemon/daemon_config.h"
 #include "platform/daemon/descriptor_sink.h"
 #include "platform/daemon/health.h"
@@ -111,6 +112,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   std::unique_ptr<VisionDevice> device_;
   std::unique_ptr<WatchedVisionDevice> watched_;
   std::unique_ptr<const Vocabulary> vocabulary_;
+  DepthSearch depth_;
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<haustra_snapshot> snapshot_;
   std::vector<haustra_point> snapshot_points_;

@@ -40,6 +40,9 @@ class LinuxSystem final : public ThreadSystem {
     return pthread_setschedparam(pthread_self(), SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters);
   }
 
+  // Linux takes 0 for the calling thread alone.
+  int SetNice(int nice) override { return setpriority(PRIO_PROCESS, 0, nice) == 0 ? 0 : errno; }
+
   int SetCpus(const CpuList& cpus) override {
     cpu_set_t set;
     CPU_ZERO(&set);

@@ -8,6 +8,7 @@ namespace haustra {
 namespace {
 
 constexpr int kPageBytes = 4096;
+constexpr int kDepthNice = 10;        // a tenth of the time where another thread wants the processor, too
 constexpr int kMaxPrefaultKb = 1024;  // the range of rt.stack_prefault_kb
 
 // Touches so many kilobytes of the stack below this call, from the top down, a page at a time.
@@ -71,6 +72,11 @@ void RealTimeThreads::Apply(SessionThread thread) {
   }
   grant.granted_priority = system_.FifoPriority();
   grant.granted_cpus = system_.Cpus();
+}
+
+void RealTimeThreads::ApplyToDepth() {
+  if (const CpuList cpus = CpusOf(config_.merging_cpus); config_.enabled && cpus.any()) (void)system_.SetCpus(cpus);
+  (void)system_.SetNice(kDepthNice);
 }
 
 Status RealTimeThreads::Check() const {

@@ -24,6 +24,10 @@ class RealTimeThreads {
   // On the thread itself. Each thread writes a line of its own: different threads may call this at once.
   void Apply(SessionThread thread);
 
+  // On the thread that searches depth, which nobody waits for: on the processors of merging, and nicer than all others.
+  // What is refused is left as it is.
+  void ApplyToDepth();
+
   // By how much the heap is larger than with what was set aside; 0 when nothing was asked.
   std::size_t HeapGrowthBytes() const;
 

@@ -17,6 +17,8 @@ class ThreadSystem {
   // SCHED_FIFO; new threads and processes do not inherit it.
   virtual int SetFifo(int priority) = 0;
   virtual int SetCpus(const CpuList& cpus) = 0;
+  // Of ordinary scheduling: 0 is usual, 19 the most.
+  virtual int SetNice(int nice) = 0;
   // Future mappings only when asked: with a limit on locked memory those would fail at some point, which is worse than
   // a page fault.
   virtual int LockMemory(bool with_future) = 0;

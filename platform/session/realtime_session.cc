@@ -85,6 +85,15 @@ class RealTimeSession {
     std::thread merging = launch(SessionThread::kMerging, [this] { MergeLoop(); });
     std::thread mapping = launch(SessionThread::kMapping, [this] { MapLoop(); });
     std::thread tracking = launch(SessionThread::kTracking, [this] { TrackLoop(); });
+    std::thread depth;
+    if (engine_.depths() != nullptr) {
+      engine_.StopDepth(false);
+      depth = std::thread([this, &threads, &decided, &may_begin] {
+        threads.ApplyToDepth();
+        decided.wait();
+        if (may_begin) DepthLoop();
+      });
+    }
     std::thread capture = launch(SessionThread::kCapture, [this, &stop] { CaptureLoop(stop); });
     applied.wait();
     Status granted = threads.Check();
@@ -100,6 +109,14 @@ class RealTimeSession {
     tracking.join();
     mapping.join();
     merging.join();
+    if (depth.joinable()) {
+      // Nobody waits for the keyframe that it is at.
+      stop_depth_.store(true, std::memory_order_release);
+      engine_.StopDepth(true);
+      depth_work_.Post();
+      depth.join();
+      engine_.StopDepth(false);
+    }
     if (!may_begin) return granted;
     Report(observer);
     // Damaged frames after the last one that was tracked.
@@ -255,6 +272,7 @@ class RealTimeSession {
       outcome.latency = end - slot.due;
       outcome.is_late = end > outcome.deadline;
       if (hooks_ != nullptr) hooks_->OnTracked(outcome);
+      engine_.KeepPicture(slot.frame, outcome.result);
       outcome.use = meter.Read();
       outcomes_.TryPush(outcome);
       newest_tracked_.store(outcome.result.frame_index, std::memory_order_relaxed);
@@ -275,6 +293,7 @@ class RealTimeSession {
         // A figure that finds no room is lost: the mapper does not wait for its observer.
         if (!times.is_empty()) mapping_times_.TryPush(times);
         if (engine_.has_merge_work()) merge_work_.Post();
+        if (engine_.has_depth_work()) depth_work_.Post();
         continue;
       }
       // The last answer is waited for: it takes a fraction of a second.
@@ -295,6 +314,17 @@ class RealTimeSession {
         continue;
       }
       (void)merge_work_.WaitFor(kIdle);
+    }
+  }
+
+  void DepthLoop() {
+    NameThisThread("depth");
+    while (!stop_depth_.load(std::memory_order_acquire)) {
+      if (engine_.DepthStep()) {
+        map_work_.Post();
+      } else {
+        (void)depth_work_.WaitFor(kIdle);
+      }
     }
   }
 
@@ -357,6 +387,7 @@ class RealTimeSession {
   WakeSignal frame_ready_;
   WakeSignal map_work_;
   WakeSignal merge_work_;
+  WakeSignal depth_work_;
   SpscRing<FrameOutcome> outcomes_;
   SpscRing<MappingTimes> mapping_times_;
   SpscRing<MappingTimes> merging_times_;
@@ -365,6 +396,7 @@ class RealTimeSession {
   std::atomic<std::uint64_t> num_taken_{0};  // sequence of the newest frame that tracking has begun
   std::atomic<bool> stop_mapping_{false};
   std::atomic<bool> stop_merging_{false};
+  std::atomic<bool> stop_depth_{false};
   std::atomic<bool> tracking_done_{false};
   Status status_;                // written by capture, read after join
   Duration video_time_{0};       // likewise

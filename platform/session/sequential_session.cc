@@ -36,7 +36,9 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     outcome.use = meter.Read();
     outcome.tracking = clock.Now() - begin;
     hooks.OnTracked(outcome);
-    for (MappingTimes times; TimedMergeStep(engine, clock, &times) || TimedMapStep(engine, clock, &times);) {
+    engine.KeepPicture(*frame, outcome.result);
+    for (MappingTimes times; TimedMergeStep(engine, clock, &times) || TimedMapStep(engine, clock, &times) ||
+                             TimedDepthStep(engine, &times);) {
       times.frame_index = outcome.result.frame_index;
       if (!times.is_empty()) observer.OnMapped(times);
     }

@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "tests/end_to_end/command.h"
 #include "tests/end_to_end/result_files.h"
 
@@ -42,6 +44,41 @@ TEST(Surface, DepthIsNearTheTruthAndTheMeshIsTheSameOnAnyNumberOfThreads) {
   EXPECT_FALSE(ReadJson(scratch + "/b/surface.json").contains("depth"));
   EXPECT_TRUE(Exists(scratch + "/a/map_0000"));
   EXPECT_FALSE(Exists(scratch + "/b/map_0000"));
+}
+
+// Depth that the engine searched while the scope moved, and kept: no sequence is needed, and nothing else of the run is
+// changed by it.
+TEST(Surface, IsMadeOfTheDepthThatTheRunKept) {
+  const std::string scratch = ScratchFolder();
+  const std::string kept = scratch + "/kept";
+  const CommandResult run = Haustra({"run", SequenceFolder("depth"), "--out", kept, "--report", "off", "--device",
+                                     "cpu", "--threads", "1", "--set", "depth.enabled=true"});
+  ASSERT_EQ(run.exit_code, 0) << run.ToString();
+  for (const char* name : {"/frames.csv", "/maps.csv", "/maps/map_0000/points3D.txt", "/maps/map_0000/images.txt"}) {
+    EXPECT_EQ(ReadBytes(kept + name), ReadBytes(ResultFolder("depth") + name)) << name;
+  }
+  const nlohmann::json summary = ReadJson(kept + "/summary.json");
+  EXPECT_GT(summary["depth"]["keyframes_with_depth"], 3) << summary["depth"].dump();
+  EXPECT_EQ(summary["depth"]["pictures_refused"], 0);
+
+  const CommandResult judged = Haustra(
+      {"surface", kept, "--out", scratch + "/a", "--groundtruth", SequenceFolder("depth") + "/groundtruth.txt"});
+  ASSERT_EQ(judged.exit_code, 0) << judged.ToString();
+  const nlohmann::json json = ReadJson(scratch + "/a/surface.json");
+  const nlohmann::json& depth = json["depth"];
+  EXPECT_GT(depth["completeness"], 0.75) << depth.dump();
+  EXPECT_LT(depth["median_error"], 0.06) << depth.dump();
+  EXPECT_GT(depth["within_10_percent"], 0.7) << depth.dump();
+  EXPECT_GT(json["maps"][0]["triangles"], 8000);
+
+  const CommandResult without = Haustra({"surface", ResultFolder("depth"), "--out", scratch + "/b"});
+  EXPECT_NE(without.exit_code, 0);
+  EXPECT_THAT(without.err, HasSubstr("the run kept no depth"));
+  std::ofstream(kept + "/maps/map_0000/depth.bin", std::ios::binary | std::ios::trunc) << "no depth";
+  const CommandResult damaged = Haustra({"surface", kept, "--out", scratch + "/b"});
+  EXPECT_NE(damaged.exit_code, 0);
+  EXPECT_THAT(damaged.err, HasSubstr("depth.bin: "));
+  EXPECT_FALSE(Exists(scratch + "/b"));
 }
 
 TEST(Surface, AFullVolumeIsCountedAndSaid) {

@@ -45,6 +45,10 @@ class FakeSystem final : public ThreadSystem {
     if (cpus_error == 0) cpus_[std::this_thread::get_id()] = cpus;
     return cpus_error;
   }
+  int SetNice(int nice) override {
+    calls.push_back("nice " + std::to_string(nice));
+    return 0;
+  }
   int LockMemory(bool with_future) override {
     calls.push_back(with_future ? "lock all" : "lock current");
     return lock_error;
@@ -97,6 +101,18 @@ void ApplyOnThreads(RealTimeThreads& threads) {
     });
   }
   for (std::thread& thread : running) thread.join();
+}
+
+TEST(RealTimeThreads, DepthIsNiceAndRunsWhereMergingDoes) {
+  FakeSystem system;
+  RealTimeConfig config = Config();
+  config.merging_cpus = "1,3";
+  {
+    RealTimeThreads threads(config, system);
+    threads.ApplyToDepth();
+  }
+  EXPECT_EQ(ToText(system.Cpus()), "1,3");
+  EXPECT_THAT(system.calls, ::testing::Contains("nice 10"));
 }
 
 TEST(CpuListText, ReadsAndWritesWhatLinuxWrites) {

@@ -6,7 +6,7 @@
 #include <CLI/App.hpp>
 
 #include "engine/io/atlas_reader.h"
-#include "platform/atlas_file.h"
+#include "platform/whole_file.h"
 #include "tools/atlas/atlas_text.h"
 #include "tools/command/console.h"
 #include "tools/exit_codes.h"
@@ -17,7 +17,7 @@ namespace {
 constexpr const char* kAtlasCommand = "atlas";
 
 int Info(const std::string& path) {
-  const Result<std::vector<std::uint8_t>> bytes = ReadAtlasFileBytes(path);
+  const Result<std::vector<std::uint8_t>> bytes = ReadWholeFile(path);
   if (!bytes.ok()) return console::Fail(kAtlasCommand, bytes.status());
   const Result<SavedAtlas> atlas = ReadAtlas(*bytes);
   if (!atlas.ok()) {

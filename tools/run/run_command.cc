@@ -229,6 +229,9 @@ int Run(const RunArguments& arguments) {
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
   if (!vocabulary.ok()) return console::Fail(kRunCommand, vocabulary.status());
 
+  const Result<DepthSearch> depth = CreateDepthSearch(arguments.device, config, *camera, (*source)->static_mask());
+  if (!depth.ok()) return console::Fail(kRunCommand, depth.status());
+
   const bool is_live = IsV4l2Spec(arguments.sequence);
   std::vector<MarkRequest> mark_requests;
   if (!arguments.marks.empty()) {
@@ -237,7 +240,8 @@ int Run(const RunArguments& arguments) {
     mark_requests = std::move(read).value();
   }
   const SystemClock clock;
-  Engine engine(config, *camera, **device, mode, &clock, SceneShare((*source)->static_mask()), vocabulary->get());
+  Engine engine(config, *camera, **device, mode, &clock, SceneShare((*source)->static_mask()), vocabulary->get(),
+                depth->matcher.get());
   if (!arguments.load_atlas.empty()) {
     if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok())
       return console::Fail(kRunCommand, status);
@@ -272,6 +276,7 @@ int Run(const RunArguments& arguments) {
                                              : RunSequential(**source, engine, clock, record, stop_requested, marks);
   marks.Finish();
   progress.Finish(record);
+  engine.FinishDepth(stop_requested);
   // How long a recording is shows only when it has been read: of it, too, a part that is empty is a mistake.
   if (session.ok() && !stop_requested && record.frames().empty()) {
     return console::Fail(kRunCommand, InvalidArgument(arguments.sequence + ": the sequence is empty from frame " +

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <map>
 
+#include "capture/codec/image_codec.h"
+#include "engine/depth/depth_file.h"
 #include "engine/io/colmap_writer.h"
 #include "engine/io/ply_writer.h"
 #include "engine/io/text_writer.h"
@@ -221,6 +223,26 @@ Status WriteTrajectories(const fs::path& folder, const RunRecord& record, const 
   return Status::Ok();
 }
 
+// Depth of the keyframes of a map, in its unit as it is now.
+Status WriteDepths(ByteSink& sink, const Engine& engine, const Map& map) {
+  const Atlas& atlas = engine.atlas();
+  std::map<KeyframeId, KeyframeHandle> by_id;
+  for (const KeyframeHandle handle : map.keyframes) {
+    if (engine.depths()->DepthOf(handle) != nullptr) by_id[atlas.keyframe(handle).id] = handle;
+  }
+  const int step_px = engine.config().depth.step_px;
+  DepthFileWriter writer(sink);
+  HAUSTRA_TRY(writer.Begin({step_px, engine.camera().width_px() / step_px, engine.camera().height_px() / step_px},
+                           static_cast<int>(by_id.size())));
+  for (const auto& [id, handle] : by_id) {
+    const KeptDepth& kept = *engine.depths()->DepthOf(handle);
+    DepthMap depth = kept.depth;
+    depth.ScaleRanges(atlas.KeyframeScale(handle) / kept.scale);
+    HAUSTRA_TRY(writer.Add(id, atlas.keyframe(handle).frame_index, depth, kept.bgr));
+  }
+  return writer.End();
+}
+
 Status WriteMapExports(const fs::path& folder, const Engine& engine, const FrameSource& source,
                        const PointColour& colour) {
   const auto image_name = [&source](std::uint32_t frame_index) { return ColmapName(source.FrameName(frame_index)); };
@@ -235,6 +257,9 @@ Status WriteMapExports(const fs::path& folder, const Engine& engine, const Frame
       HAUSTRA_TRY(WriteWith(folder / (MapName(map.id) + ".ply"), [&](ByteSink& s) { return WritePly(s, data); }));
       HAUSTRA_ASSIGN(const ColmapCamera camera, MakeColmapCamera(data.calibration));
       HAUSTRA_TRY(WriteWith(colmap / "cameras.txt", [&](ByteSink& s) { return WriteColmapCameras(s, camera); }));
+      if (engine.depths() != nullptr) {
+        HAUSTRA_TRY(WriteWith(colmap / "depth.bin", [&](ByteSink& s) { return WriteDepths(s, engine, map); }));
+      }
       HAUSTRA_TRY(WriteWith(colmap / "images.txt", [&](ByteSink& s) { return WriteColmapImages(s, data); }));
       return WriteWith(colmap / "points3D.txt", [&](ByteSink& s) { return WriteColmapPoints3D(s, data); });
     };
@@ -269,6 +294,9 @@ Status WriteOutputs(const std::string& folder, const RunRecord& record, const st
     HAUSTRA_TRY(WriteWith(root / "marks.csv", [&](ByteSink& sink) { return WriteMarks(sink, marks, summary); }));
   }
   HAUSTRA_TRY(WriteMapExports(root / "maps", engine, source, colour));
+  if (engine.depths() != nullptr && !source.static_mask().is_empty()) {
+    HAUSTRA_TRY(WritePng((root / "mask.png").string(), source.static_mask()));
+  }
   return WriteWith(root / "summary.json", [&](ByteSink& sink) { return sink.Write(ToJson(summary)); });
 }
 

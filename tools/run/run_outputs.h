@@ -14,8 +14,8 @@ namespace haustra {
 
 inline constexpr FolderContent kRunContent{
     "a run",
-    R"((frames|maps|events|times|marks)\.csv|summary\.json|report\.html|calib\.yaml|trajectory(/(live|map_\d{4,})\.tum)?|)"
-    R"(maps(/map_\d{4,}(\.ply|/(cameras|images|points3D)\.txt)?)?)"};
+    R"((frames|maps|events|times|marks)\.csv|summary\.json|report\.html|calib\.yaml|mask\.png|trajectory(/(live|map_\d{4,})\.tum)?|)"
+    R"(maps(/map_\d{4,}(\.ply|/((cameras|images|points3D)\.txt|depth\.bin))?)?)"};
 
 // The folders in it. kUnavailable.
 Status MakeResultFolders(const std::string& folder);

@@ -139,6 +139,24 @@ std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine)
   return poses;
 }
 
+namespace {
+
+MemoryPlan PlanOf(const Engine& engine) {
+  return Engine::PlanMemory(engine.config(), engine.camera().width_px(), engine.camera().height_px());
+}
+
+std::optional<DepthFigures> DepthFiguresOf(const Engine& engine) {
+  const DepthKeeper* depths = engine.depths();
+  if (depths == nullptr) return std::nullopt;
+  DepthFigures figures{depths->counters(), engine.num_pictures_refused(), 0};
+  engine.atlas().keyframes().ForEach([&](KeyframeHandle keyframe, const Keyframe&) {
+    figures.num_keyframes += depths->DepthOf(keyframe) != nullptr ? 1 : 0;
+  });
+  return figures;
+}
+
+}  // namespace
+
 RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, Engine& engine,
                      const SessionSummary& session, std::size_t sequence_frames) {
   RunSummary summary;
@@ -186,7 +204,7 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
   summary.frame_ms = {Percentile(sorted, 500), Percentile(sorted, 990), Percentile(sorted, 999),
                       latency.empty() ? 0.0 : latency.back()};
   summary.peak_rss_mb = PeakRssMb();
-  summary.plan_host_mb = static_cast<double>(Engine::PlanMemory(engine.config()).host_bytes()) / 1e6;
+  summary.plan_host_mb = static_cast<double>(PlanOf(engine).host_bytes()) / 1e6;
   summary.pools = PoolsOf(engine, session);
   summary.evictions = engine.evictions();
   summary.tracking_thread = ThreadFiguresOf(record);
@@ -195,6 +213,7 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
   summary.wall_s = ToSeconds(session.wall_time);
   if (summary.video_s > 0) summary.realtime_ratio = summary.wall_s / summary.video_s;
   summary.mapping = engine.mapper_counters();
+  summary.depth = DepthFiguresOf(engine);
   if (record.realtime() != nullptr) summary.realtime = *record.realtime();
   summary.late = record.num_late();
   summary.on_rung = record.num_on_rung();
@@ -226,6 +245,10 @@ void SummariseMarks(const MarkLog& log, const Engine& engine, RunSummary* summar
 }
 
 namespace {
+
+double MeanMs(Duration sum, std::uint64_t count) {
+  return count > 0 ? ToMilliseconds(sum) / static_cast<double>(count) : 0.0;
+}
 
 nlohmann::ordered_json MarksJson(const RunSummary& s) {
   nlohmann::ordered_json set = nlohmann::ordered_json::array(), refused = nlohmann::ordered_json::array();
@@ -297,6 +320,16 @@ std::string ToJson(const RunSummary& s) {
                              {"later_frames", ToJson(s.tracking_thread.later, s.is_heap_watched)},
                              {"frames_with_faults", s.tracking_thread.frames_with_faults}};
   if (!s.marks.empty() || !s.refused_marks.empty()) json["marks"] = MarksJson(s);
+  if (s.depth) {
+    const DepthCounters& depth = s.depth->counters;
+    json["depth"] = {{"keyframes_with_depth", s.depth->num_keyframes},
+                     {"pictures", depth.num_pictures},
+                     {"pictures_refused", s.depth->num_pictures_refused},
+                     {"searches", depth.num_searches},
+                     {"in_vain", depth.num_in_vain},
+                     {"too_little_seen", depth.num_too_little},
+                     {"ms_per_search", MeanMs(depth.search_time, depth.num_searches)}};
+  }
   json["video_s"] = s.video_s;
   json["wall_s"] = s.wall_s;
   json["realtime_ratio"] = s.realtime_ratio;
@@ -363,6 +396,10 @@ std::string ToText(const RunSummary& s) {
   if (s.maps_loaded > 0) {
     Append(&text, "  loaded        %5zu     maps of earlier runs (%zu of the keyframes are theirs)\n", s.maps_loaded,
            s.keyframes_loaded);
+  }
+  if (s.depth) {
+    Append(&text, "  depth         %5zu     keyframes have one (%.0f ms each)\n", s.depth->num_keyframes,
+           MeanMs(s.depth->counters.search_time, s.depth->counters.num_searches));
   }
   for (const MarkFigures& mark : s.marks) {
     const auto num = [&](MarkState state) { return mark.num_frames[static_cast<std::size_t>(state)]; };

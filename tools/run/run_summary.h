@@ -55,6 +55,13 @@ struct RefusedMark {
   std::string reason;
 };
 
+// Of a run with depth.enabled.
+struct DepthFigures {
+  DepthCounters counters;
+  std::uint64_t num_pictures_refused = 0;
+  std::size_t num_keyframes = 0;  // that have a depth at the end
+};
+
 struct RunSummary {
   std::string mode;
   std::string device;
@@ -94,6 +101,7 @@ struct RunSummary {
   MapperCounters mapping;
   std::vector<MarkFigures> marks;  // by id
   std::vector<RefusedMark> refused_marks;
+  std::optional<DepthFigures> depth;
   // Real-time mode only.
   std::optional<RealTimeReport> realtime;
   double rate = 1.0;     // pace that was asked for, relative to the camera: frames came this much faster

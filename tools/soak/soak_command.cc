@@ -126,7 +126,9 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
   totals->device = DeviceText(*device, num_threads);
   HAUSTRA_TRY(device->SetStaticMask(source->static_mask()));
   const SystemClock clock;
-  Engine engine(config, camera, *device, mode, &clock, SceneShare(source->static_mask()), vocabulary);
+  HAUSTRA_ASSIGN(const DepthSearch depth, CreateDepthSearch(arguments.device, config, camera, source->static_mask()));
+  Engine engine(config, camera, *device, mode, &clock, SceneShare(source->static_mask()), vocabulary,
+                depth.matcher.get());
   monitor->Begin(engine);
   RealTimeOptions options;
   options.rate = arguments.rate;

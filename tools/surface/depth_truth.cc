@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <numbers>
 
 #include "engine/camera/camera_model.h"
+#include "engine/surface/depth_seeds.h"
 #include "tools/command/range_picture.h"
 #include "tools/evaluate/statistics.h"
 
@@ -20,12 +22,33 @@ struct TrueView {
   RangePicture range;
 };
 
+// On cells of so many of the truth's: the mean of those that it covers where they lie on one wall, else nothing. The
+// ray of a cell is that of its middle, and so is the mean.
+RangePicture OnCoarserCells(const RangePicture& fine, int factor) {
+  RangePicture coarse;
+  coarse.width = fine.width / factor;
+  coarse.height = fine.height / factor;
+  for (int i = 0; i < coarse.width * coarse.height; ++i) {
+    const int x = i % coarse.width * factor, y = i / coarse.width * factor;
+    double sum = 0.0, least = std::numeric_limits<double>::infinity(), most = 0.0;
+    for (int k = 0; k < factor * factor; ++k) {
+      const double range = fine.range_mm[std::size_t(y + k / factor) * fine.width + x + k % factor];
+      sum += range;
+      least = std::min(least, range);
+      most = std::max(most, range);
+    }
+    const bool is_one_wall = least > 0.0 && most - least <= kSameWall * most;
+    coarse.range_mm.push_back(static_cast<float>(is_one_wall ? sum / (factor * factor) : 0.0));
+  }
+  return coarse;
+}
+
 struct Errors {
   std::vector<double> relative, absolute_mm;
 };
 
 // Whether another keyframe sees the point under enough of an angle.
-bool IsSeenTwice(const CameraModel& camera, const std::vector<TrueView>& views, std::size_t own,
+bool IsSeenTwice(const CameraModel& camera, int step_px, const std::vector<TrueView>& views, std::size_t own,
                  const Eigen::Vector3d& point_in_world) {
   const Eigen::Vector3d ray = point_in_world - views[own].world_from_cam.translation;
   for (std::size_t j = 0; j < views.size(); ++j) {
@@ -36,19 +59,19 @@ bool IsSeenTwice(const CameraModel& camera, const std::vector<TrueView>& views, 
     if (angle * 180.0 / std::numbers::pi <= kMinAngleDeg) continue;
     Eigen::Vector2d pixel;
     if (!camera.Project(other.world_from_cam.Inverse() * point_in_world, &pixel)) continue;
-    const double offset = CellCentrePx(0, RangePicture::kStepPx);
-    const double x = std::round((pixel.x() - offset) / RangePicture::kStepPx);
-    const double y = std::round((pixel.y() - offset) / RangePicture::kStepPx);
-    if (!(x >= 0.0 && y >= 0.0 && x < other.range.width && y < other.range.height)) continue;
+    const Eigen::Vector2d cell = CellOfPixel(pixel, step_px).array().round();
+    if (!(cell.x() >= 0.0 && cell.y() >= 0.0 && cell.x() < other.range.width && cell.y() < other.range.height))
+      continue;
     const double seen =
-        other.range.range_mm[static_cast<std::size_t>(y) * other.range.width + static_cast<std::size_t>(x)];
+        other.range
+            .range_mm[static_cast<std::size_t>(cell.y()) * other.range.width + static_cast<std::size_t>(cell.x())];
     if (std::abs(seen - other_ray.norm()) <= kSameWall * other_ray.norm()) return true;
   }
   return false;
 }
 
-void JudgeMap(const CameraModel& camera, double mm_per_mu, const std::vector<TrueView>& views, DepthScore* score,
-              Errors* errors) {
+void JudgeMap(const CameraModel& camera, int step_px, double mm_per_mu, const std::vector<TrueView>& views,
+              DepthScore* score, Errors* errors) {
   for (std::size_t v = 0; v < views.size(); ++v) {
     const TrueView& view = views[v];
     ++score->keyframes;
@@ -57,12 +80,11 @@ void JudgeMap(const CameraModel& camera, double mm_per_mu, const std::vector<Tru
       if (truth_mm <= 0.0) continue;
       ++score->known_cells;
       Eigen::Vector3d bearing;
-      const int step = RangePicture::kStepPx;
-      if (!camera.Unproject({CellCentrePx(i % view.range.width, step), CellCentrePx(i / view.range.width, step)},
+      if (!camera.Unproject({CellCentrePx(i % view.range.width, step_px), CellCentrePx(i / view.range.width, step_px)},
                             &bearing)) {
         continue;
       }
-      if (!IsSeenTwice(camera, views, v, view.world_from_cam * Eigen::Vector3d(truth_mm * bearing))) continue;
+      if (!IsSeenTwice(camera, step_px, views, v, view.world_from_cam * Eigen::Vector3d(truth_mm * bearing))) continue;
       ++score->seen_cells;
       if (!view.answer->depth.has_depth(i)) continue;
       ++score->answered_cells;
@@ -93,16 +115,22 @@ Result<std::optional<DepthScore>> JudgeDepths(const std::vector<SurfaceMap>& map
                                   [&](const evaluate::MapEvaluation& each) { return each.map_id == maps[m].map_id; });
     if (map == evaluation.per_map.end() || !map->truth_from_map) continue;
     HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(maps[m].camera));
+    const int step_px = surfaces[m].step_px;
     std::vector<TrueView> views;
     for (const KeyframeDepth& depth : surfaces[m].depths) {
       const auto row =
-          std::lower_bound(run.frames.begin(), run.frames.end(), depth.picture->frame_idx,
+          std::lower_bound(run.frames.begin(), run.frames.end(), depth.frame_idx,
                            [](const evaluate::RunFrame& f, std::int64_t idx) { return f.frame_idx < idx; });
-      if (row == run.frames.end() || row->frame_idx != depth.picture->frame_idx) continue;
+      if (row == run.frames.end() || row->frame_idx != depth.frame_idx) continue;
       const std::optional<SE3>& pose = poses[row - run.frames.begin()];
       if (!pose) continue;
-      const std::string path = TruePath(truth, depth.picture->stored_frame);
+      const std::string path = TruePath(truth, depth.stored_frame);
       HAUSTRA_ASSIGN(RangePicture range, ReadRangePicture(path));
+      if (step_px % RangePicture::kStepPx != 0) {
+        return InvalidArgument(path + ": is of " + std::to_string(RangePicture::kStepPx) +
+                               " pixels a cell, the depth of the run of " + std::to_string(step_px));
+      }
+      if (step_px > RangePicture::kStepPx) range = OnCoarserCells(range, step_px / RangePicture::kStepPx);
       if (range.width != depth.depth.width() || range.height != depth.depth.height()) {
         return InvalidArgument(path + ": has " + std::to_string(range.width) + "x" + std::to_string(range.height) +
                                " values, the depth of the run " + std::to_string(depth.depth.width()) + "x" +
@@ -110,7 +138,7 @@ Result<std::optional<DepthScore>> JudgeDepths(const std::vector<SurfaceMap>& map
       }
       views.push_back({&depth, *pose, std::move(range)});
     }
-    JudgeMap(camera, map->truth_from_map->scale, views, &score, &errors);
+    JudgeMap(camera, step_px, map->truth_from_map->scale, views, &score, &errors);
   }
   if (score.keyframes == 0) return std::optional<DepthScore>();
   const auto share = [&](double limit) {

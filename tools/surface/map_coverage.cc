@@ -8,15 +8,14 @@
 namespace haustra::surface {
 
 Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface, const evaluate::RunOutput& run,
-                                    ImageView mask, const SurfaceOptions& made_with, const CoverageOptions& options) {
+                                    ImageView mask, int num_threads, const CoverageOptions& options) {
   HAUSTRA_TRY(options.Validate());
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(map.camera));
   std::vector<Eigen::Vector3d> path, wall;
   for (const evaluate::RunFrame& frame : run.frames) {
     if (frame.map_id == map.map_id) path.push_back(frame.world_from_cam.translation);
   }
-  const std::vector<WallPatch> patches =
-      PatchesOf(surface.depths, camera, made_with.depth.step_px, made_with.num_threads);
+  const std::vector<WallPatch> patches = PatchesOf(surface.depths, camera, surface.step_px, num_threads);
   wall.reserve(patches.size());
   for (const WallPatch& patch : patches) wall.push_back(patch.position_in_map);
   MapCoverage coverage;

@@ -27,6 +27,6 @@ struct MapCoverage {
 // needs, and skip most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere.
 // kInvalidArgument: options, camera.
 Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface, const evaluate::RunOutput& run,
-                                    ImageView mask, const SurfaceOptions& made_with, const CoverageOptions& options);
+                                    ImageView mask, int num_threads, const CoverageOptions& options);
 
 }  // namespace haustra::surface

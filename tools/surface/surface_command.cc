@@ -25,6 +25,7 @@
 #include "tools/surface/coverage_text.h"
 #include "tools/surface/coverage_truth.h"
 #include "tools/surface/depth_truth.h"
+#include "tools/surface/found_depths.h"
 #include "tools/surface/map_coverage.h"
 #include "tools/surface/map_surface.h"
 #include "tools/surface/surface_input.h"
@@ -33,6 +34,7 @@
 namespace haustra {
 namespace {
 
+using surface::FoundDepths;
 using surface::MapCoverage;
 using surface::MapSurface;
 using surface::SurfaceMap;
@@ -47,6 +49,8 @@ struct SurfaceArguments {
   std::string out;
   std::string groundtruth;
   SequenceOptions options;
+  DepthOptions depth;
+  std::string device = "auto";  // where depth is searched
   surface::SurfaceOptions surface;
   CoverageOptions coverage;
   bool with_depth_maps = false;
@@ -70,7 +74,7 @@ Status WriteMap(const SurfaceArguments& arguments, int map_id, const MapSurface&
   if (error) return Unavailable(stem + ": cannot be made: " + error.message());
   for (const surface::KeyframeDepth& each : made.depths) {
     char name[32];
-    std::snprintf(name, sizeof(name), "/%06lld.pgm", static_cast<long long>(each.picture->frame_idx));
+    std::snprintf(name, sizeof(name), "/%06lld.pgm", static_cast<long long>(each.frame_idx));
     HAUSTRA_TRY(WriteFile(stem + name, surface::DepthPgm(each.depth)));
   }
   return Status::Ok();
@@ -106,6 +110,51 @@ Result<surface::SurfaceScore> Judge(const SurfaceArguments& arguments, const eva
   return score;
 }
 
+// Of each map: from the sequence where one is given, else as the run kept them. mask: 255 where pictures show the
+// scene; stays empty when there is none.
+Result<std::vector<FoundDepths>> FindDepths(const SurfaceArguments& arguments, const evaluate::RunOutput& run,
+                                            const std::vector<SurfaceMap>& maps, Image* mask) {
+  std::vector<FoundDepths> found;
+  if (arguments.sequence.empty()) {
+    if (!surface::HasKeptDepths(run, maps)) {
+      return FailedPrecondition(
+          run.folder + ": the run kept no depth (--set depth.enabled=true); name its sequence with --sequence");
+    }
+    const std::string mask_path = run.folder + "/mask.png";
+    if (std::filesystem::exists(mask_path)) {
+      HAUSTRA_ASSIGN(*mask, ReadImage(mask_path, ChannelChoice::kGrey));
+      if (mask->width() != maps.front().camera.width_px || mask->height() != maps.front().camera.height_px) {
+        return InvalidArgument(mask_path + ": not of the size of this run's frames");
+      }
+    }
+    for (const SurfaceMap& map : maps) {
+      Result<FoundDepths> kept = surface::ReadKeptDepths(run, map, arguments.options.first_frame,
+                                                         static_cast<int>(arguments.options.every_nth));
+      // A map that this run has not seen, but loaded, has none.
+      if (kept.code() == StatusCode::kNotFound) {
+        kept = FoundDepths{};
+        kept->num_without_picture = static_cast<int>(map.keyframes.size());
+      }
+      HAUSTRA_TRY(kept.status());
+      found.push_back(std::move(*kept));
+    }
+    return found;
+  }
+  std::set<std::string> names;
+  for (const SurfaceMap& map : maps) {
+    for (const surface::SurfaceKeyframe& keyframe : map.keyframes) names.insert(keyframe.image_name);
+  }
+  HAUSTRA_ASSIGN(surface::KeyframePictures pictures,
+                 surface::ReadKeyframePictures(run, names, maps.front().camera, arguments.sequence, arguments.options));
+  for (const SurfaceMap& map : maps) {
+    HAUSTRA_ASSIGN(FoundDepths depths, surface::SearchDepths(map, pictures, arguments.depth, arguments.device,
+                                                             arguments.surface.num_threads));
+    found.push_back(std::move(depths));
+  }
+  *mask = std::move(pictures.mask);
+  return found;
+}
+
 int RunSurface(SurfaceArguments arguments) {
   if (arguments.surface.num_threads == 0) {
     arguments.surface.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -117,21 +166,17 @@ int RunSurface(SurfaceArguments arguments) {
   if (!run.ok()) return console::Fail(kSurfaceCommand, run.status());
   const Result<std::vector<SurfaceMap>> maps = surface::ReadSurfaceMaps(*run);
   if (!maps.ok()) return console::Fail(kSurfaceCommand, maps.status());
-  std::set<std::string> names;
-  for (const SurfaceMap& map : *maps) {
-    for (const surface::SurfaceKeyframe& keyframe : map.keyframes) names.insert(keyframe.image_name);
-  }
-  const Result<surface::KeyframePictures> pictures =
-      surface::ReadKeyframePictures(*run, names, maps->front().camera, arguments.sequence, arguments.options);
-  if (!pictures.ok()) return console::Fail(kSurfaceCommand, pictures.status());
+  Image mask;
+  const Result<std::vector<FoundDepths>> found = FindDepths(arguments, *run, *maps, &mask);
+  if (!found.ok()) return console::Fail(kSurfaceCommand, found.status());
   std::vector<MapSurface> surfaces;
   std::vector<MapCoverage> coverages;
-  for (const SurfaceMap& map : *maps) {
-    Result<MapSurface> made = surface::MakeMapSurface(map, *pictures, arguments.surface);
+  for (std::size_t i = 0; i < maps->size(); ++i) {
+    Result<MapSurface> made = surface::MakeMapSurface((*maps)[i], (*found)[i], arguments.surface);
     if (!made.ok()) return console::Fail(kSurfaceCommand, made.status());
     surfaces.push_back(std::move(*made));
-    Result<MapCoverage> coverage = surface::MakeMapCoverage(map, surfaces.back(), *run, pictures->mask.view(),
-                                                            arguments.surface, arguments.coverage);
+    Result<MapCoverage> coverage = surface::MakeMapCoverage((*maps)[i], surfaces.back(), *run, mask.view(),
+                                                            arguments.surface.num_threads, arguments.coverage);
     if (!coverage.ok()) return console::Fail(kSurfaceCommand, coverage.status());
     coverages.push_back(std::move(*coverage));
   }
@@ -165,9 +210,12 @@ int RunSurface(SurfaceArguments arguments) {
 
 void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
   const auto arguments = std::make_shared<SurfaceArguments>();
-  CLI::App* command = app.add_subcommand("surface", "Make the surface of the wall from a run and its sequence");
+  CLI::App* command = app.add_subcommand("surface", "Make the surface of the wall from a run");
   command->add_option("run", arguments->run, "Output folder of haustra run")->required();
-  command->add_option("--sequence", arguments->sequence, "The sequence of the run: folder or video")->required();
+  command->add_option(
+      "--sequence", arguments->sequence,
+      "The sequence of the run, folder or video: depth is searched in it. Without one the depth that the "
+      "run kept is taken (depth.enabled)");
   command->add_option("--out", arguments->out, "Folder for the meshes: map_NNNN.ply and map_NNNN.glb for each map")
       ->required();
   command->add_option("--first-frame", arguments->options.first_frame, "As in the run")
@@ -211,8 +259,7 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
                    "Threads; 0: all cores. The result does not depend on it")
       ->check(CLI::Range(0, 256))
       ->default_val(0);
-  arguments->surface.device = "auto";
-  AddDeviceOption(*command, arguments->surface.device);
+  AddDeviceOption(*command, arguments->device);
   AddOverwriteFlag(*command, arguments->overwrite);
   command->callback([arguments, &action] { action = [arguments] { return RunSurface(*arguments); }; });
 }

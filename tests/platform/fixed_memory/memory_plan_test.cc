@@ -42,16 +42,21 @@ std::vector<EngineConfig> Configurations() {
   odd.memory.max_map_events = 33;
   odd.memory.max_late_poses = 65;
   odd.initialisation.kept_views = 7;
-  return {small, odd, EngineConfig{}};
+  EngineConfig deep = odd;
+  deep.depth.enabled = true;
+  deep.depth.step_px = 5;
+  deep.depth.kept_pictures = 7;
+  return {small, odd, deep, EngineConfig{}};
 }
 
 TEST(MemoryPlanOfTheEngine, ArenaHoldsExactlyThePools) {
   const CameraModel camera = CameraModel::Create(test::ColonCalibration()).value();
   for (const EngineConfig& config : Configurations()) {
-    const MemoryPlan plan = Engine::PlanMemory(config);
+    const MemoryPlan plan = Engine::PlanMemory(config, camera.width_px(), camera.height_px());
     ScriptedVisionDevice device(Engine::PlanFor(config, camera.calibration()), {});
+    const DepthSearch depth = CreateDepthSearch("cpu", config, camera, {}).value();
     const std::size_t before = BytesTaken();
-    const Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, 1.0);
+    const Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, 1.0, nullptr, depth.matcher.get());
     const std::size_t taken = BytesTaken() - before;
     EXPECT_EQ(engine.arena().size_bytes(), plan.bytes(MemoryPlace::kHostArena));
     EXPECT_EQ(engine.arena().used_bytes(), engine.arena().size_bytes());
@@ -67,7 +72,7 @@ TEST(MemoryPlanOfTheEngine, PoolsGrowWithTheirKeyAlone) {
   const EngineConfig base = test::SmallEngineConfig();
   EngineConfig more = base;
   more.memory.max_map_points *= 2;
-  const MemoryPlan a = Engine::PlanMemory(base), b = Engine::PlanMemory(more);
+  const MemoryPlan a = Engine::PlanMemory(base, 640, 480), b = Engine::PlanMemory(more, 640, 480);
   ASSERT_EQ(a.lines.size(), b.lines.size());
   for (std::size_t i = 0; i < a.lines.size(); ++i) {
     const bool is_sized = a.lines[i].sized_by.find("max_map_points") != std::string::npos;
@@ -130,12 +135,28 @@ TEST(MemoryPlan, CoversEngineDeviceAndSession) {
   const CameraCalibration camera = test::ColonCalibration();
   const Result<MemoryPlan> plan = PlanMemory(config, camera, "cpu", 2);
   ASSERT_TRUE(plan.ok());
-  const std::uint64_t engine = Engine::PlanMemory(config).host_bytes();
+  const std::uint64_t engine = Engine::PlanMemory(config, camera.width_px, camera.height_px).host_bytes();
   const std::uint64_t device =
       PlanCpuVisionDevice(Engine::PlanFor(config, camera), Engine::ExtractOptionsFor(config), 2).host_bytes();
   EXPECT_EQ(plan->host_bytes(), engine + device + PlanRealTimeSession(camera).host_bytes());
   EXPECT_EQ(plan->device_bytes(), 0u);
   EXPECT_FALSE(PlanMemory(config, camera, "abacus", 2).ok());
+}
+
+TEST(MemoryPlan, OfDepthIsWhatItsMatcherTakes) {
+  EngineConfig config = test::SmallEngineConfig();
+  const CameraCalibration calibration = test::ColonCalibration();
+  const CameraModel camera = CameraModel::Create(calibration).value();
+  const std::uint64_t without = PlanMemory(config, calibration, "cpu", 2)->host_bytes();
+  config.depth.enabled = true;
+  const std::uint64_t with = PlanMemory(config, calibration, "cpu", 2)->host_bytes();
+  const std::uint64_t keeper =
+      DepthKeeper::PlanMemory(config, calibration.width_px, calibration.height_px).host_bytes();
+  const std::size_t before = BytesTaken();
+  const DepthSearch depth = CreateDepthSearch("cpu", config, camera, {}).value();
+  const std::size_t taken = BytesTaken() - before;
+  EXPECT_LE(taken, with - without - keeper);
+  EXPECT_GT(taken, (with - without - keeper) * 9 / 10);
 }
 
 TEST(MemoryPlan, OfCudaNeedsNoGpuAndNamesWhatTheDeviceLacks) {

@@ -19,8 +19,7 @@ using ::testing::StartsWith;
 
 MapCoverage CoverageOfTube() {
   const TubeSurface tube;
-  Result<MapCoverage> coverage =
-      MakeMapCoverage(tube.map, tube.surface, tube.run, {}, tube.made_with, CoverageOptions());
+  Result<MapCoverage> coverage = MakeMapCoverage(tube.map, tube.surface, tube.run, {}, 1, CoverageOptions());
   EXPECT_TRUE(coverage.ok()) << coverage.status().ToString();
   return *coverage;
 }
@@ -85,8 +84,7 @@ TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
   // A wall at the side, seen by a camera that goes along it.
   const TubeSurface flat(
       [](double, const Eigen::Vector3d& bearing) { return bearing.y() > 0.1 ? 0.5 / bearing.y() : 0.0; });
-  const Result<MapCoverage> coverage =
-      MakeMapCoverage(flat.map, flat.surface, flat.run, {}, flat.made_with, CoverageOptions());
+  const Result<MapCoverage> coverage = MakeMapCoverage(flat.map, flat.surface, flat.run, {}, 1, CoverageOptions());
   ASSERT_TRUE(coverage.ok());
   EXPECT_FALSE(coverage->wall);
   EXPECT_THAT(coverage->no_lumen, HasSubstr("of the directions around the path"));

@@ -18,10 +18,10 @@ struct TubeSurface {
   SurfaceMap map;
   MapSurface surface;
   evaluate::RunOutput run;
-  SurfaceOptions made_with;
 
   // wall: distance of the wall from the axis along a ray, found by its caller; range along a ray from a place on z.
   explicit TubeSurface(const std::function<double(double, const Eigen::Vector3d&)>& range_at = TubeRange) {
+    surface.step_px = 4;
     map.camera.width_px = 240;
     map.camera.height_px = 180;
     map.camera.fx = map.camera.fy = 100.0;

@@ -38,7 +38,8 @@ DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const Dept
     : camera_(camera),
       options_(options),
       width_(camera.width_px() / options.step_px),
-      height_(camera.height_px() / options.step_px) {
+      height_(camera.height_px() / options.step_px),
+      seed_grid_(width_, height_) {
   HAUSTRA_CHECK(options.Validate().ok());
   const std::size_t num_cells = std::size_t(width_) * height_;
   const int side = 2 * options.window_radius + 1;
@@ -119,7 +120,8 @@ std::size_t DepthMatcher::BytesFor(int width_px, int height_px, const DepthOptio
                                (2 * side * side + 1) * sizeof(float);
   // With a solver: planes, range and confidence of each cell.
   constexpr std::size_t kOfSolver = 4 * sizeof(float) + sizeof(std::uint8_t);
-  return static_cast<std::size_t>(width_px) * height_px + num_cells * (per_cell + kOfSolver);
+  return static_cast<std::size_t>(width_px) * height_px + num_cells * (per_cell + kOfSolver) +
+         SeedGrid::BytesFor(width_px / options.step_px, height_px / options.step_px);
 }
 
 void DepthMatcher::PrepareWindows(ImageView grey) {
@@ -443,10 +445,11 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
     sources_[s] = {sources[s].grey, source_from_reference.matrix3(), source_from_reference.translation};
   }
   const int num_cells = width_ * height_;
+  seed_grid_.Take(seeds);
   for (int i = 0; i < num_cells; ++i) {
     if (!cells_[i].is_usable) continue;
     const Eigen::Vector2d place(i % width_, i / width_);
-    InversePlane plane = PlaneFromSeeds(seeds, place, cells_[i].bearing);
+    InversePlane plane = PlaneFromSeeds(seed_grid_.FindNearest(place), place, cells_[i].bearing);
     if (!IsPossible(i, plane)) {
       plane = std::clamp(plane.dot(cells_[i].bearing), min_inverse_, max_inverse_) * cells_[i].bearing;
     }

@@ -32,7 +32,8 @@ struct DepthView {
   SE3 cam_from_map;
 };
 
-// thread-bound(its owner). All memory is taken at construction; Match does not allocate, lock or wait.
+// thread-bound(its owner). All memory is taken at construction, but for what more seeds than ever before need; Match
+// does not lock or wait.
 class DepthMatcher {
  public:
   static constexpr std::size_t kMinSeeds = 8;
@@ -104,6 +105,7 @@ class DepthMatcher {
   CameraModel camera_;
   DepthOptions options_;
   int width_ = 0, height_ = 0;
+  SeedGrid seed_grid_;
   int num_samples_ = 0;
   std::vector<std::uint8_t> is_scene_;  // of the matched picture, 1 where the mask shows it
   std::vector<Cell> cells_;

@@ -2,7 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <cstddef>
 #include <span>
+#include <vector>
 
 #include "engine/surface/depth_map.h"
 
@@ -31,6 +34,38 @@ inline bool MakeSeed(const Eigen::Vector2d& pixel, int step_px, const Eigen::Vec
 // A plane p . x = 1 in the camera's coordinates, x in map units. Along a unit ray b its inverse range is p . b, linear
 // in b: a plane can be continued from one cell to the next as it is.
 using InversePlane = Eigen::Vector3d;
+
+// So many seeds tell of the wall around a cell.
+inline constexpr std::size_t kNearestSeeds = 12;
+
+// The seeds of a keyframe by place, so that those around a cell are found without a look at all of them.
+// thread-bound(its owner). Memory is taken at construction, and when more seeds come than ever before.
+class SeedGrid {
+ public:
+  // Of so many cells.
+  SeedGrid(int width, int height);
+  // What construction takes.
+  static std::size_t BytesFor(int width, int height) { return 2 * sizeof(int) * (NumBins(width, height) + 1); }
+
+  // They stay where they are while they are looked for.
+  void Take(std::span<const DepthSeed> seeds);
+  // The nearest kNearestSeeds ones, or all when there are fewer, the nearest first; of equally near ones the first of
+  // those that were taken. Valid until the next call.
+  std::span<const DepthSeed> FindNearest(const Eigen::Vector2d& cell);
+
+ private:
+  static constexpr int kBinCells = 6;
+  static constexpr int NumBins(int cells) { return (cells + kBinCells - 1) / kBinCells; }
+  static constexpr std::size_t NumBins(int width, int height) { return std::size_t(NumBins(width)) * NumBins(height); }
+  static int BinOf(double cell, int num_bins);
+
+  int num_columns_, num_rows_;  // of bins
+  std::span<const DepthSeed> seeds_;
+  std::vector<int> first_;  // of each bin, in order_; one more at the end
+  std::vector<int> order_;  // positions in seeds_, by bin
+  std::vector<int> next_;   // workspace of Take
+  std::array<DepthSeed, kNearestSeeds> nearest_;
+};
 
 // The plane through the seeds nearest to a cell, by least squares with weights that fall with their distance, twice
 // reweighted (Cauchy) so that a wrong seed does not bend it. With little spread it leans to the mean range. O(seeds).

@@ -1,6 +1,7 @@
 // The parts around the matcher: stored depth, seeds, choice of sources, agreement of keyframes.
 #include <gtest/gtest.h>
 
+#include "engine/geometry/rng.h"
 #include "engine/surface/depth_consistency.h"
 #include "engine/surface/depth_seeds.h"
 #include "engine/surface/view_selection.h"
@@ -54,6 +55,34 @@ TEST(PlaneFromSeeds, ContinuesASlantedPlaneAndBearsAWrongSeed) {
 TEST(PlaneFromSeeds, OneSeedGivesItsRange) {
   const std::vector<DepthSeed> seeds{{Eigen::Vector2d(5, 5), Eigen::Vector3d::UnitZ(), 0.5}};
   EXPECT_NEAR(PlaneFromSeeds(seeds, {6, 5}, Eigen::Vector3d::UnitZ()).z(), 0.5, 1e-9);
+}
+
+TEST(SeedGrid, FindsWhatALookAtAllSeedsFinds) {
+  Rng rng(11);
+  SeedGrid grid(53, 40);
+  for (const int num_seeds : {0, 1, 5, 12, 13, 60, 700}) {
+    std::vector<DepthSeed> seeds;
+    for (int i = 0; i < num_seeds; ++i) {
+      // Some beyond the border, many at the same places.
+      DepthSeed seed;
+      seed.cell = {std::round(rng.Uniform(-4.0, 57.0)), std::round(rng.Uniform(-4.0, i % 3 == 0 ? 44.0 : 9.0))};
+      seed.inverse_range = i;
+      seeds.push_back(seed);
+    }
+    grid.Take(seeds);
+    for (int trial = 0; trial < 300; ++trial) {
+      const Eigen::Vector2d cell(std::floor(rng.Uniform(0.0, 53.0)), std::floor(rng.Uniform(0.0, 40.0)));
+      std::vector<DepthSeed> all = seeds;
+      std::stable_sort(all.begin(), all.end(), [&](const DepthSeed& a, const DepthSeed& b) {
+        return (a.cell - cell).squaredNorm() < (b.cell - cell).squaredNorm();
+      });
+      const std::span<const DepthSeed> found = grid.FindNearest(cell);
+      ASSERT_EQ(found.size(), std::min(all.size(), kNearestSeeds));
+      for (std::size_t i = 0; i < found.size(); ++i) {
+        ASSERT_EQ(found[i].inverse_range, all[i].inverse_range) << num_seeds << " seeds, " << i;
+      }
+    }
+  }
 }
 
 TEST(SelectSources, PrefersUsefulAnglesAndIsStable) {

@@ -98,10 +98,15 @@ struct InitialisationConfig {
 };
 
 struct TrackingConfig {
-  double motion_radius_deg = 2.4;    // search radius around the constant-velocity prediction [0.1, 45]
-  double wide_radius_factor = 3.0;   // second try when the first finds too few [1, 10]
-  int min_motion_matches = 15;       // below it: second try, then brute force [5, 1000]
-  int min_inliers = 15;              // a pose with fewer is not a pose [6, 1000]
+  double motion_radius_deg = 2.4;   // search radius around the constant-velocity prediction [0.1, 45]
+  double wide_radius_factor = 3.0;  // second try when the first finds too few [1, 10]
+  int min_motion_matches = 15;      // below it: second try, then brute force [5, 1000]
+  int min_inliers = 15;             // a pose with fewer is not a pose [6, 1000]
+  // Of them, those that were detected in the frame and not only followed into it [0, 1000]: enough where the pose
+  // before was sure and min_inliers of the points are established; else all must be. What is followed slides together
+  // with what comes before the wall, so detected features have to agree; but on living tissue the detector finds few of
+  // its features again (tracking/decisions/2026-11-26-followed-features-hold-a-sure-pose.md).
+  int min_detected = 5;
   int min_recovery_inliers = 20;     // a pose found by brute force needs more [6, 1000]
   bool brute_force_recovery = true;  // off: a frame that guided search cannot place is lost (for comparison)
   double max_jump_depth_ratio =

@@ -189,7 +189,7 @@ bool DepthKeeper::Fill(const Picture& reference, DepthTask* task) {
   int reference_idx = 0;
   for (Picture& picture : pictures_) {
     const Keyframe* other = picture.arrival == 0 ? nullptr : atlas_.GetKeyframe(picture.keyframe);
-    if (other == nullptr || !(other->map == keyframe.map)) continue;
+    if (other == nullptr) continue;
     if (&picture == &reference) reference_idx = static_cast<int>(seen_by_.size());
     if (views_.size() <= seen_by_.size()) views_.emplace_back();
     Look(*other, &views_[seen_by_.size()]);

@@ -72,7 +72,8 @@ bool PoseRecovery::Recover(bool is_lost) {
   if (!search_.SearchLocalMap(0.0) || !search_.FitMatches()) return false;
   search_.KeepInliers();
   search_.LookAround();
-  if (!search_.MeasureChance() || !search_.HasEvidence(parts_.config.tracking.min_recovery_inliers)) return false;
+  const int min_inliers = parts_.config.tracking.min_recovery_inliers;
+  if (!search_.MeasureChance() || !search_.HasEvidence(min_inliers, min_inliers)) return false;
   if (!IsChosenPoseEvident()) return false;
   // A pose that was chosen as the best of many agrees with more than chance gives a single one.
   return !is_lost || static_cast<double>(matches.size()) >= kChosenFactor * search_.NumByChance();

@@ -193,16 +193,19 @@ bool PoseSearch::MeasureChance() {
   return true;
 }
 
-bool PoseSearch::IsTrackedPoseEvident() {
+bool PoseSearch::IsTrackedPoseEvident(bool is_confirmed) {
   const FrameBudget::Timer timer(parts_.budget, LocalMapStage());
-  return MeasureChance() && HasEvidence(parts_.config.tracking.min_inliers);
+  const TrackingConfig& tracking = parts_.config.tracking;
+  // Young points were seen in the frames that the followed features come from: the two are one witness.
+  const bool is_held = is_confirmed && estimate_.num_established >= tracking.min_inliers;
+  return MeasureChance() && HasEvidence(tracking.min_inliers, is_held ? tracking.min_detected : tracking.min_inliers);
 }
 
-bool PoseSearch::HasEvidence(int min_inliers) const {
+bool PoseSearch::HasEvidence(int min_inliers, int min_detected) const {
   const auto num_detected =
       std::count_if(estimate_.matches.begin(), estimate_.matches.end(),
                     [&](const PointMatch& match) { return parts_.frame.features.is_detected(match.feature_idx); });
-  if (num_detected < min_inliers) return false;
+  if (num_detected < min_detected) return false;
   const double chance = NumByChance();
   const double beyond = static_cast<double>(estimate_.matches.size()) - chance;
   return beyond >= std::max(static_cast<double>(min_inliers), kChanceSigmas * std::sqrt(chance));

@@ -100,8 +100,9 @@ class PoseSearch {
   double NumByChance() const { return chance_rate_ * num_searched_; }
   // A pose is known when more of the map agrees with it than chance would give, by a margin that chance does not reach,
   // and when so many detected features do: what is followed slides together with what comes before the wall.
-  bool HasEvidence(int min_inliers) const;
-  bool IsTrackedPoseEvident();
+  bool HasEvidence(int min_inliers, int min_detected) const;
+  // `is_confirmed`: so was the pose before, of which this one is a small step (TrackingConfig::min_detected).
+  bool IsTrackedPoseEvident(bool is_confirmed);
 
   // The keyframe of the window that shares most points with the frame.
   int NearestKeyframe() const;

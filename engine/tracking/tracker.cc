@@ -248,7 +248,7 @@ TrackingReason Tracker::SearchGuided(const Tracking& tracking, FrameResult* resu
   if (!has_pose) return TrackingReason::kFewInliers;
   if (search_.IsSuddenlyThin() && budget_.CanAfford(Stage::kLocalMap)) search_.LookAround();
   if (static_cast<int>(matches.size()) < config_.tracking.min_inliers) return TrackingReason::kFewInliers;
-  if (!search_.IsTrackedPoseEvident()) return TrackingReason::kWeakEvidence;
+  if (!search_.IsTrackedPoseEvident(tracking.is_confirmed)) return TrackingReason::kWeakEvidence;
   return IsPlausibleMotion(predicted) ? TrackingReason::kTracked : TrackingReason::kInconsistentMotion;
 }
 
@@ -353,6 +353,7 @@ void Tracker::AnswerWithPose(FrameResult* result) {
   MeasureNoise(tracking);
   WatchOverlay(tracking.course.map_id);
   ConsiderKeyframe(reference, &tracking, result);
+  tracking.is_confirmed = result->reason == TrackingReason::kTracked;
   KeepFrame(&tracking);
   AnchorChain(*result);
 }

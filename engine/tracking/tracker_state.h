@@ -57,7 +57,10 @@ struct Tracking {
   KeyframeId reference = kNoId;  // keyframe that the last pose was given relative to
   bool has_last_frame = false;   // what it showed can be searched in the next one
   int num_predicted = 0;         // frames in a row that were answered without a measurement
-  bool is_map_new = false;       // the course began with the founding, and no keyframe was proposed since
+  // The last pose is one that the map knows: the map began with it, or it was tracked. One that was chosen without a
+  // prediction is not before the next frame confirms it.
+  bool is_confirmed = false;
+  bool is_map_new = false;  // the course began with the founding, and no keyframe was proposed since
 };
 
 using TrackerState = std::variant<Lost, AwaitingMap, Tracking>;

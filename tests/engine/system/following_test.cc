@@ -135,9 +135,10 @@ TEST(Following, APoseThatHangsOnFollowedFeaturesIsNotBelieved) {
     colon.Move(0.0, 3.0, 60);
     DetectingFewDevice device(colon.device());
     const auto engine = colon.MakeEngine(Engine::Mode::kSequential, device);
+    const TrackingConfig& tracking = colon.config().tracking;
     FrameResult last;
     for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
-      if (frame->index == 59) device.num_detected = is_enough ? 40 : colon.config().tracking.min_inliers - 1;
+      if (frame->index == 59) device.num_detected = is_enough ? tracking.min_inliers - 1 : tracking.min_detected - 1;
       last = engine->Track(*frame, kNoDeadline);
       while (engine->BackgroundStep()) {
       }
@@ -145,6 +146,35 @@ TEST(Following, APoseThatHangsOnFollowedFeaturesIsNotBelieved) {
     }
     EXPECT_EQ(last.state, is_enough ? TrackingState::kTracking : TrackingState::kLost);
     EXPECT_EQ(last.reason, is_enough ? TrackingReason::kTracked : TrackingReason::kWeakEvidence);
+  }
+}
+
+// A pose that was chosen among all is not sure, and what is followed from it cannot make it so. One frame later it is.
+TEST(Following, APoseThatWasChosenIsConfirmedByDetectedFeaturesOnly) {
+  for (const std::uint32_t num_between : {0u, 1u}) {
+    ScriptedColon colon;
+    colon.Move(0.0, 3.0, 60);
+    colon.Occlude(3);
+    colon.Move(3.0, 3.0, 20);
+    DetectingFewDevice device(colon.device());
+    const auto engine = colon.MakeEngine(Engine::Mode::kSequential, device);
+    std::uint32_t found = 0;
+    for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+      const bool is_judged = found != 0 && frame->index == found + 1 + num_between;
+      if (is_judged) device.num_detected = colon.config().tracking.min_inliers - 1;
+      const FrameResult result = engine->Track(*frame, kNoDeadline);
+      while (engine->BackgroundStep()) {
+      }
+      if (is_judged) {
+        EXPECT_EQ(result.reason, num_between == 0 ? TrackingReason::kWeakEvidence : TrackingReason::kTracked);
+        break;
+      }
+      if (frame->index >= 63 && found == 0 && result.state == TrackingState::kTracking) {
+        EXPECT_NE(result.reason, TrackingReason::kTracked);
+        found = result.frame_index;
+      }
+    }
+    EXPECT_NE(found, 0u);
   }
 }
 

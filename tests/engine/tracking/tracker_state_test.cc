@@ -148,6 +148,10 @@ TEST(TrackerState, StartThatIsTriedBeginsACourseOfItsOwn) {
   EXPECT_EQ(tracking.course.keyframe_from_map.translation, kOther.translation);
   EXPECT_FALSE(tracking.velocity.has_value());
   EXPECT_FALSE(tracking.has_last_frame);
+  // A found pose is to be confirmed; the map began with that of its second view.
+  EXPECT_FALSE(tracking.is_confirmed);
+  EXPECT_TRUE(GoOnFrom(AStart(false), now).is_confirmed);
+  EXPECT_FALSE(Regain(Asking(), kHere).is_confirmed);
   // Found again by itself it goes on with the old one.
   EXPECT_EQ(Regain(Asking(), kHere).course.keyframe_time, ACourse().keyframe_time);
 }

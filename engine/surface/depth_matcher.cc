@@ -75,6 +75,7 @@ DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const Dept
   const auto single = [](const Eigen::Vector3d& v) {
     return std::array<float, 3>{static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
   };
+  solver_cells_.reserve(num_cells);
   for (const Cell& cell : cells_) {
     solver_cells_.push_back({single(cell.bearing), single(cell.bearing_dx), single(cell.bearing_dy),
                              static_cast<float>(cell.centre_x), static_cast<float>(cell.centre_y), cell.is_usable});

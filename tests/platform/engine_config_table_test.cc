@@ -29,12 +29,12 @@ constexpr int NumMembers() {
 
 TEST(EngineConfigTable, BindsEveryMember) {
   // A new section or a new member of a section makes one of these fail until it has its row.
-  EXPECT_EQ(NumMembers<EngineConfig>(), 13);
+  EXPECT_EQ(NumMembers<EngineConfig>(), 14);
   EXPECT_EQ(NumMembers<PlaceConfig>(), 4);
   const int expected = 1 + NumMembers<FeatureConfig>() + NumMembers<NoiseConfig>() + NumMembers<MatchingConfig>() +
                        NumMembers<InitialisationConfig>() + NumMembers<TrackingConfig>() +
-                       NumMembers<KeyframeConfig>() + NumMembers<MappingConfig>() + NumMembers<MemoryConfig>() +
-                       NumMembers<RetrievalConfig>() + NumMembers<CommonAreaConfig>() +
+                       NumMembers<KeyframeConfig>() + NumMembers<MappingConfig>() + NumMembers<DepthConfig>() +
+                       NumMembers<MemoryConfig>() + NumMembers<RetrievalConfig>() + NumMembers<CommonAreaConfig>() +
                        NumMembers<RecognitionConfig>() + NumMembers<RelocalisationConfig>() +
                        NumMembers<MergingConfig>() + NumMembers<SchedulerConfig>() + NumMembers<RealTimeConfig>();
   EXPECT_EQ(static_cast<int>(EngineConfigFields().size()), expected);

@@ -393,22 +393,24 @@ TEST(RealTimeSession, StartsAndStopsAgainAndAgain) {
   RecordProperty("longest_stop_ms", std::to_string(ToMilliseconds(longest)));
 }
 
-// Depth is searched beside all else. What a session leaves unsearched is done afterwards, and nothing is lost between.
+// Depth is searched beside all else, at the camera's own pace. What a session leaves unsearched is done afterwards, and
+// nothing is lost between.
 TEST(RealTimeSession, DepthOfKeyframesIsSearchedOnItsOwnThread) {
   EngineConfig config = test::SmallEngineConfig();
   config.depth.enabled = true;
   config.depth.step_px = 8;
   config.depth.iterations = 1;
   ScriptedColon colon(TimePoint{}, config);
-  colon.Move(0.0, 6.0, 200);
+  colon.Move(0.0, 3.0, 100);
   DepthMatcher depth(colon.camera(), ImageView{}, config.depth.options());
   const SystemClock clock;
   Engine engine(config, colon.camera(), colon.device(), Engine::Mode::kRealTime, &clock, 1.0, nullptr, &depth);
   RecordingObserver observer;
-  ASSERT_TRUE(RunRealTime(colon.source(), engine, clock, 20.0, observer, test::kNeverStop).ok());
+  ASSERT_TRUE(
+      RunRealTime(colon.source(), engine, clock, test::kIsSanitized ? 0.4 : 1.0, observer, test::kNeverStop).ok());
   engine.FinishDepth(test::kNeverStop);
   const DepthCounters& counters = engine.depths()->counters();
-  EXPECT_GT(counters.num_pictures, 5u);
+  EXPECT_GT(counters.num_pictures, 2u);
   EXPECT_GT(counters.num_depths, 0u);
   EXPECT_EQ(counters.num_searches, counters.num_depths + counters.num_in_vain);
   EXPECT_FALSE(engine.has_depth_work());

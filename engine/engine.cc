@@ -64,7 +64,6 @@ Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevi
   HAUSTRA_CHECK((depth != nullptr) == config.depth.enabled);
   if (depth == nullptr) return;
   depth_.emplace(config_, camera_, mapper_.atlas(), *depth, &arena_);
-  depth->StopWhen(&stop_depth_);
 }
 
 Engine::Depth::Depth(const EngineConfig& config, const CameraModel& camera, const Atlas& atlas,
@@ -72,7 +71,11 @@ Engine::Depth::Depth(const EngineConfig& config, const CameraModel& camera, cons
     : matcher(depth_matcher),
       pictures(kHandedPictures, memory, camera.width_px(), camera.height_px(), memory),
       mailbox(matcher.width(), matcher.height(), config.features.max, memory),
-      keeper(config, camera, atlas, pictures, mailbox, memory) {}
+      keeper(config, camera, atlas, pictures, mailbox, memory) {
+  matcher.StopWhen(&is_stopped);
+}
+
+Engine::Depth::~Depth() { matcher.StopWhen(nullptr); }
 
 // The device that mapping and merging work with.
 VisionDevice& Engine::BackgroundDevice(VisionDevice& device, Mode mode) {
@@ -108,9 +111,10 @@ bool Engine::DepthStep() {
 
 void Engine::FinishDepth(const std::atomic<bool>& stop) {
   if (!depth_) return;
-  depth_->keeper.BeginToFinish();
+  depth_->keeper.SetFinishing(true);
   while (!stop.load(std::memory_order_relaxed) && BackgroundStep()) {
   }
+  depth_->keeper.SetFinishing(false);
 }
 
 void Engine::KeepPicture(const Frame& frame, const FrameResult& result) {

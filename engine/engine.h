@@ -100,7 +100,9 @@ class Engine {
   // Any thread. DepthStep has something to do.
   bool has_depth_work() const { return depth_ && depth_->mailbox.has_question(); }
   // Any thread. While it is stopped DepthStep ends within milliseconds, and what it was at is asked again.
-  void StopDepth(bool stop) { stop_depth_.store(stop, std::memory_order_relaxed); }
+  void StopDepth(bool stop) {
+    if (depth_) depth_->is_stopped.store(stop, std::memory_order_relaxed);
+  }
   // All in turn, on one thread: every question is answered before mapping goes on.
   bool BackgroundStep() { return MergeStep() || MapStep() || DepthStep(); }
   // Any thread, when all have stopped: no frame will come any more. Searches what was still to come, which takes as
@@ -135,11 +137,14 @@ class Engine {
   struct Depth {
     Depth(const EngineConfig& config, const CameraModel& camera, const Atlas& atlas, DepthMatcher& depth_matcher,
           std::pmr::memory_resource* memory);
+    ~Depth();
+    Depth(const Depth&) = delete;  // the matcher looks at it
 
     DepthMatcher& matcher;
     PictureRing pictures;  // tracking to mapping
     DepthMailbox mailbox;  // mapping to depth and back
     DepthKeeper keeper;
+    std::atomic<bool> is_stopped{false};
   };
 
   VisionDevice& BackgroundDevice(VisionDevice& device, Mode mode);
@@ -157,7 +162,6 @@ class Engine {
   VisionDevice& background_device_;
   Mapper mapper_;
   std::optional<Depth> depth_;
-  std::atomic<bool> stop_depth_{false};
   PlaceRecogniser recogniser_;
   Tracker tracker_;
 };

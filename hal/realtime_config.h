@@ -20,7 +20,7 @@ struct RealTimeConfig {
   std::string capture_cpus;
   std::string tracking_cpus;
   std::string mapping_cpus;
-  std::string merging_cpus;
+  std::string merging_cpus;     // and of the search for depth
   bool lock_memory = true;      // no page of the process leaves the memory, and all are there from the start
   int stack_prefault_kb = 256;  // of each thread's stack, touched before its first frame [0, 1024]
   // Of the heap, touched before the first frame, when memory is locked: what mapping may take there for its solvers

@@ -1,10 +1,9 @@
 // The depth file of a map: a chunk file (engine/io/chunk_file.h) with these sections in this order, little-endian.
 //
 //   GRID  u32 pixels from cell to cell, cells in a row, rows, number of keyframes
-//   KEYF  one section a keyframe, in order of their ids: u32 id, frame index; f64 inverse range of code 1, 1 / map
-//   units;
-//         of all cells, by rows: u16 code (0: no depth), then of all: u8 confidence, then of all: 3 x u8 blue, green,
-//         red of the picture
+//   KEYF  one section a keyframe, in order of their ids: u32 id, u32 frame index; f64 inverse range of code 1, per map
+//         unit; by rows, one after the other of all cells: u16 code (0: no depth); u8 confidence; 3 x u8 blue, green,
+//         red
 //
 // Ranges lie along the rays of the camera (engine/surface/depth_map.h).
 #pragma once
@@ -26,8 +25,8 @@ inline constexpr ChunkFileKind kDepthFileKind{"depth file", "\x8aHDEP\r\n\x1a", 
 
 // What all keyframes of a file have in common.
 struct DepthGrid {
-  int step_px = 0;
-  int width = 0;
+  int step_px = 0;  // from cell to cell
+  int width = 0;    // cells
   int height = 0;
 };
 

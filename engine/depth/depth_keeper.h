@@ -40,8 +40,8 @@ class DepthKeeper {
 
   // Takes an answer or a picture, or asks. False: there is nothing to do.
   bool Step();
-  // No picture will come any more: all keyframes that have one take their turn.
-  void BeginToFinish() { is_finishing_ = true; }
+  // While no picture will come: all keyframes that have one take their turn.
+  void SetFinishing(bool is_finishing) { is_finishing_ = is_finishing; }
 
   // Null: there is none.
   const KeptDepth* DepthOf(KeyframeHandle keyframe) const;

@@ -55,7 +55,8 @@ class DepthMatcher {
   // From now on the search runs on the solver, which outlives the matcher. Takes memory: before the first Match.
   void SearchOn(DepthSolver* solver);
 
-  // A search of our own gives up soon after this becomes true: kCancelled. It outlives the matcher; null: never.
+  // A search of our own gives up soon after this becomes true: kCancelled. It lives until another one is named; null:
+  // never.
   void StopWhen(const std::atomic<bool>* stop) { stop_ = stop; }
 
   // What one of so many pixels takes on the heap.

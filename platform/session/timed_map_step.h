@@ -34,10 +34,4 @@ inline bool TimedMergeStep(Engine& engine, const Clock& clock, MappingTimes* tim
   return true;
 }
 
-// As Engine::DepthStep; `times` stays empty: the engine counts its time itself. thread-bound(depth).
-inline bool TimedDepthStep(Engine& engine, MappingTimes* times) {
-  *times = MappingTimes{};
-  return engine.DepthStep();
-}
-
 }  // namespace haustra

@@ -182,7 +182,7 @@ TEST_F(DepthKeeperTest, AStoppedSearchIsAskedAgainAndAFailedOneIsNot) {
 TEST_F(DepthKeeperTest, InTheEndAllHaveTheirTurnOldestFirst) {
   Begin();
   for (std::uint32_t i = 0; i < 4; ++i) ASSERT_TRUE(Hand(i));
-  keeper_->BeginToFinish();
+  keeper_->SetFinishing(true);
   Work();
   for (int i = 0; i < 4; ++i) {
     ASSERT_NE(mailbox_->Asked(), nullptr) << i;
@@ -215,7 +215,7 @@ TEST_F(DepthKeeperTest, AFullRingLosesTheNewestAndCountsIt) {
 
 TEST_F(DepthKeeperTest, APictureWithoutAKeyframeIsNeverAskedAbout) {
   Begin();
-  keeper_->BeginToFinish();
+  keeper_->SetFinishing(true);
   HandAndWork(50);
   EXPECT_EQ(mailbox_->Asked(), nullptr);
   // Another time of the same number: a frame of another session.
@@ -227,7 +227,7 @@ TEST_F(DepthKeeperTest, APictureWithoutAKeyframeIsNeverAskedAbout) {
 
 TEST_F(DepthKeeperTest, AloneAKeyframeHasTooLittleToCompareWith) {
   Begin();
-  keeper_->BeginToFinish();
+  keeper_->SetFinishing(true);
   HandAndWork(3);
   EXPECT_EQ(mailbox_->Asked(), nullptr);
   EXPECT_EQ(keeper_->counters().num_too_little, 1u);
@@ -241,7 +241,7 @@ TEST_F(DepthKeeperTest, KeyframesOfAnotherMapAreNoSources) {
   ASSERT_EQ(end, kNumKeyframes + 2);
   HandAndWork(8);
   HandAndWork(0);
-  keeper_->BeginToFinish();
+  keeper_->SetFinishing(true);
   Work();
   EXPECT_EQ(mailbox_->Asked(), nullptr);
   EXPECT_EQ(keeper_->counters().num_too_little, 2u);

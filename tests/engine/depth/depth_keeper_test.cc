@@ -193,6 +193,18 @@ TEST_F(DepthKeeperTest, InTheEndAllHaveTheirTurnOldestFirst) {
   for (int i = 0; i < 4; ++i) EXPECT_NEAR(keeper_->DepthOf(KeyframeOf(i))->depth.range_mu(5), 1.0 + i, 1e-2);
 }
 
+TEST_F(DepthKeeperTest, AfterAFinishKeyframesWaitForNewerOnesAgain) {
+  Begin();
+  keeper_->SetFinishing(true);
+  Work();
+  keeper_->SetFinishing(false);
+  HandAndWork(0);
+  HandAndWork(1);
+  EXPECT_EQ(mailbox_->Asked(), nullptr);
+  HandAndWork(2);
+  EXPECT_NE(mailbox_->Asked(), nullptr);
+}
+
 TEST_F(DepthKeeperTest, PicturesThatAreLentAreNotWrittenOver) {
   Begin();
   for (std::uint32_t i = 0; i < 3; ++i) HandAndWork(i);

@@ -1,0 +1,38 @@
+// The engine and the matcher that it is lent.
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "engine/surface/depth_matcher.h"
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra::test {
+namespace {
+
+// It outlives the engine, and may serve somebody else then: nothing of the engine stops it any more.
+TEST(DepthSearch, AMatcherIsFreeWhenItsEngineHasGone) {
+  EngineConfig config = SmallEngineConfig();
+  config.depth.enabled = true;
+  config.depth.step_px = 8;
+  config.depth.iterations = 1;
+  ScriptedColon colon(TimePoint{}, config);
+  const CameraModel& camera = colon.camera();
+  DepthMatcher matcher(camera, ImageView{}, config.depth.options());
+  const std::vector<std::uint8_t> pixels(std::size_t(camera.width_px()) * camera.height_px(), 100);
+  const DepthView view{{pixels.data(), camera.width_px(), camera.height_px(), camera.width_px(), PixelFormat::kGrey8},
+                       SE3()};
+  std::vector<DepthSeed> seeds(DepthMatcher::kMinSeeds);
+  for (DepthSeed& seed : seeds) seed.inverse_range = 0.5 + 0.1 * static_cast<double>(&seed - seeds.data());
+  DepthMap depth(matcher.width(), matcher.height());
+  const auto match = [&] { return matcher.Match(view, {&view, 1}, seeds, &depth).code(); };
+  {
+    Engine engine(config, camera, colon.device(), Engine::Mode::kSequential, nullptr, 1.0, nullptr, &matcher);
+    EXPECT_EQ(match(), StatusCode::kOk);
+    engine.StopDepth(true);
+    EXPECT_EQ(match(), StatusCode::kCancelled);
+  }
+  EXPECT_EQ(match(), StatusCode::kOk);
+}
+
+}  // namespace
+}  // namespace haustra::test

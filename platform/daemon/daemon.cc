@@ -110,6 +110,13 @@ int Daemon::SetUp() {
     if (!view.ok()) return FailStart(view.status(), kExitIo);
     view_ = std::move(*view);
   }
+  if (config_.publish.depth) {
+    Result<std::unique_ptr<DepthTableWriter>> depth =
+        DepthTableWriter::Create(config_.files.runtime_folder + "/depth", kReadableMode, *group,
+                                 static_cast<std::uint32_t>(config_.engine.memory.max_keyframes));
+    if (!depth.ok()) return FailStart(depth.status(), kExitIo);
+    depth_ = std::move(*depth);
+  }
 
   if (const std::optional<ProcedureRecord>& record = store_->interrupted()) {
     state_.procedure = ProcedurePhase::kInterrupted;
@@ -344,6 +351,7 @@ void Daemon::Leave() {
   }
   control_.reset();
   lookout_.reset();
+  depth_.reset();
   view_.reset();
   ring_.reset();
   Log(LogLevel::kInfo, "stopped");

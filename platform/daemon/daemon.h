@@ -16,6 +16,7 @@
 #include <mutex>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,7 @@
 #include "platform/daemon/service_state.h"
 #include "platform/daemon/worker_process.h"
 #include "platform/file_sink.h"
+#include "platform/publish/depth_table_writer.h"
 #include "platform/publish/pose_ring_writer.h"
 #include "platform/publish/view_ring_writer.h"
 
@@ -89,7 +91,7 @@ class Daemon {
 
   // The worker. daemon_procedure.cc has these and the actions.
   void StartNextWorker();
-  void SendToWorker(const WorkerRequest& request, std::initializer_list<int> files = {});
+  void SendToWorker(const WorkerRequest& request, std::span<const int> files = {});
   void SendSettings();
   void HearWorker();
   void Hear(const WorkerReport& report);
@@ -140,8 +142,9 @@ class Daemon {
 
   std::unique_ptr<ProcedureStore> store_;
   std::unique_ptr<PoseRingWriter> ring_;
-  std::unique_ptr<ViewRingWriter> view_;    // null unless publish.view
-  std::unique_ptr<ControlServer> lookout_;  // answers status and metrics
+  std::unique_ptr<ViewRingWriter> view_;     // null unless publish.view
+  std::unique_ptr<DepthTableWriter> depth_;  // null unless publish.depth
+  std::unique_ptr<ControlServer> lookout_;   // answers status and metrics
   std::unique_ptr<ControlServer> control_;
 
   ServiceState state_;

@@ -66,6 +66,10 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::publish, &PublishConfig::view>(
       "publish.view", {}, "",
       "small pictures and matched points for haustra view, in the file \"view\" beside the poses", kRestart));
+  add(BindField<&C::publish, &PublishConfig::depth>(
+      "publish.depth", {}, "",
+      "keyframes with their depth for haustra view, in the file \"depth\" beside the poses; needs depth.enabled",
+      kRestart));
   add(BindText<&C::publish, &PublishConfig::group>(
       "publish.group", "system group that may read poses and ask for status and metrics; empty: the service's own",
       kRestart));
@@ -102,6 +106,9 @@ Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
   if (!path.empty()) HAUSTRA_TRY(store.ApplyFile(path));
   for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
   HAUSTRA_TRY(CheckEngineConfig(store.config().engine));
+  if (store.config().publish.depth && !store.config().engine.depth.enabled) {
+    return InvalidArgument("publish.depth is true, and depth.enabled is not: there is no depth to publish");
+  }
   return store;
 }
 

@@ -49,6 +49,9 @@ struct PublishConfig {
   // Small pictures and matched points for `haustra view`. Off: pictures of a patient leave the worker only where
   // somebody wants to look at them.
   bool view = false;
+  // Keyframes with their depth, in colour, for `haustra view` and others that make the surface of the wall. Needs
+  // depth.enabled; off as `view` is.
+  bool depth = false;
 };
 
 struct ControlConfig {

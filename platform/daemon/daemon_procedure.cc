@@ -4,7 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <utility>
+#include <vector>
 
 #include "engine/mapping/mark_keeper.h"
 #include "platform/daemon/daemon.h"
@@ -65,11 +67,10 @@ void Daemon::StartNextWorker() {
   }
   worker_ = std::move(*started);
   Log(LogLevel::kInfo, "worker_started", {{"pid", std::to_string(worker_->pid())}});
-  if (view_ != nullptr) {
-    SendToWorker({.command = WorkerCommand::kPrepare}, {configuration.value, ring_->descriptor(), view_->descriptor()});
-  } else {
-    SendToWorker({.command = WorkerCommand::kPrepare}, {configuration.value, ring_->descriptor()});
-  }
+  std::vector<int> files{configuration.value, ring_->descriptor()};
+  if (view_ != nullptr) files.push_back(view_->descriptor());
+  if (depth_ != nullptr) files.push_back(depth_->descriptor());
+  SendToWorker({.command = WorkerCommand::kPrepare}, files);
   SendSettings();
 }
 
@@ -81,9 +82,9 @@ void Daemon::SendSettings() {
   SendToWorker(settings);
 }
 
-void Daemon::SendToWorker(const WorkerRequest& request, std::initializer_list<int> files) {
+void Daemon::SendToWorker(const WorkerRequest& request, std::span<const int> files) {
   // When it has gone, that is heard by itself.
-  if (worker_ != nullptr) (void)worker_->Send(request, {files.begin(), files.size()});
+  if (worker_ != nullptr) (void)worker_->Send(request, files);
 }
 
 void Daemon::HearWorker() {
@@ -210,7 +211,7 @@ void Daemon::LoadCheckpoint() {
     failure_ = Unavailable(path + ": cannot be read");
     return Tell(ServiceEventKind::kNotLoaded);
   }
-  SendToWorker({.command = WorkerCommand::kLoad}, {file.value});
+  SendToWorker({.command = WorkerCommand::kLoad}, std::array{file.value});
 }
 
 void Daemon::RecordOpen() {
@@ -260,6 +261,7 @@ void Daemon::Wipe() {
       wiped_ = wiped;
       ring_->Wipe();
       if (view_ != nullptr) view_->Wipe();
+      if (depth_ != nullptr) depth_->Wipe();
       ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number_));
       Log(LogLevel::kInfo, "procedure_ended",
           {{"procedure", std::to_string(number_)},
@@ -340,7 +342,7 @@ void Daemon::StartSave(SaveKind kind, const std::string& path, std::optional<Con
       const std::uint64_t number = ++num_saves_;
       const int file = save.sink->descriptor();
       saves_.emplace(number, std::move(save));
-      SendToWorker({.command = WorkerCommand::kSave, .number = number}, {file});
+      SendToWorker({.command = WorkerCommand::kSave, .number = number}, std::array{file});
     };
   });
 }

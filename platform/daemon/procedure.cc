@@ -47,6 +47,13 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
              "publish.view");
     procedure->source_->SetWitness([&made = *procedure](const Frame& frame) { made.PublishPicture(frame); });
   }
+  if (context.depth != nullptr) {
+    const int max_keyframes = config.engine.memory.max_keyframes;
+    plan.Add(MemoryPlace::kHost, "published depth", 1,
+             haustra_depth_file_bytes(context.depth->num_slots()) + DepthPublisher::BytesFor(max_keyframes),
+             "publish.depth, memory.max_keyframes");
+    procedure->depth_publisher_.emplace(*context.depth, calibration, mask, config.engine.depth.step_px, max_keyframes);
+  }
   HAUSTRA_TRY(CheckMemory(plan, config.engine, AvailableHostMemory()));
   HAUSTRA_ASSIGN(procedure->device_, context.make_device(config, calibration));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
@@ -82,6 +89,7 @@ Procedure::~Procedure() { Stop(); }
 
 void Procedure::Start(std::uint64_t number) {
   number_ = number;
+  if (depth_publisher_) depth_publisher_->Begin(number);
   source_->Begin();
   const TimePoint now = context_.clock.Now();
   tracking_beat_.Beat(now);
@@ -234,6 +242,7 @@ void Procedure::BetweenMapSteps() {
     next_snapshot_ = now + Duration(snapshot_interval_ns_.load());
     PublishSnapshot(now);
   }
+  if (depth_publisher_ && now >= next_depths_) PublishDepths(now);
   std::optional<SaveRequest> request;
   {
     const std::lock_guard lock(mutex_);
@@ -249,6 +258,11 @@ void Procedure::PublishSnapshot(TimePoint now) {
   counts_.maps = snapshot_->num_maps;
   counts_.keyframes = static_cast<std::uint32_t>(engine_->atlas().keyframes().size());
   counts_.points = static_cast<std::uint32_t>(engine_->atlas().points().size());
+}
+
+// What had to wait comes in the next step.
+void Procedure::PublishDepths(TimePoint now) {
+  if (!depth_publisher_->Publish(*engine_)) next_depths_ = now + Duration(snapshot_interval_ns_.load());
 }
 
 // What the system refused of the real-time settings, once a procedure. The session has taken its memory: pictures lie

@@ -22,6 +22,8 @@
 #include "platform/daemon/mark_order.h"
 #include "platform/daemon/procedure_counts.h"
 #include "platform/daemon/supervised_source.h"
+#include "platform/publish/depth_publisher.h"
+#include "platform/publish/depth_table_writer.h"
 #include "platform/publish/pose_ring_writer.h"
 #include "platform/publish/view_ring_writer.h"
 #include "platform/session/session.h"
@@ -38,7 +40,8 @@ class Procedure final : private SessionObserver, private SessionHooks {
   struct Context {
     const Clock& clock;
     PoseRingWriter& ring;
-    ViewRingWriter* view;  // may be null
+    ViewRingWriter* view;     // may be null
+    DepthTableWriter* depth;  // may be null
     MakeVisionDevice make_device;
     std::function<void()> wake;  // something has come to an end: look again. Called on any thread.
   };
@@ -103,6 +106,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   // Mapping thread.
   void BetweenMapSteps() override;
   void PublishSnapshot(TimePoint now);
+  void PublishDepths(TimePoint now);
   void WriteMaps(SaveRequest request);
   void DoOrders();
 
@@ -115,6 +119,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   DepthSearch depth_;
   std::unique_ptr<Engine> engine_;
   std::unique_ptr<haustra_snapshot> snapshot_;
+  std::optional<DepthPublisher> depth_publisher_;
   std::vector<haustra_point> snapshot_points_;
   std::vector<Eigen::Vector2f> matched_pixels_;  // workspace of the tracking thread
   std::vector<haustra_match> matches_;           // likewise
@@ -130,6 +135,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   std::atomic<bool> has_changed_{false};
   std::uint64_t changes_seen_ = 0;  // mapping thread: when has_changed_ was set last
   TimePoint next_snapshot_;         // mapping thread
+  TimePoint next_depths_;           // mapping thread
   std::uint64_t published_changes_ = 0;
 
   mutable std::mutex mutex_;  // never taken by the tracking thread

@@ -27,6 +27,7 @@
 #include "platform/daemon/status_text.h"
 #include "platform/daemon/worker_channel.h"
 #include "platform/exit_codes.h"
+#include "platform/publish/depth_table_writer.h"
 #include "platform/publish/pose_ring_writer.h"
 #include "platform/publish/view_ring_writer.h"
 
@@ -110,14 +111,21 @@ class Worker {
   }
 
   Status MakeProcedure(const std::vector<int>& files) {
-    if (files.size() != 2 && files.size() != 3) return Internal("the worker needs a configuration and a pose ring");
+    if (files.size() < 2) return Internal("the worker needs a configuration and a pose ring");
     HAUSTRA_ASSIGN(const std::string text, ReadWholeFile(files[0]));
     ConfigStore<DaemonConfig> config(DaemonConfigFields());
     HAUSTRA_TRY(config.ApplyText(text, "configuration of the service"));
     SetLogLevel(LogLevelFrom(config.config().log.level));
     HAUSTRA_ASSIGN(ring_, PoseRingWriter::Attach(files[1]));
-    if (files.size() == 3) {
+    const PublishConfig& publish = config.config().publish;
+    if (files.size() != std::size_t{2} + (publish.view ? 1 : 0) + (publish.depth ? 1 : 0)) {
+      return Internal("the worker needs a file for everything that it is to publish");
+    }
+    if (publish.view) {
       HAUSTRA_ASSIGN(view_, ViewRingWriter::Attach(files[2]));
+    }
+    if (publish.depth) {
+      HAUSTRA_ASSIGN(depth_, DepthTableWriter::Attach(files.back()));
     }
     std::unique_ptr<FrameSource> source;
     while (source == nullptr) {
@@ -131,8 +139,9 @@ class Worker {
       Post(MakeReport(WorkerNews::kWaits, opened.status()));
       std::this_thread::sleep_for(kSourceRetry);
     }
-    Result<std::unique_ptr<Procedure>> made = Procedure::Prepare(
-        config.config(), std::move(source), {clock_, *ring_, view_.get(), parts_.make_device, [this] { Wake(); }});
+    Result<std::unique_ptr<Procedure>> made =
+        Procedure::Prepare(config.config(), std::move(source),
+                           {clock_, *ring_, view_.get(), depth_.get(), parts_.make_device, [this] { Wake(); }});
     HAUSTRA_TRY(made.status());
     if (const std::int64_t interval_ns = snapshot_interval_ns_.load(); interval_ns > 0) {
       (*made)->SetSnapshotInterval(Duration(interval_ns));
@@ -232,7 +241,8 @@ class Worker {
   const SystemClock clock_;
   const int wake_;
   std::unique_ptr<PoseRingWriter> ring_;
-  std::unique_ptr<ViewRingWriter> view_;  // null: publish.view is off
+  std::unique_ptr<ViewRingWriter> view_;     // null: publish.view is off
+  std::unique_ptr<DepthTableWriter> depth_;  // null: publish.depth is off
   std::atomic<Procedure*> procedure_{nullptr};
   std::atomic<bool> is_running_{false};
   bool has_said_end_ = false;

@@ -91,7 +91,7 @@ WorkerReport MakeReport(WorkerNews news, const Status& status = Status::Ok());
 Result<WorkerReport> ParseWorkerReport(std::span<const std::uint8_t> bytes);
 Result<WorkerRequest> ParseWorkerRequest(std::span<const std::uint8_t> bytes);
 
-inline constexpr std::size_t kMaxWorkerFiles = 3;
+inline constexpr std::size_t kMaxWorkerFiles = 4;
 
 // The two ends, closed on exec.
 struct ChannelPair {

@@ -18,9 +18,7 @@
 #ifndef HAUSTRA_VIEW_RING_H_
 #define HAUSTRA_VIEW_RING_H_
 
-#ifndef HAUSTRA_POSE_RING_H_
-#error "include haustra_pose_ring.h first: it lies beside this file"
-#endif
+#include "haustra_pose_ring.h" /* lies beside this file */
 
 #ifdef __cplusplus
 extern "C" {

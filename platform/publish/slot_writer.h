@@ -32,14 +32,19 @@ class SlotWriter {
   std::uint64_t sequence_;
 };
 
+// What SlotWriter::Copy takes of so many bytes.
+inline constexpr std::size_t InWholeWords(std::size_t num_bytes) { return (num_bytes + 7) / 8 * 8; }
+
+template <typename Slot>
+void WipeSlot(Slot& slot) {
+  // The lock first: a reader in the middle of the record finds at its end that it is gone.
+  __atomic_store_n(&slot.lock, 0, __ATOMIC_RELAXED);
+  for (std::size_t i = 1; i < sizeof(Slot) / 8; ++i) StoreWord(&slot.lock + i, 0);
+}
+
 template <typename Slot, std::size_t kNumSlots>
 void WipeSlots(Slot (&slots)[kNumSlots]) {
-  for (Slot& slot : slots) {
-    // The lock first: a reader in the middle of the record finds at its end that it is gone.
-    __atomic_store_n(&slot.lock, 0, __ATOMIC_RELAXED);
-    auto* words = &slot.lock;
-    for (std::size_t i = 1; i < sizeof(Slot) / 8; ++i) StoreWord(words + i, 0);
-  }
+  for (Slot& slot : slots) WipeSlot(slot);
 }
 
 }  // namespace haustra

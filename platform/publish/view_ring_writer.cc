@@ -56,8 +56,6 @@ void StorePixel(const ImageView& image, int x, int y, std::uint8_t* to) {
   }
 }
 
-constexpr std::size_t Rounded8(std::size_t num_bytes) { return (num_bytes + 7) / 8 * 8; }
-
 }  // namespace
 
 ViewRingWriter::ViewRingWriter(std::string path, int descriptor, haustra_view_file* file)
@@ -125,7 +123,8 @@ void ViewRingWriter::PublishPicture(const Frame& frame, std::uint64_t procedure)
   const std::uint64_t sequence = file_->header.newest_picture + 1;
   picture.sequence = sequence;
   const SlotWriter slot(&file_->pictures[sequence % HAUSTRA_PICTURE_SLOTS].lock, sequence);
-  slot.Copy(&picture, 0, Rounded8(offsetof(haustra_picture, pixels) + static_cast<std::size_t>(to - picture.pixels)));
+  slot.Copy(&picture, 0,
+            InWholeWords(offsetof(haustra_picture, pixels) + static_cast<std::size_t>(to - picture.pixels)));
   slot.Commit();
   StoreWord(&file_->header.newest_picture, sequence);
 }

@@ -20,6 +20,8 @@ GOOD_TREE = {
     "engine/optim/ba.cc": '#include <ceres/problem.h>\n#include "engine/pose.h"\n',
     "platform/CMakeLists.txt": "add_library(p STATIC p.cc)\ntarget_link_libraries(p PUBLIC e c h)\n",
     "platform/assemble.cc": '#include "engine/pose.h"\n#include "kernels/sift.h"\n#include "capture/png.h"\n',
+    "platform/haustra_ring.h": "#include <stdint.h>\n",
+    "platform/haustra_table.h": '#include "haustra_ring.h" /* beside this file */\n',
     "tools/main.cc": '#include <iostream>\n#include "platform/assemble.h"\n',
     "tests/engine/ba_test.cc": '#include <gtest/gtest.h>\n#include "tools/main.h"\n#include "tests/support/scene.h"\n',
     "tests/CMakeLists.txt": "add_executable(t t.cc)\ntarget_link_libraries(t PRIVATE p e opencv_core GTest::gtest)\n",
@@ -27,6 +29,8 @@ GOOD_TREE = {
 
 # What is added to the good tree, and what the checker must say about it.
 BAD_FILES = [
+    ("platform/haustra_view.h", '#include "haustra_none.h"\n', "start at the repository root"),
+    ("platform/a.h", '#include "haustra_ring.h"\n', "start at the repository root"),
     ("engine/a.cc", '#include "kernels/sift.h"\n', "engine/a.cc:1: engine must not include kernels"),
     ("engine/a.cc", "\n\n#include \"capture/png.h\"\n", "engine/a.cc:3: engine must not include capture"),
     ("engine/a.cc", '#include "platform/assemble.h"\n', "engine must not include platform"),

@@ -33,7 +33,8 @@ class Service:
     def __init__(self, folder):
         (folder / "state").mkdir(exist_ok=True)
         settings = [f"files.state_folder={folder}/state", f"files.runtime_folder={folder}", "procedure.begin_at_start=true",
-                    "publish.view=true", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.3",
+                    "publish.view=true", "publish.depth=true", "depth.enabled=true", "depth.step_px=8",
+                    "depth.iterations=1", "depth.newer_keyframes=1", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.3",
                     "watchdog.tracking_limit_ms=60000", "watchdog.capture_limit_ms=60000",
                     "watchdog.mapping_limit_ms=300000", "watchdog.worker_limit_ms=60000", "watchdog.stop_limit_ms=60000"]
         words = [word for setting in settings for word in ("--set", setting)]
@@ -140,12 +141,18 @@ class PageTest(unittest.TestCase):
                             self.assert_scene_is_drawn(page)
                             shown = {pixel for row in pixels(page.picture(0.5, page.box("#picture"))) for pixel in row}
                             self.assertGreater(len(shown), 500)
+                            # The wall comes while the scope moves.
+                            self.assertTrue(page.wait_for("document.body.dataset.surface === 'shown'"), page.messages)
+                            self.assertFalse(page.value("document.getElementById('wall-panel').hidden"))
+                            self.assertIn("lumen", page.value("document.getElementById('wall-text').textContent").lower())
                         keep(page, f"live_{attempt}.png")
                     for each in (page, other):
                         self.assertTrue(each.wait_for("document.getElementById('state').textContent === 'No engine'"))
                         # What it showed was a patient's.
                         self.assertTrue(each.wait_for("document.body.dataset.poses === '0'"))
                         self.assertTrue(each.wait_for("document.getElementById('picture-panel').hidden"))
+                        self.assertTrue(each.wait_for("document.getElementById('wall-panel').hidden"))
+                        self.assertEqual(each.value("document.body.dataset.surface"), "none")
                         each.value("document.body.dataset.points = document.body.dataset.matched = 0")
                 self.assertEqual(page.messages, [])
         finally:

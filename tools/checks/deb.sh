@@ -20,7 +20,7 @@ trap 'rm -rf --one-file-system -- "${scratch:?}"' EXIT
 
 # What is in it, and what asks for more than it should.
 dpkg-deb -c "$package" > "$scratch/contents"
-for file in /usr/bin/haustra /usr/bin/haustrad /usr/include/haustra_pose_ring.h /usr/include/haustra_view_ring.h \
+for file in /usr/bin/haustra /usr/bin/haustrad /usr/include/haustra_depth_table.h /usr/include/haustra_pose_ring.h /usr/include/haustra_view_ring.h \
   /usr/lib/systemd/system/haustrad.service \
   /usr/lib/sysusers.d/haustra.conf /etc/haustra/haustra.yaml /usr/share/doc/haustra/copyright \
   /usr/share/man/man1/haustra-run.1 /usr/share/man/man5/haustra.yaml.5 /usr/share/man/man8/haustrad.8 \

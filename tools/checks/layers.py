@@ -60,6 +60,9 @@ FORBIDDEN_IN_PRODUCT = re.compile(r"opencv|^cv::", re.IGNORECASE)
 # Targets of ours that have no folder: flags and nothing to link.
 NEUTRAL_TARGETS = {"haustra_flags"}
 
+# Headers for clients are installed side by side, and name each other so.
+CLIENT_HEADER = re.compile(r"haustra_\w+\.h")
+
 SOURCE_SUFFIXES = {".h", ".cc", ".cu", ".cuh", ".hpp", ".cpp", ".inc"}
 INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*(?:"([^"]*)"|<([^>]*)>)', re.MULTILINE)
 LINK_KEYWORDS = {"PUBLIC", "PRIVATE", "INTERFACE", "LINK_PUBLIC", "LINK_PRIVATE", "debug", "optimized", "general"}
@@ -110,6 +113,8 @@ class Checker(Violations):
                 self.check_foreign_include(layer, folder, path, line, angled)
 
     def check_own_include(self, layer, path, line, name):
+        if CLIENT_HEADER.fullmatch(name) and CLIENT_HEADER.fullmatch(path.name) and (path.parent / name).is_file():
+            return
         parts = name.split("/")
         if parts[0] not in ALLOWED or ".." in parts or len(parts) < 2:
             self.report(path, line, f'"{name}": include paths of ours start at the repository root')

@@ -7,14 +7,23 @@
 
 namespace haustra::surface {
 
-Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface, const evaluate::RunOutput& run,
-                                    ImageView mask, int num_threads, const CoverageOptions& options) {
+std::vector<LookingFrame> FramesOf(const evaluate::RunOutput& run, int map_id) {
+  std::vector<LookingFrame> frames;
+  for (const evaluate::RunFrame& frame : run.frames) {
+    if (frame.map_id != map_id) continue;
+    const double time_s = static_cast<double>(frame.timestamp_ns - run.frames.front().timestamp_ns) * 1e-9;
+    frames.push_back({time_s, frame.world_from_cam.Inverse()});
+  }
+  return frames;
+}
+
+Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface,
+                                    std::span<const LookingFrame> frames, ImageView mask, int num_threads,
+                                    const CoverageOptions& options) {
   HAUSTRA_TRY(options.Validate());
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(map.camera));
   std::vector<Eigen::Vector3d> path, wall;
-  for (const evaluate::RunFrame& frame : run.frames) {
-    if (frame.map_id == map.map_id) path.push_back(frame.world_from_cam.translation);
-  }
+  for (const LookingFrame& frame : frames) path.push_back(frame.cam_from_map.InverseTranslation());
   const std::vector<WallPatch> patches = PatchesOf(surface.depths, camera, surface.step_px, num_threads);
   wall.reserve(patches.size());
   for (const WallPatch& patch : patches) wall.push_back(patch.position_in_map);
@@ -28,11 +37,7 @@ Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& sur
   WallGrid& grid = coverage.wall.emplace(*lumen);
   grid.SetWall(patches, options.max_hole_cells);
   const WallObserver observer(camera, mask, options);
-  for (const evaluate::RunFrame& frame : run.frames) {
-    if (frame.map_id != map.map_id) continue;
-    const double time_s = static_cast<double>(frame.timestamp_ns - run.frames.front().timestamp_ns) * 1e-9;
-    observer.Observe(frame.world_from_cam.Inverse(), time_s, &grid);
-  }
+  for (const LookingFrame& frame : frames) observer.Observe(frame.cam_from_map, frame.time_s, &grid);
   coverage.whole = CoverageOf(grid, grid.first_claimed_row(), grid.end_claimed_row());
   coverage.segments = CoverageOfSegments(grid, options.segment_radii);
   return coverage;

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "engine/coverage/coverage_options.h"
 #include "engine/coverage/wall_coverage.h"
 #include "engine/coverage/wall_grid.h"
+#include "engine/geometry/se3.h"
 #include "hal/core/status.h"
 #include "hal/core/views.h"
 #include "tools/evaluate/run_output.h"
@@ -16,17 +18,27 @@
 
 namespace haustra::surface {
 
+// A frame that looked at the wall of a map.
+struct LookingFrame {
+  double time_s = 0.0;
+  SE3 cam_from_map;
+};
+
 struct MapCoverage {
   std::string no_lumen;          // why no lumen was found, for people; empty: there is one
-  std::optional<WallGrid> wall;  // with a lumen; times are seconds since the first frame of the run
+  std::optional<WallGrid> wall;  // with a lumen; times are those of the frames
   WallCoverage whole;
   std::vector<WallCoverage> segments;
 };
 
-// Every frame that has a pose in the map at the end counts, not only keyframes: these are chosen for what the map
-// needs, and skip most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere.
-// kInvalidArgument: options, camera.
-Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface, const evaluate::RunOutput& run,
-                                    ImageView mask, int num_threads, const CoverageOptions& options);
+// Every frame that has a pose in the map at the end, in order of time, seconds since the first frame of the run.
+std::vector<LookingFrame> FramesOf(const evaluate::RunOutput& run, int map_id);
+
+// frames: in order of time. Every frame counts, not only keyframes: these are chosen for what the map needs, and skip
+// most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere. kInvalidArgument: options,
+// camera.
+Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface,
+                                    std::span<const LookingFrame> frames, ImageView mask, int num_threads,
+                                    const CoverageOptions& options);
 
 }  // namespace haustra::surface

@@ -175,8 +175,9 @@ int RunSurface(SurfaceArguments arguments) {
     Result<MapSurface> made = surface::MakeMapSurface((*maps)[i], (*found)[i], arguments.surface);
     if (!made.ok()) return console::Fail(kSurfaceCommand, made.status());
     surfaces.push_back(std::move(*made));
-    Result<MapCoverage> coverage = surface::MakeMapCoverage((*maps)[i], surfaces.back(), *run, mask.view(),
-                                                            arguments.surface.num_threads, arguments.coverage);
+    Result<MapCoverage> coverage =
+        surface::MakeMapCoverage((*maps)[i], surfaces.back(), surface::FramesOf(*run, (*maps)[i].map_id), mask.view(),
+                                 arguments.surface.num_threads, arguments.coverage);
     if (!coverage.ok()) return console::Fail(kSurfaceCommand, coverage.status());
     coverages.push_back(std::move(*coverage));
   }

@@ -20,10 +20,12 @@ constexpr std::int64_t kMapInterval_ns = 1'000'000'000;
 constexpr std::int64_t kMaxAnswer_ns = 500'000'000;
 constexpr int kJpegQuality = 80;
 
-void Say(const char* event, const Json& data, std::string* news) {
-  *news +=
-      std::string("event: ") + event + "\ndata: " + data.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n\n";
+std::string Dump(const Json& data) { return data.dump(-1, ' ', false, Json::error_handler_t::replace); }
+
+void Say(const char* event, const std::string& data, std::string* news) {
+  *news += std::string("event: ") + event + "\ndata: " + data + "\n\n";
 }
+void Say(const char* event, const Json& data, std::string* news) { Say(event, Dump(data), news); }
 
 double Seconds(std::int64_t ns) { return std::round(static_cast<double>(ns) * 1e-6) * 1e-3; }
 
@@ -75,9 +77,10 @@ bool IsBusy(std::uint32_t service) {
 
 }  // namespace
 
-LiveStream::LiveStream(const std::string& folder)
+LiveStream::LiveStream(const std::string& folder, std::shared_ptr<const LiveWall> wall)
     : path_(folder + "/poses"),
       view_path_(folder + "/view"),
+      wall_(std::move(wall)),
       snapshot_(std::make_unique<haustra_snapshot>()),
       picture_(std::make_unique<haustra_picture>()),
       matches_(std::make_unique<haustra_matches>()) {}
@@ -96,6 +99,7 @@ std::string LiveStream::Next() {
   TellEvents(&news);
   TellMap(&news);
   TellPicture(&news);
+  TellWall(&news);
   return news;
 }
 
@@ -147,7 +151,7 @@ void LiveStream::TellService(std::string* news) {
   if ((was_busy_ && !is_busy) || (procedure_ != 0 && procedure != procedure_)) Forget(news);
   was_busy_ = is_busy;
   procedure_ = procedure;
-  std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  std::string text = Dump(json);
   if (text == told_service_) return;
   Say("service", json, news);
   told_service_ = std::move(text);
@@ -230,6 +234,14 @@ void LiveStream::TellPicture(std::string* news) {
       json["points"].push_back(std::round(10.0F * px / picture_->step) / 10.0F);
   }
   Say("picture", json, news);
+}
+
+void LiveStream::TellWall(std::string* news) {
+  if (wall_ == nullptr) return;
+  const std::shared_ptr<const WallNews> wall = wall_->newest();
+  if (wall->version == told_wall_) return;
+  told_wall_ = wall->version;
+  Say("wall", wall->json, news);
 }
 
 }  // namespace haustra::view

@@ -11,6 +11,9 @@
 //   picture  where haustrad publishes it (publish.view): frame, width, height, jpeg (base64), num_matched, points (x, y
 //   in
 //            pixels of the picture, one after the other); as soon as its frame was answered
+//   wall     where it publishes depth (publish.depth): what live_surface.h says; an empty object: nothing (any more).
+//   Its
+//            mesh is the resource wall.ply
 // Times count from any moment, lengths are map units.
 #pragma once
 
@@ -20,14 +23,15 @@
 
 #include "platform/publish/haustra_pose_ring.h"
 #include "platform/publish/haustra_view_ring.h"
+#include "tools/view/live_wall.h"
 #include "tools/view/view_server.h"
 
 namespace haustra::view {
 
 class LiveStream final : public ViewStream {
  public:
-  // folder: where haustrad keeps its files, with the file "poses".
-  explicit LiveStream(const std::string& folder);
+  // folder: where haustrad keeps its files, with the file "poses". wall: of the same folder; may be null.
+  explicit LiveStream(const std::string& folder, std::shared_ptr<const LiveWall> wall = nullptr);
   ~LiveStream() override;
   LiveStream(const LiveStream&) = delete;
   LiveStream& operator=(const LiveStream&) = delete;
@@ -42,9 +46,12 @@ class LiveStream final : public ViewStream {
   void TellEvents(std::string* news);
   void TellMap(std::string* news);
   void TellPicture(std::string* news);
+  void TellWall(std::string* news);
   void Forget(std::string* news);
 
   std::string path_, view_path_;
+  std::shared_ptr<const LiveWall> wall_;
+  std::uint64_t told_wall_ = 0;
   haustra_ring ring_{};
   std::string open_error_;
   std::string told_service_;

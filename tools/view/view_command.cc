@@ -13,6 +13,7 @@
 #include "tools/exit_codes.h"
 #include "tools/service/runtime_folder.h"
 #include "tools/view/live_stream.h"
+#include "tools/view/live_wall.h"
 #include "tools/view/page_site.h"
 #include "tools/view/request_gate.h"
 #include "tools/view/run_site.h"
@@ -33,7 +34,11 @@ struct ViewArguments {
 
 view::ViewSite MakeLiveSite(const std::string& folder) {
   view::ViewSite site = view::MakePageSite(view::PageKind::kLive);
-  site.open_stream = [folder] { return std::make_unique<view::LiveStream>(folder); };
+  const auto wall = std::make_shared<const view::LiveWall>(folder);
+  site.open_stream = [folder, wall] { return std::make_unique<view::LiveStream>(folder, wall); };
+  site.find = [wall](std::string_view name) {
+    return name == "wall.ply" ? wall->newest()->mesh : std::shared_ptr<const view::ViewResource>();
+  };
   return site;
 }
 

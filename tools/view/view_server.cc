@@ -97,16 +97,22 @@ class HttpViewServer final : public ViewServer {
     const std::optional<std::string_view> name = gate_->Admit(head);
     if (!name) return Refuse(403, "Not for you: the address is the one that haustra view has printed.\n", response);
     if (*name == "live" && site_.open_stream) return Stream(response);
+    std::shared_ptr<const ViewResource> resource;
     const auto found = site_.resources.find(*name);
-    if (found == site_.resources.end()) return Refuse(404, "There is nothing of this name.\n", response);
+    // What stays has no owner but the site.
+    if (found != site_.resources.end()) {
+      resource = {std::shared_ptr<const ViewResource>(), &found->second};
+    } else if (site_.find) {
+      resource = site_.find(*name);
+    }
+    if (resource == nullptr) return Refuse(404, "There is nothing of this name.\n", response);
     response.status = 200;
-    const ViewResource& resource = found->second;
     // The library has no provider of nothing.
-    if (resource.bytes.empty()) return response.set_content(std::string(), resource.content_type);
-    // What stays is not copied for a viewer.
-    response.set_content_provider(resource.bytes.size(), resource.content_type,
-                                  [&resource](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
-                                    return sink.write(resource.bytes.data() + offset, length);
+    if (resource->bytes.empty()) return response.set_content(std::string(), resource->content_type);
+    // Not copied for a viewer.
+    response.set_content_provider(resource->bytes.size(), resource->content_type,
+                                  [resource](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
+                                    return sink.write(resource->bytes.data() + offset, length);
                                   });
   }
 

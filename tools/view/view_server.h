@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 
 #include "hal/core/status.h"
 
@@ -26,6 +27,8 @@ class ViewStream {
 
 struct ViewSite {
   std::map<std::string, ViewResource, std::less<>> resources;  // by name; "" is the page
+  // What changes while it is served, by name; null: there is nothing now. May be empty. thread-safe.
+  std::function<std::shared_ptr<const ViewResource>(std::string_view name)> find;
   // Makes the stream of one more viewer, "live" in the address; may be empty. thread-safe.
   std::function<std::unique_ptr<ViewStream>()> open_stream;
 };

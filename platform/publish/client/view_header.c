@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The header of pictures and matched points as a C client sees it: compiled, nothing more. */
+/* The headers of pictures with matched points and of depths as a C client sees them: compiled, nothing more. */
+#include "haustra_depth_table.h"
 #include "haustra_pose_ring.h"
 #include "haustra_view_ring.h"

@@ -80,6 +80,13 @@ TEST(DaemonConfig, TypingErrorsAreRefusedWithTheirPlace) {
   EXPECT_NE(loaded.status().message().find("did you mean checkpoint.interval_s"), std::string::npos);
 }
 
+TEST(DaemonConfig, DepthIsPublishedOnlyWhereItIsSearched) {
+  const auto refused = LoadDaemonConfig("", {"publish.depth=true"});
+  ASSERT_EQ(refused.code(), StatusCode::kInvalidArgument);
+  EXPECT_NE(refused.status().message().find("depth.enabled"), std::string::npos) << refused.status().message();
+  EXPECT_TRUE(LoadDaemonConfig("", {"publish.depth=true", "depth.enabled=true"}).ok());
+}
+
 TEST(DaemonConfig, ReloadTakesLiveKeysAndNamesTheOthers) {
   RecordProperty("req", "DMN-003");
   DaemonConfig running;

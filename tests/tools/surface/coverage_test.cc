@@ -19,7 +19,8 @@ using ::testing::StartsWith;
 
 MapCoverage CoverageOfTube() {
   const TubeSurface tube;
-  Result<MapCoverage> coverage = MakeMapCoverage(tube.map, tube.surface, tube.run, {}, 1, CoverageOptions());
+  Result<MapCoverage> coverage =
+      MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), {}, 1, CoverageOptions());
   EXPECT_TRUE(coverage.ok()) << coverage.status().ToString();
   return *coverage;
 }
@@ -84,7 +85,8 @@ TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
   // A wall at the side, seen by a camera that goes along it.
   const TubeSurface flat(
       [](double, const Eigen::Vector3d& bearing) { return bearing.y() > 0.1 ? 0.5 / bearing.y() : 0.0; });
-  const Result<MapCoverage> coverage = MakeMapCoverage(flat.map, flat.surface, flat.run, {}, 1, CoverageOptions());
+  const Result<MapCoverage> coverage =
+      MakeMapCoverage(flat.map, flat.surface, FramesOf(flat.run, flat.map.map_id), {}, 1, CoverageOptions());
   ASSERT_TRUE(coverage.ok());
   EXPECT_FALSE(coverage->wall);
   EXPECT_THAT(coverage->no_lumen, HasSubstr("of the directions around the path"));

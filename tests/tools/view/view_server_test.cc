@@ -37,6 +37,7 @@ class ViewServerTest : public ::testing::Test {
     site.resources[""] = {"text/html", "<p>page</p>"};
     site.resources["run.json"] = {"application/json", "{}"};
     site.resources["empty"] = {"text/plain", ""};
+    site.find = [this](std::string_view name) { return name == "wall.ply" ? wall_ : nullptr; };
     site.open_stream = [this] { return std::make_unique<CountingStream>(&num_open_); };
     Result<std::unique_ptr<ViewServer>> server = ViewServer::Start(std::move(site), {0, kServerToken});
     ASSERT_TRUE(server.ok()) << server.status().message();
@@ -50,6 +51,7 @@ class ViewServerTest : public ::testing::Test {
     EXPECT_EQ(num_open_, number);
   }
 
+  std::shared_ptr<const ViewResource> wall_;
   std::atomic<int> num_open_{0};
   std::unique_ptr<ViewServer> server_;
 };
@@ -63,6 +65,15 @@ TEST_F(ViewServerTest, GivesWhatItHasToWhoKnowsTheAddress) {
   EXPECT_EQ(StatusOf(Get(kRoot + "run.json?x=1")), 200);
   EXPECT_EQ(StatusOf(Get(kRoot + "empty")), 200);
   EXPECT_EQ(StatusOf(Get(kRoot + "other")), 404);
+}
+
+TEST_F(ViewServerTest, WhatChangesIsAskedForEachTime) {
+  EXPECT_EQ(StatusOf(Get(kRoot + "wall.ply")), 404);
+  wall_ = std::make_shared<const ViewResource>(ViewResource{"text/plain", "one"});
+  EXPECT_TRUE(Get(kRoot + "wall.ply").ends_with("one"));
+  wall_ = std::make_shared<const ViewResource>(ViewResource{"text/plain", "another"});
+  EXPECT_TRUE(Get(kRoot + "wall.ply").ends_with("another"));
+  EXPECT_EQ(StatusOf(Ask(server_->port(), "/wall.ply", Host(server_->port()))), 403) << "without the token";
 }
 
 TEST_F(ViewServerTest, EveryAnswerForbidsWhatThePageDoesNotNeed) {

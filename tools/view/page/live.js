@@ -1,19 +1,18 @@
 // The page of a running engine: the event stream "live" (tools/view/live_stream.h).
 'use strict';
 (() => {
-  const {byId, decode, setState, setFacts, eventItem, latencyPlot, connectSwitches} = haustra;
+  const {byId, decode, setState, setFacts, eventItem, latencyPlot, connectSwitches, showWall} = haustra;
   const SHOWN_S = 20, MAX_TRAIL = 3000, MAX_EVENTS = 200;
 
   byId('time').hidden = true;
   byId('map-choice').hidden = true;
-  document.querySelector('input[data-layer=surface]').parentElement.hidden = true;
   byId('way-text').textContent = 'keyframes of the map, in order';
   byId('travelled-text').textContent = 'last positions';
   byId('latency-title').textContent = 'Latency, frame to pose';
 
   const scene = new haustra.Scene3D(byId('scene'));
   const plot = latencyPlot(null, [-SHOWN_S, 0]);
-  let map, trail, latencies, newest, num_poses, framed_extent, is_ours, service = null;
+  let map, wall, trail, latencies, newest, num_poses, framed_extent, is_ours, service = null;
 
   // Until somebody turns it by hand the picture follows the map as it grows.
   const frame = () => {
@@ -40,6 +39,7 @@
 
   const forget = () => {
     map = null;
+    hideWall();
     trail = [];
     latencies = [];
     newest = null;
@@ -54,6 +54,47 @@
     setFacts([]);
     plot.show([], -SHOWN_S, 0);
     document.body.dataset.poses = 0;
+  };
+
+  const showLayer = (name, is_shown) => {
+    document.querySelector(`[data-layer=${name}]`).checked = is_shown;
+    scene.setLayer(name, is_shown);
+  };
+  const hideMesh = () => {
+    scene.clear('surface');
+    scene.draw();
+    document.querySelector('[data-layer=surface]').parentElement.hidden = true;
+    showLayer('points', true);
+    document.body.dataset.surface = 'none';
+  };
+  const hideWall = () => {
+    wall = null;
+    hideMesh();
+    showWall(null);
+  };
+  // A mesh from before its map was moved lies elsewhere.
+  const fitsMap = surface => map && surface && surface.map === map.map && surface.epoch === map.epoch;
+
+  // By itself: it is large, and not every page can draw it.
+  const fetchMesh = () => {
+    const data = wall;
+    if (!scene.works || !fitsMap(data) || data.triangles === 0) return;
+    fetch('wall.ply').then(answer => answer.ok ? answer.arrayBuffer() : Promise.reject(new Error(answer.status))).then(bytes => {
+      // A newer one is on its way, or none any more.
+      if (wall !== data || !fitsMap(data)) return;
+      scene.clear('surface');
+      scene.addSurface(new THREE.PLYLoader().parse(bytes));
+      // Points of a wall that is drawn are noise in front of it.
+      if (document.body.dataset.surface !== 'shown') showLayer('points', false);
+      document.querySelector('[data-layer=surface]').parentElement.hidden = false;
+      document.body.dataset.surface = 'shown';
+    }).catch(() => {});  // the next one comes in seconds
+  };
+  const onWall = data => {
+    if (data.map === undefined) return hideWall();
+    wall = data;
+    showWall(data, data.picture ? 'data:image/png;base64,' + data.picture : null, data.scope);
+    fetchMesh();
   };
 
   const drawPaths = () => {
@@ -87,6 +128,8 @@
     if (is_other) {
       framed_extent = 0;
       trail = trail.filter(pose => !pose.position || (pose.map === map.map && pose.epoch === map.epoch));
+      hideMesh();
+      fetchMesh();
     }
     follow();
     scene.clear('points');
@@ -164,6 +207,7 @@
   on('poses', onPoses);
   on('events', onEvents);
   on('picture', onPicture);
+  on('wall', onWall);
   source.addEventListener('open', () => { document.body.dataset.ready = 'live'; });
   // The browser tries again by itself.
   source.addEventListener('error', () => {

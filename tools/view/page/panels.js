@@ -49,6 +49,38 @@ window.haustra = window.haustra || {};
     }));
   };
 
+  // The unrolled wall with its legend. coverage: {map, wall_coverage, seen_poorly, lumen} as in surface.json, or null: no
+  // panel. url: of the picture, or null. scope: where along it the scope is, share of its width, or undefined.
+  const showWall = (coverage, url, scope) => {
+    byId('wall-panel').hidden = coverage === null;
+    if (coverage === null) return;
+    const has_lumen = coverage.lumen.found, percent = share => Math.round(100 * share) + ' %';
+    const is_shown = has_lumen && url !== null;
+    byId('wall').hidden = byId('wall-legend').hidden = !is_shown;
+    byId('wall-title').textContent = 'The wall of map ' + coverage.map + (is_shown ? ', unrolled: length to the right, angle downwards' : '');
+    byId('wall-text').textContent = has_lumen
+        ? percent(coverage.wall_coverage) + ' seen well, ' + percent(coverage.seen_poorly) + ' poorly, ' +
+          percent(1 - coverage.wall_coverage - coverage.seen_poorly) + ' never, along ' +
+          coverage.lumen.passed_radii.toFixed(1) + ' radii of the lumen that the scope passed' +
+          (coverage.depths < coverage.keyframes ? '; of ' + coverage.keyframes + ' keyframes ' + coverage.depths + ' have a depth' : '')
+        : 'No lumen: ' + coverage.lumen.reason;
+    if (!is_shown) return;
+    const image = new Image();
+    image.onload = () => {
+      const canvas = byId('wall'), context = canvas.getContext('2d'), ratio = window.devicePixelRatio;
+      canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
+      canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));
+      context.imageSmoothingEnabled = false;
+      context.drawImage(image, 0, 0, canvas.width, canvas.height);
+      if (scope >= 0 && scope <= 1) {
+        context.fillStyle = '#f0e442';
+        context.fillRect(Math.round(scope * (canvas.width - 3 * ratio)), 0, 3 * ratio, canvas.height);
+      }
+      document.body.dataset.wall = coverage.wall_coverage.toFixed(4);
+    };
+    image.src = url;
+  };
+
   // event: {time (text), event, map, other_map, details}; onChosen: none, or what a click does.
   const eventItem = (event, onChosen) => {
     const item = document.createElement('li'), row = document.createElement(onChosen ? 'button' : 'div');
@@ -154,5 +186,5 @@ window.haustra = window.haustra || {};
     byId('whole').addEventListener('click', () => { look(false); frame(); });
   };
 
-  Object.assign(haustra, {byId, MAP_COLOURS, STATES, decode, clock, setState, setFacts, eventItem, latencyPlot, connectSwitches});
+  Object.assign(haustra, {byId, MAP_COLOURS, STATES, decode, clock, setState, setFacts, eventItem, latencyPlot, showWall, connectSwitches});
 })();

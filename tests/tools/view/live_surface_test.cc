@@ -1,0 +1,128 @@
+#include "tools/view/live_surface.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "tests/tools/evaluate/text_folder.h"
+#include "tests/tools/view/published_tube.h"
+#include "tools/view/live_stream.h"
+#include "tools/view/live_wall.h"
+
+namespace haustra::view {
+namespace {
+
+class LiveSurfaceTest : public ::testing::Test {
+ protected:
+  // The scope goes up the tube by 6 radii, in 13 keyframes.
+  void Fill(PublishedTube& tube, std::uint32_t map_id = 0) {
+    for (std::uint32_t i = 0; i < 13; ++i) tube.Publish(i, tube.Keyframe(100 + 20 * i, 0.5 * i, map_id), true);
+  }
+  nlohmann::json Made() {
+    atlas_.Update();
+    const Result<LiveSurface> made = MakeLiveSurface(atlas_.maps());
+    EXPECT_TRUE(made.ok()) << made.status().message();
+    if (!made.ok()) return {};
+    ply_ = made->ply;
+    return nlohmann::json::parse(made->json);
+  }
+
+  evaluate::TextFolder folder_;
+  LiveAtlas atlas_{folder_.path()};
+  std::string ply_;
+};
+
+TEST_F(LiveSurfaceTest, AWallThatWasLookedAtIsSeen) {
+  PublishedTube tube(folder_.path());
+  tube.Begin(1);
+  Fill(tube);
+  atlas_.Update();
+  tube.PublishPose(345, 3.0);
+  const nlohmann::json json = Made();
+  EXPECT_EQ(json["map"], 0);
+  EXPECT_EQ(json["keyframes"], 13);
+  EXPECT_EQ(json["depths"], 13);
+  ASSERT_EQ(json["lumen"]["found"], true);
+  EXPECT_NEAR(json["lumen"]["radius_mu"].get<double>(), 1.0, 0.03);
+  EXPECT_NEAR(json["lumen"]["passed_radii"].get<double>(), 6.0, 0.4);
+  // What lies behind the first picture was never in one: two thirds of a radius of six.
+  EXPECT_GT(json["wall_coverage"].get<double>(), 0.8);
+  EXPECT_LT(json["wall_coverage"].get<double>(), 0.97);
+  EXPECT_EQ(json["segments"].size(), 3u);
+  EXPECT_GT(json["segments"][1]["wall_coverage"].get<double>(), 0.97);
+  EXPECT_NEAR(json["scope"].get<double>(), 0.5, 0.05);
+  EXPECT_TRUE(json["picture"].get<std::string>().starts_with("iVBORw0KGgo")) << "a PNG";
+  EXPECT_GT(json["triangles"].get<int>(), 1000);
+  EXPECT_TRUE(ply_.starts_with("ply\n"));
+}
+
+TEST_F(LiveSurfaceTest, WhatThePictureDoesNotShowIsNot) {
+  PublishedTube tube(folder_.path());
+  tube.Begin(1, false);
+  Fill(tube);
+  tube.PublishPose(345, 3.0);
+  const nlohmann::json json = Made();
+  // Half of the directions have a wall: no lumen is claimed.
+  EXPECT_EQ(json["lumen"]["found"], false);
+  EXPECT_FALSE(json["lumen"]["reason"].get<std::string>().empty());
+  EXPECT_FALSE(json.contains("picture"));
+  EXPECT_GT(json["triangles"].get<int>(), 500) << "the wall that was seen has a mesh all the same";
+}
+
+TEST_F(LiveSurfaceTest, ItIsThatOfTheMapThatTheScopeIsIn) {
+  PublishedTube tube(folder_.path());
+  tube.Begin(1);
+  Fill(tube, 4);
+  tube.Publish(40, tube.Keyframe(900, 0.0, 5), false);
+  tube.PublishPose(345, 3.0, 4);
+  EXPECT_EQ(Made()["map"], 4);
+  tube.PublishPose(901, 0.0, 5);
+  atlas_.Update();
+  EXPECT_EQ(MakeLiveSurface(atlas_.maps()).code(), StatusCode::kNotFound) << "it has no depth yet";
+}
+
+// The scope went on beyond the last keyframe: there it has passed the lumen, too.
+TEST_F(LiveSurfaceTest, FramesThatWereNoKeyframesCount) {
+  PublishedTube tube(folder_.path());
+  tube.Begin(1);
+  Fill(tube);
+  tube.PublishPose(345, 3.0);
+  const double without = Made()["lumen"]["passed_radii"];
+  tube.PublishPose(360, 6.8);
+  EXPECT_NEAR(Made()["lumen"]["passed_radii"].get<double>() - without, 0.8, 0.3);
+}
+
+// A viewer is told when there is a surface, and when there is none any more.
+TEST_F(LiveSurfaceTest, TheStreamTellsOfTheWall) {
+  auto tube = std::make_unique<PublishedTube>(folder_.path());
+  tube->Begin(1);
+  Fill(*tube);
+  tube->PublishPose(345, 3.0);
+  const auto wall = std::make_shared<const LiveWall>(folder_.path());
+  LiveStream stream(folder_.path(), wall);
+  const auto next_wall = [&] {
+    const std::string begin = "event: wall\ndata: ";
+    for (int i = 0; i < 600; ++i) {
+      const std::string news = stream.Next();
+      if (const std::size_t at = news.rfind(begin); at != std::string::npos) {
+        return nlohmann::json::parse(news.substr(at + begin.size(), news.find("\n\n", at) - at - begin.size()));
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    return nlohmann::json("nothing came");
+  };
+  nlohmann::json told = next_wall();
+  while (told.is_object() && told.empty()) told = next_wall();  // the procedure before has ended
+  EXPECT_EQ(told["lumen"]["found"], true);
+  ASSERT_NE(wall->newest()->mesh, nullptr);
+  EXPECT_TRUE(wall->newest()->mesh->bytes.starts_with("ply\n"));
+  tube->table().Wipe();
+  told = next_wall();
+  EXPECT_TRUE(told.is_object() && told.empty()) << told;
+  EXPECT_EQ(wall->newest()->mesh, nullptr);
+}
+
+}  // namespace
+}  // namespace haustra::view

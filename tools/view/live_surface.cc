@@ -1,0 +1,205 @@
+#include "tools/view/live_surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "capture/codec/png_codec.h"
+#include "capture/image.h"
+#include "engine/camera/camera_model.h"
+#include "engine/io/ply_writer.h"
+#include "engine/surface/view_selection.h"
+#include "hal/depth_options.h"
+#include "tools/report/base64.h"
+#include "tools/surface/coverage_picture.h"
+#include "tools/surface/coverage_text.h"
+#include "tools/surface/map_coverage.h"
+#include "tools/surface/map_surface.h"
+
+namespace haustra::view {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Every n-th cell of every n-th row tells what wall a keyframe sees.
+constexpr int kLookStep = 4;
+// Two keyframes see the same wall where their depths end in one cube of this side, share of the map's depth.
+constexpr double kSameWall = 0.1;
+
+CameraCalibration CalibrationOf(const haustra_depth_camera& camera) {
+  CameraCalibration calibration;
+  calibration.kind = static_cast<CameraModelKind>(camera.model);
+  calibration.width_px = static_cast<int>(camera.width_px);
+  calibration.height_px = static_cast<int>(camera.height_px);
+  calibration.fx = camera.fx;
+  calibration.fy = camera.fy;
+  calibration.cx = camera.cx;
+  calibration.cy = camera.cy;
+  std::copy_n(camera.coefficients, calibration.coefficients.size(), calibration.coefficients.begin());
+  calibration.max_half_angle_deg = camera.max_half_angle_deg;
+  return calibration;
+}
+
+// 255 where the picture shows the scene; empty when it does everywhere.
+Image MaskOf(const haustra_depth_camera& camera) {
+  const std::size_t num_cells = std::size_t(camera.grid_width) * camera.grid_height;
+  if (std::find(camera.is_scene, camera.is_scene + num_cells, 0) == camera.is_scene + num_cells) return {};
+  const int width = static_cast<int>(camera.width_px), height = static_cast<int>(camera.height_px);
+  const int step = static_cast<int>(camera.step_px), columns = static_cast<int>(camera.grid_width);
+  const int rows = static_cast<int>(camera.grid_height);
+  Image mask(width, height, PixelFormat::kGrey8);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      const int cell = std::min(y / step, rows - 1) * columns + std::min(x / step, columns - 1);
+      mask.row(y)[x] = camera.is_scene[cell] != 0 ? 255 : 0;
+    }
+  }
+  return mask;
+}
+
+surface::FoundDepth FoundDepthOf(const LiveKeyframe& live, const haustra_depth_camera& camera,
+                                 const surface::SurfaceKeyframe& keyframe) {
+  const int width = static_cast<int>(camera.grid_width), height = static_cast<int>(camera.grid_height);
+  const std::size_t num_cells = std::size_t(width) * static_cast<std::size_t>(height);
+  surface::FoundDepth found;
+  found.keyframe = &keyframe;
+  found.frame_idx = found.stored_frame = live.record.frame_index;
+  found.raw = DepthMap(width, height);
+  found.raw.Restore(live.record.inverse_range_unit, {live.depth->codes, num_cells},
+                    {live.depth->confidences, num_cells});
+  found.colour.Resize(width, height, PixelFormat::kBgr8);
+  for (int y = 0; y < height; ++y) std::copy_n(live.depth->bgr + 3 * width * y, 3 * width, found.colour.row(y));
+  return found;
+}
+
+double MedianRange(const std::vector<surface::FoundDepth>& depths) {
+  std::vector<double> ranges;
+  for (const surface::FoundDepth& each : depths) {
+    for (int cell = 0; cell < each.raw.num_cells(); cell += kLookStep * kLookStep) {
+      if (each.raw.has_depth(cell)) ranges.push_back(each.raw.range_mu(cell));
+    }
+  }
+  if (ranges.empty()) return 0.0;
+  const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
+  std::nth_element(ranges.begin(), middle, ranges.end());
+  return *middle;
+}
+
+// What a keyframe sees, as its depth tells: cubes of wall instead of points of the map.
+SeeingView ViewOf(const surface::FoundDepth& found, const CameraModel& camera, int step_px, double cube_mu) {
+  const SE3 map_from_cam = found.keyframe->cam_from_map.Inverse();
+  SeeingView view;
+  view.centre_in_map = map_from_cam.translation;
+  for (int y = 0; y < found.raw.height(); y += kLookStep) {
+    for (int x = 0; x < found.raw.width(); x += kLookStep) {
+      const int cell = y * found.raw.width() + x;
+      Eigen::Vector3d bearing;
+      if (!found.raw.has_depth(cell) ||
+          !camera.Unproject({CellCentrePx(x, step_px), CellCentrePx(y, step_px)}, &bearing)) {
+        continue;
+      }
+      const Eigen::Vector3d place = map_from_cam * Eigen::Vector3d(found.raw.range_mu(cell) * bearing) / cube_mu;
+      // 21 bits a component.
+      std::int64_t id = 0;
+      for (int i = 0; i < 3; ++i) id = id << 21 | (static_cast<std::int64_t>(std::floor(place[i])) & 0x1fffff);
+      view.points.push_back({id, (place.array().floor() + 0.5).matrix() * cube_mu});
+    }
+  }
+  std::sort(view.points.begin(), view.points.end(),
+            [](const SeenPoint& a, const SeenPoint& b) { return a.point_id < b.point_id; });
+  const auto is_same = [](const SeenPoint& a, const SeenPoint& b) { return a.point_id == b.point_id; };
+  view.points.erase(std::unique(view.points.begin(), view.points.end(), is_same), view.points.end());
+  return view;
+}
+
+// Keyframes and what lies between them, by time from the first keyframe on.
+std::vector<surface::LookingFrame> FramesOf(const LiveMaps& maps) {
+  std::vector<std::pair<std::int64_t, SE3>> looks;
+  for (const auto& [id, keyframe] : maps.keyframes) {
+    if (keyframe.record.map_id != maps.map_id || keyframe.record.is_of_this_run == 0) continue;
+    looks.emplace_back(keyframe.record.source_ns, keyframe.map_from_cam.Inverse());
+  }
+  for (const LiveFrame& frame : maps.frames) {
+    const std::optional<SE3> map_from_cam = maps.MapFromCam(frame);
+    if (!map_from_cam || maps.keyframes.at(frame.keyframe_id).record.map_id != maps.map_id) continue;
+    looks.emplace_back(frame.source_ns, map_from_cam->Inverse());
+  }
+  std::stable_sort(looks.begin(), looks.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<surface::LookingFrame> frames;
+  for (const auto& [source_ns, cam_from_map] : looks) {
+    frames.push_back({static_cast<double>(source_ns - looks.front().first) * 1e-9, cam_from_map});
+  }
+  return frames;
+}
+
+void AddPicture(const WallGrid& wall, const SE3& map_from_cam, Json* json) {
+  const Image picture = surface::UnrolledPicture(wall);
+  std::vector<std::uint8_t> png;
+  if (picture.is_empty() || !capture::internal::EncodePng(picture.view(), &png).ok()) return;
+  (*json)["picture"] = report::ToBase64(png);
+  const double row = wall.lumen().line.Of(map_from_cam.translation).length_mu / wall.step_mu();
+  (*json)["scope"] = (row - wall.first_claimed_row()) / (wall.end_claimed_row() - wall.first_claimed_row());
+}
+
+}  // namespace
+
+Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps) {
+  if (!maps.camera) return NotFound("no depth is published");
+  const haustra_depth_camera& published = *maps.camera;
+  surface::SurfaceMap map;
+  map.map_id = static_cast<int>(maps.map_id);
+  map.camera = CalibrationOf(published);
+  HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(map.camera));
+  std::vector<const LiveKeyframe*> with_depth;
+  int num_keyframes = 0;
+  for (const auto& [id, keyframe] : maps.keyframes) {
+    if (keyframe.record.map_id != maps.map_id) continue;
+    ++num_keyframes;
+    if (keyframe.depth == nullptr || !(keyframe.record.inverse_range_unit > 0.0)) continue;
+    with_depth.push_back(&keyframe);
+    surface::SurfaceKeyframe& own = map.keyframes.emplace_back();
+    own.keyframe_id = id;
+    own.cam_from_map = keyframe.map_from_cam.Inverse();
+  }
+  if (with_depth.empty()) return NotFound("no keyframe of the map has a depth yet");
+
+  surface::FoundDepths found;
+  found.step_px = static_cast<int>(published.step_px);
+  for (std::size_t i = 0; i < with_depth.size(); ++i) {
+    found.depths.push_back(FoundDepthOf(*with_depth[i], published, map.keyframes[i]));
+  }
+  map.depth_mu = MedianRange(found.depths);
+  std::vector<SeeingView> views;
+  for (const surface::FoundDepth& each : found.depths) {
+    views.push_back(ViewOf(each, camera, found.step_px, kSameWall * map.depth_mu));
+  }
+  for (int i = 0; i < static_cast<int>(found.depths.size()); ++i) {
+    for (const int other : SelectSources(views, i, DepthOptions().max_sources, kMinSourceScore)) {
+      found.depths[i].compared_to.push_back(map.keyframes[other].keyframe_id);
+    }
+  }
+  HAUSTRA_ASSIGN(const surface::MapSurface made, surface::MakeMapSurface(map, found, {}));
+  const Image mask = MaskOf(published);
+  HAUSTRA_ASSIGN(const surface::MapCoverage coverage,
+                 surface::MakeMapCoverage(map, made, FramesOf(maps), mask.view(), 1, {}));
+
+  LiveSurface surface;
+  if (!made.mesh.triangles.empty()) {
+    StringSink ply;
+    HAUSTRA_TRY(WriteMeshPly(ply, made.mesh, map.map_id));
+    surface.ply = ply.bytes();
+  }
+  Json json = {{"map", map.map_id},
+               {"epoch", maps.map_epoch},
+               {"keyframes", num_keyframes},
+               {"depths", with_depth.size()},
+               {"triangles", made.mesh.triangles.size()}};
+  surface::AddCoverage(coverage, &json);
+  if (coverage.wall) AddPicture(*coverage.wall, maps.map_from_cam, &json);
+  surface.json = json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  return surface;
+}
+
+}  // namespace haustra::view

@@ -2,7 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "tests/end_to_end/command.h"
 #include "tests/end_to_end/result_files.h"
@@ -51,8 +54,8 @@ TEST(Surface, DepthIsNearTheTruthAndTheMeshIsTheSameOnAnyNumberOfThreads) {
 TEST(Surface, IsMadeOfTheDepthThatTheRunKept) {
   const std::string scratch = ScratchFolder();
   const std::string kept = scratch + "/kept";
-  const CommandResult run = Haustra({"run", SequenceFolder("depth"), "--out", kept, "--report", "off", "--device",
-                                     "cpu", "--threads", "1", "--set", "depth.enabled=true"});
+  const CommandResult run = Haustra({"run", SequenceFolder("depth"), "--out", kept, "--report", "off", "--surface",
+                                     "off", "--device", "cpu", "--threads", "1", "--set", "depth.enabled=true"});
   ASSERT_EQ(run.exit_code, 0) << run.ToString();
   for (const char* name : {"/frames.csv", "/maps.csv", "/maps/map_0000/points3D.txt", "/maps/map_0000/images.txt"}) {
     EXPECT_EQ(ReadBytes(kept + name), ReadBytes(ResultFolder("depth") + name)) << name;
@@ -60,6 +63,8 @@ TEST(Surface, IsMadeOfTheDepthThatTheRunKept) {
   const nlohmann::json summary = ReadJson(kept + "/summary.json");
   EXPECT_GT(summary["depth"]["keyframes_with_depth"], 3) << summary["depth"].dump();
   EXPECT_EQ(summary["depth"]["pictures_refused"], 0);
+  EXPECT_FALSE(summary.contains("surface"));
+  EXPECT_FALSE(Exists(kept + "/surface"));
 
   const CommandResult judged = Haustra(
       {"surface", kept, "--out", scratch + "/a", "--groundtruth", SequenceFolder("depth") + "/groundtruth.txt"});
@@ -79,6 +84,67 @@ TEST(Surface, IsMadeOfTheDepthThatTheRunKept) {
   EXPECT_NE(damaged.exit_code, 0);
   EXPECT_THAT(damaged.err, HasSubstr("depth.bin: "));
   EXPECT_FALSE(Exists(scratch + "/b"));
+}
+
+// A run with depth ends with it: the same files as the command makes later, its coverage in the summary, its wall in
+// the report. A run without depth in the same folder leaves none of it.
+TEST(Surface, IsMadeAtTheEndOfARunThatKeptDepth) {
+  const std::string scratch = ScratchFolder();
+  const std::string out = scratch + "/out";
+  std::vector<std::string> arguments = {
+      "run",   SequenceFolder("standard"), "--out",     out, "--device", "cpu",
+      "--set", "depth.step_px=8",          "--threads", "2", "--set",    "depth.enabled=true"};
+  const CommandResult run = Haustra(arguments);
+  ASSERT_EQ(run.exit_code, 0) << run.ToString();
+  const CommandResult again = Haustra({"surface", out, "--out", scratch + "/again"});
+  ASSERT_EQ(again.exit_code, 0) << again.ToString();
+  ASSERT_EQ(FilesBelow(out + "/surface"), FilesBelow(scratch + "/again"));
+  for (const std::string& name : FilesBelow(scratch + "/again")) {
+    EXPECT_EQ(ReadBytes(out + "/surface/" + name), ReadBytes(scratch + "/again/" + name)) << name;
+  }
+  const nlohmann::json surface = ReadJson(out + "/surface/surface.json")["maps"];
+  const nlohmann::json summary = ReadJson(out + "/summary.json");
+  ASSERT_EQ(summary["surface"]["made"], true);
+  const nlohmann::json& maps = summary["surface"]["maps"];
+  ASSERT_EQ(maps.size(), surface.size());
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    for (const auto& [name, value] : maps[i].items()) EXPECT_EQ(value, surface[i][name]) << name;
+  }
+  EXPECT_GT(maps[0]["wall_coverage"], 0.1) << maps.dump();
+  EXPECT_FALSE(maps[0]["segments"].empty());
+  EXPECT_THAT(run.out, HasSubstr("  wall          map 0: of the wall along "));
+  const std::string page = ReadBytes(out + "/report.html");
+  EXPECT_THAT(page, HasSubstr("The wall that was looked at"));
+  EXPECT_THAT(page, HasSubstr("data:image/png;base64,"));
+
+  arguments.resize(arguments.size() - 2);
+  arguments.insert(arguments.end(), {"--last-frame", "40", "--overwrite"});
+  const CommandResult without = Haustra(arguments);
+  ASSERT_EQ(without.exit_code, 0) << without.ToString();
+  EXPECT_FALSE(Exists(out + "/surface"));
+  EXPECT_FALSE(ReadJson(out + "/summary.json").contains("surface"));
+}
+
+TEST(Surface, WhenItCannotBeMadeTheRunStays) {
+  const std::string out = ScratchFolder() + "/out";
+  Command command(HaustraCommand({"run", SequenceFolder("depth"), "--out", out, "--device", "cpu", "--set",
+                                  "depth.enabled=true", "--set", "depth.step_px=8"}));
+  // The run has begun, and somebody puts a file where the surface is to go.
+  while (command.IsRunning() && !Exists(out + "/maps")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  std::filesystem::create_directories(out + "/surface");
+  WriteBytes(out + "/surface/precious", "mine");
+  const CommandResult run = command.Wait(kHangLimit);
+  EXPECT_EQ(run.exit_code, 73) << run.ToString();
+  EXPECT_THAT(run.err, HasSubstr("there is no surface: " + out + "/surface: holds 'precious'"));
+  EXPECT_THAT(run.err, HasSubstr("the other results are whole"));
+  EXPECT_THAT(run.out, HasSubstr("  wall          no surface: "));
+  const nlohmann::json summary = ReadJson(out + "/summary.json");
+  EXPECT_EQ(summary["surface"]["made"], false);
+  EXPECT_THAT(summary["surface"]["reason"].get<std::string>(), HasSubstr("holds 'precious'"));
+  EXPECT_EQ(summary["maps"], 1);
+  EXPECT_TRUE(Exists(out + "/maps/map_0000/depth.bin"));
+  EXPECT_TRUE(Exists(out + "/report.html"));
+  EXPECT_EQ(ReadBytes(out + "/surface/precious"), "mine");
 }
 
 TEST(Surface, AFullVolumeIsCountedAndSaid) {

@@ -18,8 +18,14 @@ namespace fs = std::filesystem;
 constexpr const char* kAsidePrefix = "replaced-";
 
 // The names of `content`, what FileSink leaves when it is killed, and earlier results that were set aside.
+std::string NamesIn(const FolderContent& content) {
+  return "((" + std::string(content.names) + R"()(\.partial-\d+)?|)" + kAsidePrefix + R"(\d+(/.*)?))";
+}
+
 std::regex OwnNames(const FolderContent& content) {
-  return std::regex("((" + std::string(content.names) + R"()(\.partial-\d+)?)|()" + kAsidePrefix + R"(\d+(/.*)?))");
+  std::string names = NamesIn(content);
+  if (content.inner != nullptr) names += "|" + std::string(content.inner_name) + "(/" + NamesIn(*content.inner) + ")?";
+  return std::regex(names);
 }
 
 struct Found {

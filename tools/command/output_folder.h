@@ -16,6 +16,9 @@ namespace haustra {
 struct FolderContent {
   std::string_view what;   // "a run", for messages
   std::string_view names;  // regular expression of every name in it, files and folders, relative to the folder
+  // A folder in it that is another command's output, and what that holds; empty and null: there is none.
+  std::string_view inner_name = {};
+  const FolderContent* inner = nullptr;  // its own inner folder does not count
 };
 
 class OutputFolder {

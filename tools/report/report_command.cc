@@ -68,7 +68,8 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
       ->needs(sequence)
       ->capture_default_str();
   command->add_option("--surface", request.surface,
-                      "Output folder of haustra surface, for the unrolled wall: what was seen and what was not");
+                      "Output folder of haustra surface, for the unrolled wall: what was seen and what was not "
+                      "(default: OUT/surface, where it is there)");
   command
       ->add_option("--deadline-ms", request.options.deadline_ms,
                    "Deadline of a frame (default: the frame period at the pace of the run)")

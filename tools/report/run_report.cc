@@ -1,11 +1,24 @@
 #include "tools/report/run_report.h"
 
+#include <filesystem>
 #include <utility>
 
 #include "tools/report/page.h"
+#include "tools/report/surface_folder.h"
 #include "tools/report/wall_pictures.h"
 
 namespace haustra::report {
+namespace {
+
+// surface.json is the last file of a surface: one that was not finished is none. Empty: there is none.
+std::string SurfaceOf(const ReportRequest& request) {
+  if (!request.surface.empty()) return request.surface;
+  const std::filesystem::path usual = std::filesystem::path(request.run) / kSurfaceFolder;
+  return std::filesystem::exists(usual / "surface.json") ? usual.string() : std::string();
+}
+
+}  // namespace
+
 Result<std::string> MakeRunReport(const ReportRequest& request) {
   evaluate::Reference reference;
   if (!request.groundtruth.empty()) {
@@ -19,8 +32,8 @@ Result<std::string> MakeRunReport(const ReportRequest& request) {
     HAUSTRA_ASSIGN(pictures, JoinPicturesHtml(run, evaluation, models, request.pictures));
   }
   std::string walls;
-  if (!request.surface.empty()) {
-    HAUSTRA_ASSIGN(walls, WallPicturesHtml(request.surface));
+  if (const std::string surface = SurfaceOf(request); !surface.empty()) {
+    HAUSTRA_ASSIGN(walls, WallPicturesHtml(surface));
   }
   return MakePage({run, reference, evaluation, models, pictures, walls});
 }

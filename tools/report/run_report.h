@@ -15,7 +15,7 @@ struct ReportRequest {
   std::string groundtruth;  // empty: none
   std::string events;       // empty: events.csv beside the ground truth
   PictureOptions pictures;  // without a sequence: none
-  std::string surface;      // folder of `haustra surface`; empty: none
+  std::string surface;      // folder of `haustra surface`; empty: RUN/surface where one lies there as a whole
   evaluate::EvaluateOptions options;
 };
 

@@ -38,6 +38,7 @@
 #include "tools/run/mark_log.h"
 #include "tools/run/progress.h"
 #include "tools/run/run_outputs.h"
+#include "tools/run/surface_of_run.h"
 
 namespace haustra {
 namespace {
@@ -52,6 +53,7 @@ struct RunArguments : ConfigurationOptions {
   std::optional<std::uint64_t> seed;
   SequenceOptions part;  // of the sequence, with calibration and mask
   bool overwrite = false;
+  std::string surface = "auto";
   std::string report = "on";
   std::string load_atlas;
   std::string save_atlas;
@@ -144,6 +146,17 @@ Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::
 Status CheckOutputs(const RunArguments& arguments) {
   HAUSTRA_TRY(OutputFolder::Check(arguments.out, kRunContent, arguments.overwrite));
   return arguments.save_atlas.empty() ? Status::Ok() : CheckOutputFile(arguments.save_atlas, arguments.overwrite);
+}
+
+// The surface of a run that kept depth, beside its results, which are good without it. What it says of the wall goes
+// into the summary, on the disk, too, which is whole at any time.
+Status WriteSurface(const RunArguments& arguments, const Engine& engine, RunSummary* summary) {
+  if (arguments.surface == "off" || engine.depths() == nullptr) return Status::Ok();
+  console::Note(kRunCommand, "making the surface of the wall");
+  const Status made = MakeSurfaceOfRun(arguments.out, arguments.threads, &summary->surface.emplace());
+  const Status told = WriteSummary(arguments.out, *summary);
+  if (made.ok()) return told;
+  return Status(made.code(), "there is no surface: " + made.message() + "; the other results are whole");
 }
 
 // The page beside the results; empty, and a warning, when there is none. The results are good without it.
@@ -322,11 +335,13 @@ int Run(const RunArguments& arguments) {
   for (const RunEvent& event : record.events()) {
     if (event.event == "frame_damaged") console::Warn(kRunCommand, "%s", event.details.c_str());
   }
+  const Status surface = WriteSurface(arguments, engine, &summary);
   const std::string page = arguments.report == "on" ? WriteReport(arguments, sequence_options) : std::string();
   console::Print("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(),
                  arguments.out.c_str());
   if (!page.empty()) console::Print("  report        %s\n", page.c_str());
   if (!atlas_saved.ok()) return console::FailWriting(kRunCommand, atlas_saved);
+  if (!surface.ok()) return console::FailWriting(kRunCommand, surface);
   if (!session.ok()) return console::Fail(kRunCommand, session.status());
   return kExitOk;
 }
@@ -342,6 +357,11 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
                       "v4l2:/dev/video0[,size=1440x1080,...] (haustra capture lists cameras and options)");
   command->add_option("--out", arguments->out, "Folder for the results (made when missing)");
   AddOverwriteFlag(*command, arguments->overwrite);
+  command
+      ->add_option("--surface", arguments->surface,
+                   "auto: a run that kept depth (depth.enabled) makes the surface of the wall, OUT/surface")
+      ->check(CLI::IsMember({"auto", "off"}))
+      ->capture_default_str();
   command->add_option("--report", arguments->report, "on: ends with the page OUT/report.html")
       ->check(CLI::IsMember({"on", "off"}))
       ->capture_default_str();

@@ -297,7 +297,11 @@ Status WriteOutputs(const std::string& folder, const RunRecord& record, const st
   if (engine.depths() != nullptr && !source.static_mask().is_empty()) {
     HAUSTRA_TRY(WritePng((root / "mask.png").string(), source.static_mask()));
   }
-  return WriteWith(root / "summary.json", [&](ByteSink& sink) { return sink.Write(ToJson(summary)); });
+  return WriteSummary(folder, summary);
+}
+
+Status WriteSummary(const std::string& folder, const RunSummary& summary) {
+  return WriteFile((fs::path(folder) / "summary.json").string(), ToJson(summary));
 }
 
 }  // namespace haustra

@@ -6,16 +6,19 @@
 
 #include "engine/export_map.h"
 #include "tools/command/output_folder.h"
+#include "tools/report/surface_folder.h"
 #include "tools/run/mark_log.h"
 #include "tools/run/run_record.h"
 #include "tools/run/run_summary.h"
+#include "tools/surface/surface_content.h"
 
 namespace haustra {
 
 inline constexpr FolderContent kRunContent{
     "a run",
     R"((frames|maps|events|times|marks)\.csv|summary\.json|report\.html|calib\.yaml|mask\.png|trajectory(/(live|map_\d{4,})\.tum)?|)"
-    R"(maps(/map_\d{4,}(\.ply|/((cameras|images|points3D)\.txt|depth\.bin))?)?)"};
+    R"(maps(/map_\d{4,}(\.ply|/((cameras|images|points3D)\.txt|depth\.bin))?)?)",
+    report::kSurfaceFolder, &surface::kSurfaceContent};
 
 // The folders in it. kUnavailable.
 Status MakeResultFolders(const std::string& folder);
@@ -25,5 +28,8 @@ Status MakeResultFolders(const std::string& folder);
 Status WriteOutputs(const std::string& folder, const RunRecord& record, const std::vector<FinalPose>& poses,
                     const RunSummary& summary, const Engine& engine, const MarkLog& marks, const FrameSource& source,
                     const PointColour& colour);
+
+// summary.json alone, as WriteOutputs does: the one that is there stays until the new one is whole.
+Status WriteSummary(const std::string& folder, const RunSummary& summary);
 
 }  // namespace haustra

@@ -330,6 +330,11 @@ std::string ToJson(const RunSummary& s) {
                      {"too_little_seen", depth.num_too_little},
                      {"ms_per_search", MeanMs(depth.search_time, depth.num_searches)}};
   }
+  if (s.surface && s.surface->why_not.empty()) {
+    json["surface"] = {{"made", true}, {"maps", nlohmann::ordered_json::parse(s.surface->maps_json)}};
+  } else if (s.surface) {
+    json["surface"] = {{"made", false}, {"reason", s.surface->why_not}};
+  }
   json["video_s"] = s.video_s;
   json["wall_s"] = s.wall_s;
   json["realtime_ratio"] = s.realtime_ratio;
@@ -400,6 +405,10 @@ std::string ToText(const RunSummary& s) {
   if (s.depth) {
     Append(&text, "  depth         %5zu     keyframes have one (%.0f ms each)\n", s.depth->num_keyframes,
            MeanMs(s.depth->counters.search_time, s.depth->counters.num_searches));
+  }
+  if (s.surface) {
+    if (!s.surface->why_not.empty()) text += "  wall          no surface: " + s.surface->why_not + "\n";
+    for (const std::string& line : s.surface->lines) text += "  wall          " + line;
   }
   for (const MarkFigures& mark : s.marks) {
     const auto num = [&](MarkState state) { return mark.num_frames[static_cast<std::size_t>(state)]; };

@@ -62,6 +62,13 @@ struct DepthFigures {
   std::size_t num_keyframes = 0;  // that have a depth at the end
 };
 
+// Of the surface that a run with depth.enabled ends with.
+struct SurfaceFigures {
+  std::string why_not;             // there is none; empty: there is one
+  std::string maps_json;           // how much of the wall each map has seen, as in surface.json
+  std::vector<std::string> lines;  // likewise for people, one a map, with its line break
+};
+
 struct RunSummary {
   std::string mode;
   std::string device;
@@ -102,6 +109,7 @@ struct RunSummary {
   std::vector<MarkFigures> marks;  // by id
   std::vector<RefusedMark> refused_marks;
   std::optional<DepthFigures> depth;
+  std::optional<SurfaceFigures> surface;  // nothing while none was asked for
   // Real-time mode only.
   std::optional<RealTimeReport> realtime;
   double rate = 1.0;     // pace that was asked for, relative to the camera: frames came this much faster

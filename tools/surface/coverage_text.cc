@@ -104,6 +104,15 @@ void AddCoverage(const MapCoverage& coverage, nlohmann::ordered_json* map) {
   }
 }
 
+nlohmann::ordered_json ToJson(const std::vector<SurfaceMap>& maps, const std::vector<MapCoverage>& coverages) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    json.push_back({{"map_id", maps[i].map_id}});
+    AddCoverage(coverages[i], &json.back());
+  }
+  return json;
+}
+
 nlohmann::ordered_json ToJson(const CoverageScore& score) {
   nlohmann::ordered_json segments = nlohmann::ordered_json::array();
   for (const CoverageScore::Segment& segment : score.segments) {

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
 
 #include "tools/surface/coverage_truth.h"
 #include "tools/surface/map_coverage.h"
@@ -23,6 +24,8 @@ std::string CellsCsv(const WallGrid& wall);
 
 // Adds "lumen", and where there is one "wall_coverage", "seen_poorly" and "segments".
 void AddCoverage(const MapCoverage& coverage, nlohmann::ordered_json* map);
+// Of each map "map_id" and these.
+nlohmann::ordered_json ToJson(const std::vector<SurfaceMap>& maps, const std::vector<MapCoverage>& coverages);
 nlohmann::ordered_json ToJson(const CoverageScore& score);
 
 }  // namespace haustra::surface

@@ -6,6 +6,7 @@
 #include "tools/evaluate/run_output.h"
 #include "tools/evaluate/text_input.h"
 #include "tools/report/map_model.h"
+#include "tools/report/surface_folder.h"
 #include "tools/view/page_site.h"
 #include "tools/view/run_data.h"
 
@@ -35,7 +36,7 @@ Result<ViewSite> MakeRunSite(const RunSiteRequest& request) {
   HAUSTRA_ASSIGN(const auto models, report::ReadMapModels(run));
   ViewSite site = MakePageSite(PageKind::kRun);
   std::map<int, std::string> surfaces;
-  const std::string usual = (std::filesystem::path(request.run) / "surface").string();
+  const std::string usual = (std::filesystem::path(request.run) / report::kSurfaceFolder).string();
   const std::string folder = request.surface.empty() ? usual : request.surface;
   if (std::filesystem::is_directory(folder)) {
     HAUSTRA_ASSIGN(surfaces, AddSurfaces(folder, models, &site));

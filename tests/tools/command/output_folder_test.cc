@@ -138,6 +138,29 @@ TEST_F(OutputFolderTest, UnfinishedResultsLeaveTheEarlierOnesAside) {
   EXPECT_TRUE(Files().empty());
 }
 
+// One command's folder inside another's: its names count there, and only there.
+TEST_F(OutputFolderTest, AnInnerFolderIsReplacedWithTheRest) {
+  static constexpr FolderContent kInner{"a mesh", R"(mesh\.ply)"};
+  constexpr FolderContent kWithInner{"a result", kContent.names, "wall", &kInner};
+  WriteEarlier();
+  folder_.Write("out/wall/mesh.ply", "earlier mesh");
+  folder_.Write("out/wall/mesh.ply.partial-7", "of a killed run");
+  folder_.Write("out/wall/replaced-7/mesh.ply", "set aside");
+  EXPECT_EQ(Check(true).code(), StatusCode::kFailedPrecondition) << "of a content without it";
+  ASSERT_TRUE(OutputFolder::Check(out_, kWithInner, true).ok());
+  folder_.Write("out/wall/scan.ply", "precious");
+  EXPECT_THAT(OutputFolder::Check(out_, kWithInner, true).message(), HasSubstr("holds 'wall/scan.ply'"));
+  fs::remove(out_ + "/wall/scan.ply");
+  folder_.Write("out/mesh.ply", "precious");
+  EXPECT_THAT(OutputFolder::Check(out_, kWithInner, true).message(), HasSubstr("holds 'mesh.ply'"));
+  fs::remove(out_ + "/mesh.ply");
+  Result<OutputFolder> folder = OutputFolder::Create(out_, kWithInner, true);
+  ASSERT_TRUE(folder.ok()) << folder.status().ToString();
+  EXPECT_FALSE(fs::exists(out_ + "/wall"));
+  folder->Commit();
+  EXPECT_TRUE(Files().empty());
+}
+
 TEST_F(OutputFolderTest, RenderedAndRecordedSequencesAreKnown) {
   for (const char* name : {"frames/000012.jpg", "frames/1000000.png", "times.txt", "calib.yaml", "mask.png",
                            "groundtruth.txt", "events.csv", "revisits.csv"}) {

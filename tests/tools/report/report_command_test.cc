@@ -71,6 +71,18 @@ TEST_F(ReportCommandTest, ASurfaceGivesASectionOfItsOwn) {
   EXPECT_THAT(folder_.Read("plain.html"), ::testing::Not(HasSubstr("wall-section")));
 }
 
+TEST_F(ReportCommandTest, TheSurfaceOfTheRunIsTakenWithoutBeingAskedFor) {
+  folder_.Write("out/surface/map_0000.ply", "ply\n");
+  ASSERT_EQ(Run({"report", At("out"), "--html", At("half.html")}), kExitOk) << err_;
+  EXPECT_THAT(folder_.Read("half.html"), ::testing::Not(HasSubstr("wall-section"))) << "it was not finished";
+  folder_.Write("out/surface/surface.json", R"({"maps": [{"map_id": 0, "lumen": {"found": false, "reason": "own"}}]})");
+  folder_.Write("wall/surface.json", R"({"maps": [{"map_id": 0, "lumen": {"found": false, "reason": "other"}}]})");
+  ASSERT_EQ(Run({"report", At("out"), "--html", At("own.html")}), kExitOk) << err_;
+  EXPECT_THAT(folder_.Read("own.html"), HasSubstr("No lumen was found: own."));
+  ASSERT_EQ(Run({"report", At("out"), "--surface", At("wall"), "--html", At("other.html")}), kExitOk) << err_;
+  EXPECT_THAT(folder_.Read("other.html"), HasSubstr("No lumen was found: other."));
+}
+
 TEST_F(ReportCommandTest, MissingInputsAreNamed) {
   EXPECT_EQ(Run({"report", At("none"), "--html", At("r.html")}), kExitNoInput);
   EXPECT_THAT(err_, HasSubstr("none: no such folder"));

@@ -221,6 +221,22 @@ TEST(RunSummary, JsonHasTheTermsOfTheEvaluation) {
   EXPECT_EQ(json["frame_ms"], (nlohmann::json{{"p50", 1.0}, {"p99", 2.0}, {"p999", 3.0}, {"max", 4.0}}));
 }
 
+TEST(RunSummary, TheSurfaceIsSaidWhereItWasAskedFor) {
+  RunSummary summary;
+  EXPECT_FALSE(nlohmann::json::parse(ToJson(summary)).contains("surface"));
+  EXPECT_EQ(ToText(summary).find("wall"), std::string::npos);
+  summary.surface = SurfaceFigures{"", R"([{"map_id": 3, "wall_coverage": 0.5}])", {"map 3: half of it\n"}};
+  nlohmann::json surface = nlohmann::json::parse(ToJson(summary))["surface"];
+  EXPECT_EQ(surface["made"], true);
+  EXPECT_EQ(surface["maps"][0]["map_id"], 3);
+  EXPECT_EQ(surface["maps"][0]["wall_coverage"], 0.5);
+  EXPECT_NE(ToText(summary).find("\n  wall          map 3: half of it\n"), std::string::npos) << ToText(summary);
+  summary.surface = SurfaceFigures{"the disk is full", "", {}};
+  surface = nlohmann::json::parse(ToJson(summary))["surface"];
+  EXPECT_EQ(surface, (nlohmann::json{{"made", false}, {"reason", "the disk is full"}}));
+  EXPECT_NE(ToText(summary).find("\n  wall          no surface: the disk is full\n"), std::string::npos);
+}
+
 TEST(RunSummary, TextSaysWhatIsWrongOnlyWhenItIs) {
   RunSummary summary;
   summary.mode = "realtime";

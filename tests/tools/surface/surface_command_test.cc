@@ -4,17 +4,21 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "capture/codec/image_codec.h"
 #include "capture/image.h"
+#include "engine/depth/depth_file.h"
 #include "tests/tools/command/call_command.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tests/tools/report/small_report.h"
 #include "tools/exit_codes.h"
+#include "tools/run/surface_of_run.h"
 
 namespace haustra {
 namespace {
@@ -136,6 +140,86 @@ TEST_F(SurfaceCommandTest, OptionsOutOfRangeAreRefused) {
   EXPECT_EQ(Surface("seq", {"--max-range", "7"}), kExitUsage);
   EXPECT_EQ(Surface("seq", {"--max-slant", "90"}), kExitUsage);
   EXPECT_EQ(Surface("seq", {"--segment", "0"}), kExitUsage);
+}
+
+// What `haustra run` makes of the depth that it has kept.
+class SurfaceOfRunTest : public SurfaceCommandTest {
+ protected:
+  void KeepDepth() const {
+    DepthMap depth(8, 6);
+    depth.Clear(0.1);
+    for (int cell = 0; cell < depth.num_cells(); ++cell) depth.Set(cell, 0.5, 200);
+    const std::vector<std::uint8_t> bgr(3 * 8 * 6, 120);
+    StringSink sink;
+    DepthFileWriter writer(sink);
+    ASSERT_TRUE(writer.Begin({8, 8, 6}, 1).ok());
+    ASSERT_TRUE(writer.Add(1, 6, depth, bgr).ok());
+    ASSERT_TRUE(writer.End().ok());
+    folder_.Write("out/maps/map_0000/depth.bin", sink.bytes());
+  }
+  Status Make(SurfaceFigures* figures) const { return MakeSurfaceOfRun(folder_.At("out"), 1, figures); }
+};
+
+TEST_F(SurfaceOfRunTest, IsThatOfTheCommandAndSaysHowMuchWasSeen) {
+  KeepDepth();
+  SurfaceFigures figures;
+  ASSERT_EQ(Make(&figures).message(), "");
+  const CommandAnswer answer =
+      CallCommand({AddSurfaceCommand}, {"surface", folder_.At("out"), "--out", folder_.At("to")});
+  ASSERT_EQ(answer.code, kExitOk) << answer.err;
+  for (const char* name : {"/map_0000.ply", "/map_0000.glb", "/surface.json"}) {
+    ASSERT_TRUE(IsThere(std::string("to") + name)) << name;
+    EXPECT_EQ(folder_.Read(std::string("out/surface") + name), folder_.Read(std::string("to") + name)) << name;
+  }
+  const nlohmann::json maps = nlohmann::json::parse(figures.maps_json);
+  const nlohmann::json written = nlohmann::json::parse(folder_.Read("to/surface.json"))["maps"];
+  EXPECT_EQ(written[0]["keyframes_with_depth"], 1);
+  ASSERT_EQ(maps.size(), 1u);
+  EXPECT_EQ(maps[0]["map_id"], 0);
+  EXPECT_EQ(maps[0]["lumen"], written[0]["lumen"]);
+  ASSERT_EQ(figures.lines.size(), 1u);
+  EXPECT_THAT(answer.out, HasSubstr(figures.lines[0]));
+  EXPECT_EQ(figures.why_not, "");
+}
+
+TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatFails) {
+  KeepDepth();
+  const std::string summary = folder_.Read("out/summary.json");
+  folder_.Write("out/maps/map_0000/depth.bin", "no depth");
+  SurfaceFigures figures;
+  EXPECT_FALSE(Make(&figures).ok());
+  EXPECT_THAT(figures.why_not, HasSubstr("depth.bin: "));
+  EXPECT_FALSE(IsThere("out/surface"));
+  // The disk is full: nothing can be written that has more than some bytes.
+  KeepDepth();
+  rlimit usual{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &usual), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit full{64, usual.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &full), 0);
+  const Status status = Make(&figures);
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &usual), 0);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(figures.why_not, HasSubstr("surface/map_0000.ply: "));
+  EXPECT_FALSE(IsThere("out/surface"));
+  EXPECT_EQ(folder_.Read("out/summary.json"), summary);
+}
+
+TEST_F(SurfaceOfRunTest, AnEarlierOneIsKept) {
+  KeepDepth();
+  folder_.Write("out/surface/map_0000.ply", "mine");
+  SurfaceFigures figures;
+  EXPECT_EQ(Make(&figures).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(folder_.Read("out/surface/map_0000.ply"), "mine");
+}
+
+TEST_F(SurfaceOfRunTest, ARunWithoutAMapHasNoneAndThatIsNoError) {
+  folder_.Remove("out/maps");
+  SurfaceFigures figures;
+  EXPECT_TRUE(Make(&figures).ok());
+  EXPECT_EQ(figures.why_not, "the run has no map");
+  EXPECT_FALSE(IsThere("out/surface"));
 }
 
 }  // namespace

@@ -1,0 +1,48 @@
+#include "tools/run/surface_of_run.h"
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "tools/report/surface_folder.h"
+#include "tools/surface/coverage_text.h"
+#include "tools/surface/run_surface.h"
+#include "tools/surface/surface_content.h"
+
+namespace haustra {
+namespace {
+
+Status MakeOf(const std::string& run_folder, const std::string& surface_folder, int num_threads,
+              SurfaceFigures* figures) {
+  HAUSTRA_ASSIGN(const evaluate::RunOutput run, evaluate::ReadRunOutput(run_folder));
+  if (run.geometry.empty()) {
+    figures->why_not = "the run has no map";
+    return Status::Ok();
+  }
+  surface::SurfaceRequest request;
+  request.surface.num_threads = num_threads;
+  HAUSTRA_ASSIGN(const surface::RunSurface made, surface::MakeRunSurface(run, request));
+  HAUSTRA_TRY(surface::WriteRunSurface({surface_folder}, made, {}));
+  figures->maps_json = surface::ToJson(made.maps, made.coverages).dump();
+  for (std::size_t i = 0; i < made.maps.size(); ++i) {
+    figures->lines.push_back(surface::ToText(made.maps[i].map_id, made.coverages[i]));
+  }
+  return Status::Ok();
+}
+
+}  // namespace
+
+Status MakeSurfaceOfRun(const std::string& folder, int num_threads, SurfaceFigures* figures) {
+  const std::string surface_folder = (std::filesystem::path(folder) / report::kSurfaceFolder).string();
+  Status status = OutputFolder::Check(surface_folder, surface::kSurfaceContent, false);
+  if (status.ok()) {
+    status = MakeOf(folder, surface_folder, num_threads, figures);
+    std::error_code error;
+    // Half a surface would be taken for a whole one.
+    if (!status.ok()) std::filesystem::remove_all(surface_folder, error);
+  }
+  if (!status.ok()) figures->why_not = status.message();
+  return status;
+}
+
+}  // namespace haustra

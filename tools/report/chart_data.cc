@@ -132,7 +132,8 @@ class Crowd {
   double reach_ = 0.0;
 };
 
-// Axes of largest, middle and smallest extent as rows, each pointing to where its largest component is positive.
+// Axes of largest, middle and smallest extent as rows, the first two pointing to where their largest component is
+// positive. Right-handed: what is turned to them is not its mirror image.
 Eigen::Matrix3d PrincipalAxes(const Positions& positions, Eigen::Vector3d* centre) {
   *centre = Eigen::Vector3d::Zero();
   if (positions.empty()) return Eigen::Matrix3d::Identity();
@@ -141,12 +142,13 @@ Eigen::Matrix3d PrincipalAxes(const Positions& positions, Eigen::Vector3d* centr
   for (const Eigen::Vector3d& p : positions) scatter += (p - *centre) * (p - *centre).transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);
   Eigen::Matrix3d axes;
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < 2; ++i) {
     Eigen::Vector3d axis = solver.eigenvectors().col(2 - i);
     Eigen::Index largest = 0;
     axis.cwiseAbs().maxCoeff(&largest);
     axes.row(i) = (axis[largest] < 0.0 ? -axis : axis).transpose();
   }
+  axes.row(2) = axes.row(0).cross(axes.row(1));
   return axes;
 }
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/report/small_report.h"
@@ -75,6 +77,30 @@ TEST(ChartData, WithoutGroundTruthMapsAreInTheirOwnUnits) {
   ASSERT_EQ(views.size(), 1u);
   EXPECT_EQ(views[0]["unit"], "map units");
   EXPECT_TRUE(views[0]["truth"].empty());
+}
+
+// Views are turned to the principal axes of what they show. Whatever these are, a left colon stays a left colon.
+TEST(ChartData, AViewIsNotAMirrorImage) {
+  const Eigen::Vector3d extents(50.0, 20.0, 5.0);
+  for (int turn = 0; turn < 8; ++turn) {
+    const Eigen::Matrix3d rotation = Eigen::AngleAxisd(0.8 * turn, Eigen::Vector3d(1, 2, 3).normalized()).matrix();
+    MapModel model;
+    model.points.push_back(Eigen::Vector3d::Zero());
+    for (int i = 0; i < 3; ++i) model.points.push_back(rotation.col(i) * extents[i]);
+    for (int i = 0; i < 400; ++i) {
+      const Eigen::Vector3d some(std::sin(i), std::sin(1.7 * i), std::sin(2.3 * i));
+      model.points.push_back(rotation * some.cwiseProduct(extents));
+    }
+    model.rgb.resize(model.points.size());
+    const Json points = DataOf(SmallRun(), evaluate::Reference(), {{0, model}})["views"][0]["maps"][0]["points"];
+    Eigen::Matrix3d shown;
+    for (int i = 0; i < 3; ++i) {
+      for (int axis = 0; axis < 3; ++axis) {
+        shown(axis, i) = points[i + 1][axis].get<double>() - points[0][axis].get<double>();
+      }
+    }
+    EXPECT_NEAR(shown.determinant(), extents.prod(), 0.01 * extents.prod()) << turn;
+  }
 }
 
 // A point whose distance was never known may lie anywhere: path and wall keep their shape.

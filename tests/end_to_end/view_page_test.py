@@ -109,6 +109,20 @@ class PageTest(unittest.TestCase):
             keep(page, "report.png")
             self.assertEqual(page.messages, [])
 
+    def test_report_with_a_surface(self):
+        with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
+            surface, report = Path(scratch, "surface"), Path(scratch, "report.html")
+            subprocess.run([HAUSTRA, "surface", RESULT, "--sequence", SEQUENCE, "--out", surface, "--quiet"], check=True)
+            subprocess.run([HAUSTRA, "report", RESULT, "--surface", surface, "--html", report, "--quiet"], check=True)
+            page.open(report.as_uri())
+            self.assertTrue(page.wait_for("document.querySelector('.scene') !== null"), page.messages)
+            page.value("document.querySelector('.scene').scrollIntoView({block: 'center'})")
+            self.assert_scene_is_drawn(page, ".scene", 10, 10)
+            # Triangles, and not the points of the map.
+            self.assertTrue(page.wait_for("Number(document.querySelector('.scene').dataset.drawn) > 8000"))
+            keep(page, "report_surface.png")
+            self.assertEqual(page.messages, [])
+
     def test_another_page_learns_nothing(self):
         with ServedView(HAUSTRA, RESULT) as server, browser.Browser() as page:
             # A page of another origin in the same browser, which even knows the address.

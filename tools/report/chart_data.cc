@@ -154,6 +154,7 @@ Eigen::Matrix3d PrincipalAxes(const Positions& positions, Eigen::Vector3d* centr
 
 struct ShownMap {
   int map_id = -1;
+  Sim3 view_from_map;
   std::vector<Positions> lines;  // camera centres; a new line after frames without a pose
   Positions points;
   std::vector<std::uint8_t> rgb;  // three a point
@@ -162,6 +163,7 @@ struct ShownMap {
 ShownMap MakeShownMap(const RunOutput& run, int map_id, const MapModel* model, const Sim3& view_from_map) {
   ShownMap map;
   map.map_id = map_id;
+  map.view_from_map = view_from_map;
   bool was_in_map = false;
   for (const RunFrame& frame : run.frames) {
     const bool is_in_map = frame.map_id == map_id;
@@ -207,8 +209,21 @@ Json ViewJson(const std::string& title, const std::string& unit, const Positions
   for (const ShownMap& map : maps) {
     Json lines = Json::array();
     for (const Positions& line : map.lines) lines.push_back(json_of(line));
-    view["maps"].push_back(
-        {{"map", map.map_id}, {"lines", lines}, {"points", json_of(map.points)}, {"rgb", ToBase64(map.rgb)}});
+    // Of its mesh, which is in the page as it is. Columns: where the map's axes and its origin come to lie.
+    const Eigen::Vector3d origin = axes * (map.view_from_map * Eigen::Vector3d::Zero() - centre);
+    Json shown_from_map = Json::array();
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 3; ++column) {
+        const Eigen::Vector3d end = axes * (map.view_from_map * Eigen::Vector3d::Unit(column) - centre);
+        shown_from_map.push_back(end[row] - origin[row]);
+      }
+      shown_from_map.push_back(origin[row]);
+    }
+    view["maps"].push_back({{"map", map.map_id},
+                            {"lines", lines},
+                            {"points", json_of(map.points)},
+                            {"rgb", ToBase64(map.rgb)},
+                            {"shown_from_map", shown_from_map}});
   }
   return view;
 }

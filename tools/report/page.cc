@@ -7,6 +7,7 @@
 #include "tools/evaluate/paper_tables.h"
 #include "tools/evaluate/report_json.h"
 #include "tools/evaluate/report_text.h"
+#include "tools/report/base64.h"
 #include "tools/report/chart_data.h"
 #include "tools/report/html_text.h"
 #include "tools/report/page_assets.h"
@@ -117,12 +118,25 @@ std::string CoverageHtml(const Evaluation& e) {
   return Paragraph(text) + Plot("coverage", e.visible_coverage ? 230 : 200);
 }
 
-std::string ViewsHtml(bool has_truth) {
+// A page is sent by mail and opened on any machine: of meshes it takes so many bytes, before base64 adds a third.
+constexpr std::size_t kMaxMeshBytes = 3'000'000;
+
+bool AreShown(const std::map<int, std::string>& meshes) {
+  std::size_t bytes = 0;
+  for (const auto& [map_id, ply] : meshes) bytes += ply.size();
+  return bytes <= kMaxMeshBytes;
+}
+
+std::string ViewsHtml(bool has_truth, const std::map<int, std::string>& meshes) {
   std::string text =
       "Camera paths (lines) and map points (dots): in 3D, to be turned with the mouse, and seen along the smallest and "
       "the middle principal axis of the path. ";
   text += has_truth ? "The true path is the thin line, black or in 3D white."
                     : "Each map has its own frame and scale: no ground truth was given.";
+  if (!meshes.empty()) {
+    text += AreShown(meshes) ? " In 3D the surface of the wall is shown in place of the points."
+                             : " The surface of the wall is too large for this page; haustra view shows it.";
+  }
   std::string html = Paragraph(text) + "<div id=\"views\"></div>\n";
   if (has_truth) html += "<h3>Position error over time</h3>\n" + Plot("errors", 240);
   return html;
@@ -199,7 +213,7 @@ std::string MakePage(const PageContent& content) {
   page += WarningsHtml(e);
   page += Section("summary", "Summary", Wide(SummaryTable(e)));
   page += Section("coverage-section", "Coverage over time", CoverageHtml(e));
-  page += Section("views-section", "Trajectories and map points", ViewsHtml(has_truth));
+  page += Section("views-section", "Trajectories and map points", ViewsHtml(has_truth, content.meshes));
   page += Section("times-section", "Stage times", TimesHtml(e, one));
   page += Section("tables-section", "Tables",
                   Wide(MakePaperTable(one)) + Wide(MakeMapTable(e)) + Wide(MakePrecisionTable(one)) +
@@ -215,6 +229,12 @@ std::string MakePage(const PageContent& content) {
   page += PlotCredits() + SceneCredits();
   page += DataScript("evaluation", ToJson(e));
   page += DataScript("chart-data", MakeChartData(content.run, content.reference, e, content.models));
+  if (AreShown(content.meshes)) {
+    for (const auto& [map_id, ply] : content.meshes) {
+      page += "<script type=\"text/plain\" id=\"mesh-" + std::to_string(map_id) + "\">" +
+              ToBase64(std::span(reinterpret_cast<const std::uint8_t*>(ply.data()), ply.size())) + "</script>\n";
+    }
+  }
   page += "<script>\n";
   page += ChartJs();
   page += "\n</script>\n<script>\n";

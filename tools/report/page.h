@@ -18,6 +18,7 @@ struct PageContent {
   const std::map<int, MapModel>& models;
   std::string pictures_html;   // of join_pictures.h; empty: no sequence was given
   std::string wall_html = {};  // of wall_pictures.h; empty: no surface was given, the page has no such section
+  std::map<int, std::string> meshes = {};  // of surface_meshes.h, shown in place of the points while they are small
 };
 
 // The figures in it are those of ToJson(evaluation), which is in the page as well (script element "evaluation").

@@ -1,10 +1,12 @@
 #include "tools/report/run_report.h"
 
 #include <filesystem>
+#include <map>
 #include <utility>
 
 #include "tools/report/page.h"
 #include "tools/report/surface_folder.h"
+#include "tools/report/surface_meshes.h"
 #include "tools/report/wall_pictures.h"
 
 namespace haustra::report {
@@ -32,10 +34,12 @@ Result<std::string> MakeRunReport(const ReportRequest& request) {
     HAUSTRA_ASSIGN(pictures, JoinPicturesHtml(run, evaluation, models, request.pictures));
   }
   std::string walls;
+  std::map<int, std::string> meshes;
   if (const std::string surface = SurfaceOf(request); !surface.empty()) {
     HAUSTRA_ASSIGN(walls, WallPicturesHtml(surface));
+    HAUSTRA_ASSIGN(meshes, ReadSurfaceMeshes(surface, models));
   }
-  return MakePage({run, reference, evaluation, models, pictures, walls});
+  return MakePage({run, reference, evaluation, models, pictures, walls, meshes});
 }
 
 }  // namespace haustra::report

@@ -20,7 +20,7 @@ struct ReportRequest {
 };
 
 // HTML. Errors of what it reads: evaluate::ReadRunOutput, ReadReference, ReadMapModel, JoinPicturesHtml,
-// WallPicturesHtml.
+// WallPicturesHtml, ReadSurfaceMeshes.
 Result<std::string> MakeRunReport(const ReportRequest& request);
 
 }  // namespace haustra::report

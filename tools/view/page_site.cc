@@ -31,7 +31,6 @@ ViewSite MakePageSite(PageKind kind) {
   site.resources[""] = {"text/html; charset=utf-8", std::move(page)};
   site.resources["view.css"] = {"text/css; charset=utf-8", std::string(ViewCss())};
   site.resources["three.js"] = Script(report::ThreeJs());
-  site.resources["three.js"].bytes += PlyLoaderJs();
   site.resources["chart.js"] = Script(report::ChartJs());
   site.resources["scene_3d.js"] = Script(report::Scene3dJs());
   site.resources["panels.js"] = Script(PanelsJs());

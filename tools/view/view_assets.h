@@ -7,9 +7,8 @@ namespace haustra::view {
 
 std::string_view ViewHtml();
 std::string_view ViewCss();
-std::string_view PanelsJs();     // what both kinds of page share
-std::string_view RunJs();        // of a finished run
-std::string_view LiveJs();       // of a running engine
-std::string_view PlyLoaderJs();  // of three.js
+std::string_view PanelsJs();  // what both kinds of page share
+std::string_view RunJs();     // of a finished run
+std::string_view LiveJs();    // of a running engine
 
 }  // namespace haustra::view

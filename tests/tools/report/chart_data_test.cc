@@ -70,6 +70,12 @@ TEST(ChartData, AlignedMapLiesOnTheTrueTrajectory) {
   EXPECT_LT(distance(map["lines"][1][3], views[0]["truth"][33]), 0.2);
   EXPECT_NEAR(distance(map["points"][0], views[0]["truth"][10]), 5.0, 0.2);
   EXPECT_EQ(map["rgb"], "yGRa");
+  // What turns the map's mesh turns its points.
+  for (int row = 0; row < 3; ++row) {
+    double at = map["shown_from_map"][4 * row + 3];
+    for (int k = 0; k < 3; ++k) at += map["shown_from_map"][4 * row + k].get<double>() * model.points[0][k];
+    EXPECT_NEAR(at, map["points"][0][row].get<double>(), 0.01) << row;
+  }
 }
 
 TEST(ChartData, WithoutGroundTruthMapsAreInTheirOwnUnits) {

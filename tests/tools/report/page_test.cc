@@ -16,14 +16,15 @@
 namespace haustra::report {
 namespace {
 
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
 class PageTest : public ::testing::Test {
  protected:
-  std::string Page(const std::string& pictures = {}) {
+  std::string Page(const std::string& pictures = {}, const std::map<int, std::string>& meshes = {}) {
     evaluation_ = EvaluateRun(run_, reference_, {});
-    return MakePage({run_, reference_, evaluation_, models_, pictures});
+    return MakePage({run_, reference_, evaluation_, models_, pictures, {}, meshes});
   }
 
   evaluate::RunOutput run_ = SmallRun();
@@ -115,6 +116,16 @@ TEST_F(PageTest, RunWithoutAnyMapOrEventIsAPageToo) {
   const std::string page = Page();
   EXPECT_THAT(page, HasSubstr("No candidate was rejected."));
   EXPECT_TRUE(nlohmann::json::accept(ScriptText(page, "chart-data")));
+}
+
+TEST_F(PageTest, ASurfaceIsInThePageWhileItIsSmall) {
+  EXPECT_THAT(Page(), Not(AnyOf(HasSubstr("id=\"mesh-"), HasSubstr("surface of the wall"))));
+  const std::string page = Page({}, {{0, "ply\n"}});
+  EXPECT_THAT(page, HasSubstr("<script type=\"text/plain\" id=\"mesh-0\">cGx5Cg==</script>"));
+  EXPECT_THAT(page, HasSubstr("the surface of the wall is shown in place of the points"));
+  const std::string large = Page({}, {{0, "ply\n"}, {1, std::string(3'000'000, 'x')}});
+  EXPECT_THAT(large, Not(HasSubstr("id=\"mesh-")));
+  EXPECT_THAT(large, HasSubstr("The surface of the wall is too large for this page"));
 }
 
 TEST_F(PageTest, SameRunGivesTheSameBytes) { EXPECT_EQ(Page(), Page()); }

@@ -217,6 +217,16 @@
     });
   };
 
+  // The surface of a map, where the page holds one; `turn` are three rows of a matrix.
+  const meshOf = (id, turn) => {
+    const ply = document.getElementById('mesh-' + id);
+    if (!ply) return null;
+    const geometry = new THREE.PLYLoader().parse(Uint8Array.from(atob(ply.textContent), c => c.charCodeAt(0)).buffer);
+    if (geometry.getAttribute('position').count === 0) return null;
+    geometry.applyMatrix(new THREE.Matrix4().set(...turn, 0, 0, 0, 1));
+    return geometry;
+  };
+
   const drawScene = (place, view) => {
     const scene = new haustra.Scene3D(place);
     if (!scene.works) return;
@@ -230,7 +240,10 @@
     scene.frame(path, points);
     for (const map of view.maps) {
       const colour = Number('0x' + colourOf(map.map).slice(1));
-      scene.addPoints(new Float32Array(map.points.flat()), Uint8Array.from(atob(map.rgb), c => c.charCodeAt(0)), colour);
+      const mesh = meshOf(map.map, map.shown_from_map);
+      // Points of a wall that is drawn are noise in front of it.
+      if (mesh) scene.addSurface(mesh);
+      else scene.addPoints(new Float32Array(map.points.flat()), Uint8Array.from(atob(map.rgb), c => c.charCodeAt(0)), colour);
       scene.addLine(map.lines.flatMap(segmentsOf), colour, 3);
     }
     scene.addLine(segmentsOf(view.truth), haustra.SCENE_COLOURS.truth, 1);

@@ -1,0 +1,16 @@
+// The meshes that `haustra surface` has made of the maps of a run, for pages that show them. reentrant.
+#pragma once
+
+#include <map>
+#include <string>
+
+#include "hal/core/status.h"
+#include "tools/report/map_model.h"
+
+namespace haustra::report {
+
+// PLY files as they are, by map id; of maps that are not in `models`, or have none in the folder, there is none.
+// kInvalidArgument: a file is none; kUnavailable: it cannot be read.
+Result<std::map<int, std::string>> ReadSurfaceMeshes(const std::string& folder, const std::map<int, MapModel>& models);
+
+}  // namespace haustra::report

@@ -231,7 +231,9 @@ void SummariseMarks(const MarkLog& log, const Engine& engine, RunSummary* summar
     of.session = mark.session;
     of.frame_index = mark.frame_index;
     of.is_of_this_run = mark.session == atlas.session();
-    of.map_id = atlas.map(atlas.keyframe(mark.keyframe).map).id;
+    const PlacedMark place = atlas.PlaceOf(mark);
+    of.map_id = atlas.map(place.map).id;
+    of.position = place.position;
   });
   for (const MarkLog::Row& row : log.rows()) {
     const auto at = figures.find(row.sighting.id);
@@ -259,6 +261,7 @@ nlohmann::ordered_json MarksJson(const RunSummary& s) {
     }
     set.push_back({{"label", mark.label},
                    {"map_id", mark.map_id},
+                   {"position", {mark.position.x(), mark.position.y(), mark.position.z()}},
                    {"session", mark.session},
                    {"frame_idx", mark.frame_index},
                    {"of_this_run", mark.is_of_this_run},

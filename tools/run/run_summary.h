@@ -1,6 +1,7 @@
 // The figures of a run, in the terms of the evaluation: what summary.json and the console show.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <optional>
 #include <string>
@@ -46,7 +47,8 @@ struct MarkFigures {
   std::uint32_t frame_index = 0;  // likewise, of that session
   bool is_of_this_run = false;
   MapId map_id = 0;
-  std::array<std::size_t, 4> num_frames{};  // by MarkState
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in that map
+  std::array<std::size_t, 4> num_frames{};             // by MarkState
 };
 
 struct RefusedMark {

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "capture/ground_truth.h"
 #include "tools/evaluate/colmap_reader.h"
 #include "tools/evaluate/csv_table.h"
+#include "tools/evaluate/json_input.h"
 #include "tools/evaluate/text_input.h"
 
 namespace haustra::evaluate {
@@ -199,14 +199,7 @@ std::string TextAt(const nlohmann::json& json, const char* key) {
 }
 
 Status ReadFigures(const std::string& path, RunFigures* figures) {
-  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
-  nlohmann::json json;
-  try {
-    json = nlohmann::json::parse(text);
-  } catch (const nlohmann::json::exception& error) {
-    return InvalidArgument(path + ": " + error.what());
-  }
-  if (!json.is_object()) return InvalidArgument(path + ": not a JSON object");
+  HAUSTRA_ASSIGN(const nlohmann::json json, ReadJsonObject(path));
   figures->mode = TextAt(json, "mode");
   figures->device = TextAt(json, "device");
   if (const auto found = json.find("calibration"); found != json.end() && found->is_object()) {
@@ -261,6 +254,7 @@ Result<RunOutput> ReadRunOutput(const std::string& folder) {
   HAUSTRA_TRY(ReadEvents(path("events.csv"), &run.events));
   HAUSTRA_TRY(ReadTimes(path("times.csv"), &run.times));
   HAUSTRA_TRY(ReadFigures(path("summary.json"), &run.figures));
+  HAUSTRA_ASSIGN(run.marks, ReadRunMarks(folder));
   if (!run.figures.calibration_note.empty()) run.warnings.push_back(run.figures.calibration_note);
   HAUSTRA_TRY(ReadTrajectories(&run));
   HAUSTRA_TRY(ReadGeometry(&run));

@@ -1,5 +1,5 @@
 // The output folder of a run, read back: frames.csv, maps.csv, events.csv, times.csv, the final trajectory and the
-// exported geometry of each map, and the times in summary.json.
+// exported geometry of each map, the times in summary.json, and the marks.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include "engine/geometry/se3.h"
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
+#include "tools/evaluate/run_marks.h"
 
 namespace haustra::evaluate {
 
@@ -94,6 +95,7 @@ struct RunOutput {
   std::map<int, MapGeometry> geometry;  // by map id; maps without an export are missing
   std::vector<StageTime> times;         // in the file's order; none when there is no times.csv
   RunFigures figures;
+  RunMarks marks;
   std::vector<std::string> warnings;  // what did not fit together, but can be evaluated
 };
 

@@ -1,6 +1,8 @@
 // Writes a run that was made by geometry into a folder, as haustra run does.
 #pragma once
 
+#include <nlohmann/json.hpp>
+
 #include "engine/io/colmap_writer.h"
 #include "engine/io/text_writer.h"
 #include "engine/io/trajectory_writer.h"
@@ -10,6 +12,32 @@
 namespace haustra::evaluate {
 
 inline std::string MapName(int map_id) { return "map_000" + std::to_string(map_id); }
+
+// marks.csv, and the member of summary.json; nothing where there are no marks.
+inline std::string WriteMarks(const TextFolder& folder, const std::string& name, const RunMarks& marks) {
+  if (marks.set.empty() && marks.refused.empty()) return {};
+  using nlohmann::json;
+  json set = json::array(), refused = json::array();
+  for (const RunMark& mark : marks.set) {
+    set.push_back({{"label", mark.label},
+                   {"map_id", mark.map_id},
+                   {"session", mark.session},
+                   {"frame_idx", mark.frame_idx},
+                   {"of_this_run", mark.is_of_this_run}});
+    if (mark.position) set.back()["position"] = {mark.position->x(), mark.position->y(), mark.position->z()};
+  }
+  for (const RunRefusedMark& mark : marks.refused) {
+    refused.push_back({{"label", mark.label}, {"frame_idx", mark.frame_idx}, {"reason", mark.reason}});
+  }
+  std::string table = "frame_idx,mark,u_px,v_px,state,distance_in_depths\n";
+  for (const RunMarkSighting& sighting : marks.sightings) {
+    table += std::to_string(sighting.frame_idx) + "," + marks.set[sighting.mark].label + ",1,2," + sighting.state + ",";
+    AppendNumber(sighting.distance_in_depths, &table);
+    table += "\n";
+  }
+  folder.Write(name + "/marks.csv", table);
+  return "\"marks\": " + json{{"set", set}, {"refused", refused}}.dump() + ", ";
+}
 
 inline void WriteRunFolder(const TextFolder& folder, const std::string& name, const RunOutput& run) {
   std::string frames =
@@ -48,7 +76,9 @@ inline void WriteRunFolder(const TextFolder& folder, const std::string& name, co
     folder.Write(name + "/trajectory/" + MapName(map_id) + ".tum", sink.bytes());
   }
   folder.Write(name + "/summary.json",
-               R"({"mode": "sequential", "device": "cpu", "seed": 3, "frames": )" + std::to_string(run.frames.size()) +
+               "{" + WriteMarks(folder, name, run.marks) +
+                   R"("mode": "sequential", "device": "cpu", "seed": 3, "frames": )" +
+                   std::to_string(run.frames.size()) +
                    R"(, "frame_ms": {"p50": 21.5, "p99": 33.0, "p999": 40.0, "max": 41.0}, "dropped": 0,
                    "peak_rss_mb": 512.5, "realtime_ratio": 1.25, "mapping": {"mean_ms": {"bundle": 80.5, "fuse": 4}}})");
 }

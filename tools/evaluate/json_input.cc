@@ -1,0 +1,19 @@
+#include "tools/evaluate/json_input.h"
+
+#include "tools/evaluate/text_input.h"
+
+namespace haustra::evaluate {
+
+Result<nlohmann::json> ReadJsonObject(const std::string& path) {
+  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
+  nlohmann::json json;
+  try {
+    json = nlohmann::json::parse(text);
+  } catch (const nlohmann::json::exception& error) {
+    return InvalidArgument(path + ": " + error.what());
+  }
+  if (!json.is_object()) return InvalidArgument(path + ": not a JSON object");
+  return json;
+}
+
+}  // namespace haustra::evaluate

@@ -158,6 +158,8 @@ struct ShownMap {
   std::vector<Positions> lines;  // camera centres; a new line after frames without a pose
   Positions points;
   std::vector<std::uint8_t> rgb;  // three a point
+  std::vector<std::string> pin_labels;
+  Positions pins;  // one a label
 };
 
 ShownMap MakeShownMap(const RunOutput& run, int map_id, const MapModel* model, const Sim3& view_from_map) {
@@ -177,6 +179,11 @@ ShownMap MakeShownMap(const RunOutput& run, int map_id, const MapModel* model, c
       map.points.push_back(view_from_map * model->points[i]);
       map.rgb.insert(map.rgb.end(), model->rgb[i].begin(), model->rgb[i].end());
     }
+  }
+  for (const evaluate::RunMark& mark : run.marks.set) {
+    if (mark.map_id != map_id || !mark.position) continue;
+    map.pin_labels.push_back(mark.label);
+    map.pins.push_back(view_from_map * *mark.position);
   }
   return map;
 }
@@ -219,11 +226,17 @@ Json ViewJson(const std::string& title, const std::string& unit, const Positions
       }
       shown_from_map.push_back(origin[row]);
     }
+    Json pins = Json::array();
+    const Json places = json_of(map.pins);
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      pins.push_back({{"label", map.pin_labels[i]}, {"position", places[i]}});
+    }
     view["maps"].push_back({{"map", map.map_id},
                             {"lines", lines},
                             {"points", json_of(map.points)},
                             {"rgb", ToBase64(map.rgb)},
-                            {"shown_from_map", shown_from_map}});
+                            {"shown_from_map", shown_from_map},
+                            {"pins", pins}});
   }
   return view;
 }

@@ -2,7 +2,7 @@
 //   coverage  rows of segments [begin s, end s, map or state]; neighbouring frames of one map are one segment
 //   marks     merges, loops, relocalisations and losses
 //   views     for each frame of reference: trajectories, points and the true path along its three principal axes; rgb:
-//             colours of the points, three bytes each, in base64
+//             colours of the points, three bytes each, in base64; pins: label and place of the doctor's marks
 //   errors    distance of each localised frame from its true position
 //   times     each stage's durations in ms
 // Times are in seconds from the first frame. reentrant, deterministic.

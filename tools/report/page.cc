@@ -10,6 +10,7 @@
 #include "tools/report/base64.h"
 #include "tools/report/chart_data.h"
 #include "tools/report/html_text.h"
+#include "tools/report/mark_table.h"
 #include "tools/report/page_assets.h"
 #include "tools/report/rejections.h"
 
@@ -154,6 +155,15 @@ std::string TimesHtml(const Evaluation& e, std::span<const Evaluation> one) {
          "</div>\n" + Wide(MakeStageTable(one));
 }
 
+std::string MarksHtml(const evaluate::RunOutput& run) {
+  std::string html = Paragraph(
+      "Places on the wall that somebody has pointed at. In each frame that its map was tracked in, a mark is in front, "
+      "hidden behind the wall, out of view, or the map cannot tell (unsure). Seen is: in front.");
+  if (!run.marks.set.empty()) html += Wide(MakeMarkTable(run));
+  if (!run.marks.refused.empty()) html += Wide(MakeRefusedMarkTable(run));
+  return html;
+}
+
 TextTable EventTable(const evaluate::RunOutput& run) {
   TextTable table;
   table.header = {"event", "details", "frame", "map", "other map"};
@@ -214,6 +224,9 @@ std::string MakePage(const PageContent& content) {
   page += Section("summary", "Summary", Wide(SummaryTable(e)));
   page += Section("coverage-section", "Coverage over time", CoverageHtml(e));
   page += Section("views-section", "Trajectories and map points", ViewsHtml(has_truth, content.meshes));
+  if (!content.run.marks.set.empty() || !content.run.marks.refused.empty()) {
+    page += Section("marks-section", "Marks", MarksHtml(content.run));
+  }
   page += Section("times-section", "Stage times", TimesHtml(e, one));
   page += Section("tables-section", "Tables",
                   Wide(MakePaperTable(one)) + Wide(MakeMapTable(e)) + Wide(MakePrecisionTable(one)) +

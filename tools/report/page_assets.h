@@ -9,7 +9,7 @@ std::string_view ChartJs();         // Chart.js, minified
 std::string_view ChartJsLicence();  // to be handed on with it
 std::string_view ThreeJs();         // three.js, minified, with OrbitControls, wide lines and PLYLoader
 std::string_view ThreeJsLicence();  // to be handed on with it
-std::string_view Scene3dJs();       // a map in 3D
+std::string_view Scene3dJs();       // a map in 3D, with pins
 std::string_view ReportJs();        // draws the plots
 std::string_view ReportCss();
 

@@ -78,6 +78,24 @@ TEST(ChartData, AlignedMapLiesOnTheTrueTrajectory) {
   }
 }
 
+TEST(ChartData, PinsLieAtTheMarksOfTheirMap) {
+  evaluate::RunOutput run = SmallRun();
+  // 5 mm in front of the camera of frame 10, in map 0; of the others one has no place, one is of another map.
+  const Eigen::Vector3d place = evaluate::MapFromWorld(0) * (evaluate::TruePose(10) * Eigen::Vector3d(0, 0, 5));
+  run.marks = SmallMarks();
+  run.marks.set[0].position = place;
+  run.marks.set.push_back({"elsewhere", 1, place, 1, 9, true});
+  const Json view = DataOf(run, ShiftedReference(60))["views"][0];
+  const Json& pins = view["maps"][0]["pins"];
+  ASSERT_EQ(pins.size(), 1u);
+  EXPECT_EQ(pins[0]["label"], "<b>&\"x");
+  double square = 0.0;
+  for (int axis = 0; axis < 3; ++axis) {
+    square += std::pow(pins[0]["position"][axis].get<double>() - view["truth"][10][axis].get<double>(), 2);
+  }
+  EXPECT_NEAR(std::sqrt(square), 5.0, 0.2);
+}
+
 TEST(ChartData, WithoutGroundTruthMapsAreInTheirOwnUnits) {
   const Json views = DataOf(SmallRun(), evaluate::Reference())["views"];
   ASSERT_EQ(views.size(), 1u);

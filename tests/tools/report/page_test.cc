@@ -77,6 +77,24 @@ TEST_F(PageTest, NamesFromFilesAreEscaped) {
   EXPECT_THAT(page, HasSubstr("warning: a &amp; b"));
 }
 
+TEST_F(PageTest, MarksAreATableAndTheirLabelsAreText) {
+  EXPECT_THAT(Page(), Not(HasSubstr("marks-section"))) << "a run without marks";
+  run_.marks = SmallMarks();
+  const std::string page = Page();
+  EXPECT_THAT(page, HasSubstr("<section id=\"marks-section\">"));
+  // Set in frame 8; one frame in front at 0.36 s, one at 2.24 s, two hidden, one unsure, none out of view.
+  EXPECT_THAT(page,
+              HasSubstr("<td class=\"left\">&lt;b&gt;&amp;&quot;x</td><td class=\"left\">frame 8</td><td>0</td>"
+                        "<td>2</td><td>2</td><td>1</td><td>0</td><td>0.4 s, frame 9</td><td>2.2 s, frame 56</td>"));
+  EXPECT_THAT(page,
+              HasSubstr("<td class=\"left\">old</td><td class=\"left\">session 0, frame 120</td><td>0</td><td>0</td>"
+                        "<td>0</td><td>0</td><td>2</td><td>-</td><td>-</td>"));
+  EXPECT_THAT(page, HasSubstr("<td class=\"left\">&lt;i&gt;late</td>"
+                              "<td class=\"left\">the run ended before its frame came</td><td>70</td>"));
+  EXPECT_THAT(page, Not(HasSubstr("<b>&")));
+  EXPECT_THAT(page, Not(HasSubstr("<i>late")));
+}
+
 TEST_F(PageTest, NeedsNoNetwork) {
   std::string page = Page();
   // three.js could load textures; nobody asks it to (tests/end_to_end/view_page_test.py looks at what is loaded).

@@ -54,6 +54,17 @@ inline evaluate::RunOutput SmallRun() {
   return run;
 }
 
+// Two marks on the wall of map 0, one of an earlier run, with a label that is HTML; and one that was refused.
+inline evaluate::RunMarks SmallMarks() {
+  evaluate::RunMarks marks;
+  marks.set = {{"<b>&\"x", 0, Eigen::Vector3d(0.25, 0.5, 1.5), 1, 8, true}, {"old", 0, std::nullopt, 0, 120, false}};
+  marks.refused = {{"<i>late", 70, "the run ended before its frame came"}};
+  marks.sightings = {{9, 0, "in_front", 1.5},    {9, 1, "out_of_view", 4.0}, {10, 0, "unsure", 1.25},
+                     {11, 0, "hidden", 1.0},     {12, 0, "hidden", 0.75},    {56, 0, "in_front", 2.5},
+                     {56, 1, "out_of_view", 3.0}};
+  return marks;
+}
+
 inline evaluate::Reference ShiftedReference(std::int64_t num_frames) {
   evaluate::Reference reference = evaluate::TrueReference(num_frames);
   for (GroundTruthPose& pose : reference.poses) pose.timestamp_ns += 1000000000;

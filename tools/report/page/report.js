@@ -247,6 +247,7 @@
       scene.addLine(map.lines.flatMap(segmentsOf), colour, 3);
     }
     scene.addLine(segmentsOf(view.truth), haustra.SCENE_COLOURS.truth, 1);
+    scene.setPins(view.maps.flatMap(map => map.pins));
   };
 
   const drawViews = () => {

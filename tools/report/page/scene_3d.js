@@ -80,7 +80,8 @@ window.haustra = window.haustra || {};
       this.controls.addEventListener('change', () => this.draw());
       this.dot = roundDot();
       this.materials = new Map();  // of lines and points, which come anew with every look: shaders are compiled once
-      this.layers = {points: true, surface: true, path: true, scope: true};
+      this.layers = {points: true, surface: true, path: true, scope: true, pins: true};
+      this.pins = new haustra.Pins(place);
       this.parts = {points: new THREE.Group(), surface: new THREE.Group(), path: new THREE.Group(), scope: new THREE.Group()};
       for (const part of Object.values(this.parts)) this.root.add(part);
       this.is_inside = false;
@@ -184,6 +185,13 @@ window.haustra = window.haustra || {};
       mark.renderOrder = 100;
       mark.position.copy(position);
       this.parts.path.add(mark);
+    }
+
+    // Places with a label (pins.js).
+    setPins(pins) {
+      if (!this.works) return;
+      this.pins.set(pins);
+      this.draw();
     }
 
     // The map lies along the window, all but the farthest points of it in sight. `path`: positions of the scope.
@@ -304,6 +312,7 @@ window.haustra = window.haustra || {};
       }
       this.head_light.position.copy(camera.position);
       this.renderer.render(this.scene, camera);
+      this.pins.draw(camera, this.root, this.layers.pins, through);
       this.place.dataset.drawn = this.renderer.info.render.triangles + this.renderer.info.render.points;
       this.onDrawn(this);
     }

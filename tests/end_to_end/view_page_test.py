@@ -7,6 +7,8 @@ RESULT is a run of SEQUENCE, a rendered colon. Skipped (exit code 77) where ther
 set to a folder the windows are kept there as PNG, for a person to look at.
 """
 
+import csv
+import json
 import os
 import shutil
 import signal
@@ -24,6 +26,8 @@ from served_view import ServedView
 
 HAUSTRA, HAUSTRAD, SEQUENCE, RESULT = (Path(path).resolve() for path in sys.argv[1:5])
 PICTURES = os.environ.get("HAUSTRA_VIEW_PICTURES")
+LABEL = '<b>&"x'
+PIN_IS_SHOWN = "(pin => pin !== null && getComputedStyle(pin).visibility === 'visible')(document.querySelector('.pin'))"
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
 
 
@@ -49,6 +53,23 @@ class Service:
         self._process.wait(timeout=120)
 
 
+def put_marks(run):
+    """A copy of the run with a mark that the scope sees at the end: in front in the last frame, hidden in the one before."""
+    shutil.copytree(RESULT, run)
+    with open(run / "frames.csv", newline="") as file:
+        frames = [int(row["frame_idx"]) for row in csv.DictReader(file)]
+    x, y, z, qx, qy, qz, qw = map(float, (run / "trajectory/map_0000.tum").read_text().split("\n")[-2].split()[1:])
+    # A little way along the axis of the camera.
+    ahead = [2 * (qx * qz + qy * qw), 2 * (qy * qz - qx * qw), 1 - 2 * (qx * qx + qy * qy)]
+    place = [p + 0.3 * a for p, a in zip((x, y, z), ahead)]
+    summary = json.loads((run / "summary.json").read_text())
+    summary["marks"] = {"refused": [], "set": [{"label": LABEL, "map_id": 0, "position": place, "session": 0, "frame_idx": 0,
+                                                "of_this_run": True}]}
+    (run / "summary.json").write_text(json.dumps(summary))
+    (run / "marks.csv").write_text("frame_idx,mark,u_px,v_px,state,distance_in_depths\n"
+                                   f"{frames[-2]},{LABEL},9,9,hidden,1.2\n{frames[-1]},{LABEL},9,9,in_front,1.5\n")
+
+
 def keep(page, name):
     if PICTURES:
         Path(PICTURES, name).write_bytes(page.picture())
@@ -65,6 +86,16 @@ class PageTest(unittest.TestCase):
         drawn = [c for c in colours if sum(abs(a - b) for a, b in zip(c, GROUND)) > 60]
         self.assertGreater(len(drawn), 0.01 * len(colours))
         self.assertGreater(len(set(drawn)), 20)
+
+    def assert_mark_is_shown(self, page, folder):
+        """One that is set now comes into the picture, the list and the scene."""
+        control = [HAUSTRA, "control", "--folder", folder, "mark"]
+        self.assertTrue(any(subprocess.run([*control, str(60 + 40 * (i % 6)), str(60 + 50 * (i // 6 % 4)), "polyp"],
+                                           capture_output=True).returncode == 0 for i in range(96)), "no place could be marked")
+        self.assertTrue(page.wait_for("document.body.dataset.marks === '1'"), page.messages)
+        self.assertEqual(page.value("document.querySelector('#marks th').textContent"), "polyp")
+        self.assertTrue(page.wait_for("document.body.dataset.rings === '1'"), page.messages)
+        self.assertTrue(page.wait_for(PIN_IS_SHOWN), page.messages)
 
     def test_finished_run(self):
         with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
@@ -99,6 +130,39 @@ class PageTest(unittest.TestCase):
                 origins = page.value("[...new Set(performance.getEntriesByType('resource').map(e => new URL(e.name).origin))]")
                 self.assertEqual(origins, [page.value("location.origin")])
             self.assertEqual(server.code, 0)
+
+    def test_marks_of_a_run(self):
+        with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
+            run = Path(scratch, "run")
+            put_marks(run)
+            with ServedView(HAUSTRA, run) as server:
+                page.open(server.address)
+                self.assertTrue(page.wait_for("document.body.dataset.ready === 'run'"), page.messages)
+                row = ("[...document.querySelectorAll('#marks tr')]"
+                       ".map(row => [...row.children].map(cell => cell.textContent).join('|'))")
+                for index, state in enumerate(("in front|1.5", "hidden|1.2", "not known|")):
+                    page.value("(s => { s.value = s.max - %d; s.dispatchEvent(new Event('input')); })"
+                               "(document.getElementById('slider'))" % index)
+                    self.assertEqual(page.value(row), [f"{LABEL}|0|{state}"])
+                self.assertTrue(page.wait_for(PIN_IS_SHOWN), "from outside it is there, however the scope sees it")
+                self.assertEqual(page.value("document.querySelector('.pin span').textContent"), LABEL)
+                # Through the scope it is only there when it is in front.
+                page.value("document.getElementById('inside').click()")
+                self.assertTrue(page.wait_for("!" + PIN_IS_SHOWN))
+                page.value("(s => { s.value = s.max; s.dispatchEvent(new Event('input')); })(document.getElementById('slider'))")
+                self.assertTrue(page.wait_for(PIN_IS_SHOWN))
+                page.value("document.querySelector('[data-layer=pins]').click()")
+                self.assertTrue(page.wait_for("!" + PIN_IS_SHOWN))
+                self.assertEqual(page.value("document.querySelectorAll('b').length"), 0, "a label is no HTML")
+                self.assertEqual(page.messages, [])
+            report = Path(scratch, "report.html")
+            subprocess.run([HAUSTRA, "report", run, "--html", report], check=True, stdout=subprocess.DEVNULL)
+            page.open(report.as_uri())
+            self.assertTrue(page.wait_for(PIN_IS_SHOWN), page.messages)
+            self.assertEqual(page.value("document.querySelector('.pin span').textContent"), LABEL)
+            self.assertEqual(page.value("document.querySelector('#marks-section td').textContent"), LABEL)
+            self.assertEqual(page.value("document.querySelectorAll('b').length"), 0)
+            self.assertEqual(page.messages, [])
 
     def test_report(self):
         with browser.Browser() as page:
@@ -149,6 +213,8 @@ class PageTest(unittest.TestCase):
                     with Service(folder):
                         for each in (page, other):
                             self.assertTrue(each.wait_for("Number(document.body.dataset.points) > 50"), each.messages)
+                            if attempt == 0 and each is page:
+                                self.assert_mark_is_shown(page, folder)
                             self.assertTrue(each.wait_for("document.body.dataset.state === 'tracking'"), each.messages)
                             self.assertTrue(each.wait_for("Number(document.body.dataset.matched) > 50"), each.messages)
                         if attempt == 0:

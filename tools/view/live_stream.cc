@@ -9,6 +9,7 @@
 #include "capture/codec/jpeg_codec.h"
 #include "tools/report/base64.h"
 #include "tools/view/column.h"
+#include "tools/view/live_marks.h"
 
 namespace haustra::view {
 namespace {
@@ -47,6 +48,7 @@ Json PoseJson(const haustra_pose& pose) {
     json["position"] = pose.position_mu;
     json["orientation"] = pose.orientation_xyzw;
   }
+  if (pose.num_marks > 0) json["marks"] = SightingsJson(pose);
   return json;
 }
 
@@ -196,6 +198,7 @@ void LiveStream::TellMap(std::string* news) {
        {"num_points", snapshot_->num_map_points},
        {"num_keyframes", snapshot_->num_map_keyframes},
        {"num_maps", snapshot_->num_maps},
+       {"marks", MarksJson(*snapshot_)},
        {"points", PointsColumn(snapshot_->points, snapshot_->num_points)},
        {"keyframes", PointsColumn(snapshot_->keyframes, snapshot_->num_keyframes)}},
       news);
@@ -233,6 +236,10 @@ void LiveStream::TellPicture(std::string* news) {
     for (const float px : {point.x_px, point.y_px})
       json["points"].push_back(std::round(10.0F * px / picture_->step) / 10.0F);
   }
+  // Its pose is published before its matches.
+  haustra_pose pose;
+  const bool has_pose = FindPose(ring_, picture_->frame_index, picture_->procedure, &pose);
+  json["marks"] = has_pose ? DrawnMarksJson(pose, picture_->step) : Json::array();
   Say("picture", json, news);
 }
 

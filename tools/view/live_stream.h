@@ -4,16 +4,17 @@
 //   fresh    what was shown is of another procedure, or of a service that has gone: forget it
 //   service  what the service does: state (word), text (for people), has_engine
 //   poses    array, in order: frame, t_s, published_ms after the frame, state, reason, is_predicted, map, epoch,
-//            position and orientation (map_from_cam, absent without a pose), features, inliers
+//            position and orientation (map_from_cam, absent without a pose), features, inliers, and where its map has
+//            marks: marks (live_marks.h)
 //   events   array, in order: frame, t_s, event, map, other_map, keyframes, points
 //   map      the active map, at most once a second: map, epoch, num_points, num_keyframes, num_maps, and as columns
-//            (column.h) points and keyframes (float32 x y z, the oldest keyframe first)
+//            (column.h) points and keyframes (float32 x y z, the oldest keyframe first); marks of all maps
+//            (live_marks.h)
 //   picture  where haustrad publishes it (publish.view): frame, width, height, jpeg (base64), num_matched, points (x, y
-//   in
-//            pixels of the picture, one after the other); as soon as its frame was answered
+//            in pixels of the picture, one after the other), marks that may be drawn (live_marks.h); as soon as its
+//            frame was answered
 //   wall     where it publishes depth (publish.depth): what live_surface.h says; an empty object: nothing (any more).
-//   Its
-//            mesh is the resource wall.ply
+//            Its mesh is the resource wall.ply
 // Times count from any moment, lengths are map units.
 #pragma once
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <unordered_map>
 
 #include "tools/evaluate/paper_tables.h"
@@ -19,6 +20,7 @@ using Json = nlohmann::ordered_json;
 constexpr std::size_t kMaxPointsPerMap = 60000;
 // Of the rest there may be a row for every keyframe.
 constexpr std::size_t kMaxEvents = 2000;
+constexpr std::uint8_t kNotTracked = 255;
 
 // Of each frame in ms, NaN where nobody measured it. A run in real time says it frame by frame; of a sequential one it
 // is what the frame took.
@@ -101,14 +103,47 @@ Json EventsOf(const RunOutput& run) {
   return events;
 }
 
+Json MarksOf(const RunOutput& run, const std::vector<std::string>& states) {
+  const std::vector<evaluate::RunMark>& marks = run.marks.set;
+  std::unordered_map<std::int64_t, std::size_t> rows;  // by frame
+  for (std::size_t row = 0; row < run.frames.size(); ++row) rows[run.frames[row].frame_idx] = row;
+  std::vector<std::vector<std::uint8_t>> state(marks.size(), std::vector(run.frames.size(), kNotTracked));
+  std::vector<std::vector<float>> distance(marks.size(), std::vector(run.frames.size(), 0.0f));
+  for (const evaluate::RunMarkSighting& sighting : run.marks.sightings) {
+    const auto row = rows.find(sighting.frame_idx);
+    if (row == rows.end()) continue;
+    const auto word = std::find(states.begin(), states.end(), sighting.state);
+    state[sighting.mark][row->second] = static_cast<std::uint8_t>(word - states.begin());
+    distance[sighting.mark][row->second] = static_cast<float>(sighting.distance_in_depths);
+  }
+  Json json = Json::array();
+  for (std::size_t i = 0; i < marks.size(); ++i) {
+    const std::optional<Eigen::Vector3d>& position = marks[i].position;
+    json.push_back({{"label", marks[i].label},
+                    {"map", marks[i].map_id},
+                    {"position", position ? Json{position->x(), position->y(), position->z()} : Json(nullptr)},
+                    {"frame", marks[i].is_of_this_run ? marks[i].frame_idx : -1},
+                    {"state", Column(state[i])},
+                    {"distance", Column(distance[i])}});
+  }
+  return json;
+}
+
+// Each word once, in the order of their first coming.
+template <typename Rows>
+std::vector<std::string> StatesOf(const Rows& rows) {
+  std::vector<std::string> states;
+  for (const auto& row : rows) {
+    if (std::find(states.begin(), states.end(), row.state) == states.end()) states.push_back(row.state);
+  }
+  return states;
+}
+
 }  // namespace
 
 std::string MakeRunData(const RunOutput& run, const std::map<int, report::MapModel>& models,
                         const std::map<int, std::string>& surfaces) {
-  std::vector<std::string> states;
-  for (const RunFrame& frame : run.frames) {
-    if (std::find(states.begin(), states.end(), frame.state) == states.end()) states.push_back(frame.state);
-  }
+  const std::vector<std::string> states = StatesOf(run.frames), mark_states = StatesOf(run.marks.sightings);
   Json json;
   json["name"] = evaluate::ShortName(run.folder);
   json["mode"] = run.figures.mode;
@@ -124,6 +159,8 @@ std::string MakeRunData(const RunOutput& run, const std::map<int, report::MapMod
   }
   json["frames"] = FramesOf(run, states);
   json["events"] = EventsOf(run);
+  json["mark_states"] = mark_states;
+  json["marks"] = MarksOf(run, mark_states);
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 

@@ -5,6 +5,9 @@
 //           inliers (int32), latency_ms (float32, NaN: not known), position (float32 x y z), orientation (x y z w)
 //   states  words that the column of states counts
 //   events  frame, event, map, other_map, details
+//   marks   label, map, position (in that map at the end, or null), frame (that it was set in, -1: in an earlier run),
+//           and a row a frame: state (uint8, 255: its map was not tracked), distance (float32, depths of the scene)
+//   mark_states  words that the column of states of marks counts
 // A column is base64 of little-endian numbers. Times count from the first frame, poses are map_from_cam, lengths are
 // map units. reentrant, deterministic.
 #pragma once

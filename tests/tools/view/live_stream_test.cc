@@ -158,6 +158,54 @@ TEST_F(LiveStreamTest, APictureIsToldWithItsMatchesOnceItsFrameIsAnswered) {
   EXPECT_EQ(Messages(stream.Next(), "picture").at(0)["num_matched"], 0);
 }
 
+// A mark of the active map with a label that is HTML, one of another map, and one that the snapshot does not know yet.
+TEST_F(LiveStreamTest, MarksComeWithTheMapThePosesAndTheirPicture) {
+  const auto writer = MakeWriter();
+  const auto view = ViewRingWriter::Create(folder_.At("view"), 0600, static_cast<gid_t>(-1));
+  ASSERT_TRUE(view.ok()) << view.status().message();
+  const auto snapshot = std::make_unique<haustra_snapshot>();
+  snapshot->map_id = 3;
+  snapshot->num_marks = 2;
+  snapshot->marks[0] = {5, 3, 0, 4, {1.0F, 2.0F, 3.5F}, 0, "<b>&\"x"};
+  snapshot->marks[1] = {6, 1, 0, 2, {0.0F, 0.0F, 0.0F}, 0, "other"};
+  writer->PublishSnapshot(*snapshot);
+  const std::vector<std::uint8_t> pixels(720 * 540, 90);
+  Frame frame;
+  frame.index = 7;
+  frame.image = {pixels.data(), 720, 540, 720, PixelFormat::kGrey8};
+  (*view)->PublishPicture(frame, 1);
+  haustra_pose pose = PoseAt(7);
+  pose.num_marks = 4;
+  pose.marks[0] = {5, HAUSTRA_MARK_IN_FRONT, 101.0F, 50.0F, 1.256F, 0};
+  pose.marks[1] = {7, HAUSTRA_MARK_HIDDEN, 300.0F, 200.0F, 2.0F, 0};
+  pose.marks[2] = {8, HAUSTRA_MARK_UNSURE, 719.0F, 539.0F, 0.5F, 0};
+  pose.marks[3] = {9, HAUSTRA_MARK_OUT_OF_VIEW, 0.0F, 0.0F, 3.0F, 0};
+  writer->PublishPose(pose);
+  // Newer poses have their own.
+  writer->PublishPose(PoseAt(8));
+  (*view)->PublishMatches(7, 1, {}, 0);
+  LiveStream stream(Root());
+  const std::string news = stream.Next();
+  EXPECT_EQ(Messages(news, "map").at(0)["marks"],
+            nlohmann::json::parse(R"([{"id": 5, "label": "<b>&\"x", "map": 3, "position": [1.0, 2.0, 3.5]},
+                                      {"id": 6, "label": "other", "map": 1, "position": [0.0, 0.0, 0.0]}])"));
+  const nlohmann::json poses = Messages(news, "poses").at(0);
+  ASSERT_EQ(poses[0]["marks"].size(), 4u);
+  EXPECT_EQ(poses[0]["marks"][0], nlohmann::json({{"id", 5}, {"state", "in_front"}, {"distance", 1.26}}));
+  EXPECT_EQ(poses[0]["marks"][1]["state"], "hidden");
+  EXPECT_FALSE(poses[1].contains("marks"));
+  // Every second pixel; what cannot be seen is not told.
+  EXPECT_EQ(Messages(news, "picture").at(0)["marks"],
+            nlohmann::json::parse(R"([{"id": 5, "state": "in_front", "x": 50.5, "y": 25.0},
+                                      {"id": 8, "state": "unsure", "x": 359.5, "y": 269.5}])"));
+  // A frame that was left out has no pose, and so no marks.
+  frame.index = 9;
+  (*view)->PublishPicture(frame, 1);
+  (*view)->PublishMatches(8, 1, {}, 0);
+  (*view)->PublishMatches(10, 1, {}, 0);
+  EXPECT_TRUE(Messages(stream.Next(), "picture").at(0)["marks"].empty());
+}
+
 TEST_F(LiveStreamTest, ViewersDoNotTakeFromEachOther) {
   const auto writer = MakeWriter();
   LiveStream first(Root()), second(Root());

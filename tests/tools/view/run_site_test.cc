@@ -70,6 +70,31 @@ TEST_F(RunSiteTest, DataAreThoseOfTheRun) {
   EXPECT_EQ(data["events"][0]["event"], "map_created");
 }
 
+TEST_F(RunSiteTest, MarksHaveAPlaceAndAStateInEachFrame) {
+  EXPECT_TRUE(DataOf(*Make())["marks"].empty());
+  evaluate::RunOutput run = report::SmallRun();
+  run.marks = report::SmallMarks();
+  WriteRunFolder(folder_, "out", run);
+  const Result<ViewSite> site = Make();
+  ASSERT_TRUE(site.ok()) << site.status().message();
+  const nlohmann::json data = DataOf(*site);
+  EXPECT_EQ(data["mark_states"], nlohmann::json({"in_front", "out_of_view", "unsure", "hidden"}));
+  ASSERT_EQ(data["marks"].size(), 2u);
+  const nlohmann::json& mark = data["marks"][0];
+  EXPECT_EQ(mark["label"], "<b>&\"x");
+  EXPECT_EQ(mark["map"], 0);
+  EXPECT_EQ(mark["frame"], 8);
+  EXPECT_EQ(mark["position"], nlohmann::json({0.25, 0.5, 1.5}));
+  std::vector<std::uint8_t> states(60, 255);
+  states[9] = 0, states[10] = 2, states[11] = states[12] = 3, states[56] = 0;
+  EXPECT_EQ(mark["state"], Column(states));
+  std::vector<float> distances(60, 0.0f);
+  distances[9] = 1.5f, distances[10] = 1.25f, distances[11] = 1.0f, distances[12] = 0.75f, distances[56] = 2.5f;
+  EXPECT_EQ(mark["distance"], Column(distances));
+  EXPECT_EQ(data["marks"][1]["frame"], -1) << "of an earlier run";
+  EXPECT_TRUE(data["marks"][1]["position"].is_null()) << "an older run does not say it";
+}
+
 TEST_F(RunSiteTest, ASurfaceIsFoundBesideTheRunOrWhereItIsSaid) {
   folder_.Write("out/surface/map_0000.ply", "ply\nformat ascii 1.0\nend_header\n");
   folder_.Write("mesh/map_0000.ply", "ply\nformat ascii 1.0\ncomment other\nend_header\n");

@@ -1,7 +1,7 @@
 // The page of a running engine: the event stream "live" (tools/view/live_stream.h).
 'use strict';
 (() => {
-  const {byId, decode, setState, setFacts, eventItem, latencyPlot, connectSwitches, showWall} = haustra;
+  const {byId, decode, setState, setFacts, eventItem, latencyPlot, connectSwitches, showMarks, drawRings, showWall} = haustra;
   const SHOWN_S = 20, MAX_TRAIL = 3000, MAX_EVENTS = 200;
 
   byId('time').hidden = true;
@@ -37,6 +37,15 @@
   };
   if (scene.works) scene.controls.addEventListener('start', () => { is_ours = false; });
 
+  // All marks in the list, those of the map in the scene, as the newest frame sees them.
+  const showLiveMarks = () => {
+    const sightings = new Map((newest && newest.marks || []).map(sighting => [sighting.id, sighting]));
+    const of = mark => sightings.get(mark.id) || {state: 'not_known', distance: null};
+    const rows = (map ? map.marks : []).map(mark => ({...mark, ...of(mark)}));
+    showMarks(rows);
+    scene.setPins(rows.filter(mark => mark.map === map.map));
+  };
+
   const forget = () => {
     map = null;
     hideWall();
@@ -48,6 +57,7 @@
     is_ours = true;
     for (const part of ['points', 'path']) scene.clear(part);
     scene.setScope(null);
+    showLiveMarks();
     byId('events').replaceChildren();
     byId('picture-panel').hidden = true;
     byId('picture').width = byId('picture').width;  // what it showed is cleared
@@ -135,6 +145,7 @@
     scene.clear('points');
     scene.addPoints(map.points, null);
     drawPaths();
+    showLiveMarks();
     document.body.dataset.points = data.num_points;
   };
 
@@ -156,6 +167,7 @@
       scene.setScope(fits ? newest.position : null, newest.orientation);
     }
     drawPaths();
+    showLiveMarks();
     const first = latencies[0], span = newest.t_s - first.x;
     const sorted = latencies.map(p => p.y).sort((a, b) => a - b);
     const quantile = q => sorted[Math.floor(q * (sorted.length - 1))].toFixed(1) + ' ms';
@@ -183,6 +195,10 @@
         context.arc(scale * (data.points[i] + 0.5), scale * (data.points[i + 1] + 0.5), 3.5, 0, 2 * Math.PI);
         context.stroke();
       }
+      // The label of a new mark comes with the next map.
+      const labels = new Map((map ? map.marks : []).map(mark => [mark.id, mark.label]));
+      drawRings(context, scale, data.marks.map(mark => ({...mark, label: labels.get(mark.id) || ''})));
+      document.body.dataset.rings = data.marks.length;
       document.body.dataset.picture = data.frame;
       document.body.dataset.matched = data.num_matched;
     };

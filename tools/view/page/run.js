@@ -1,8 +1,8 @@
 // The page of a finished run: run.json (tools/view/run_data.h) with a slider over its frames.
 'use strict';
 (() => {
-  const {byId, MAP_COLOURS, STATES, decode, clock, setState, setFacts, eventItem, latencyPlot, connectSwitches} = haustra;
-  const MAX_PATH_SEGMENTS = 20000, MAX_PLOT_POINTS = 1500;
+  const {byId, MAP_COLOURS, STATES, decode, clock, setState, setFacts, eventItem, latencyPlot, connectSwitches, showMarks} = haustra;
+  const NOT_TRACKED = 255, MAX_PATH_SEGMENTS = 20000, MAX_PLOT_POINTS = 1500;
 
   const fail = text => {
     setState('error');
@@ -89,6 +89,19 @@
       }
     };
     for (const map of maps.values()) byId('map').add(new Option(map.id + ' (' + map.num_points + ' points)', map.id));
+    const marks = run.marks.map(mark => {
+      return {...mark, state: decode(Uint8Array, mark.state), distance: decode(Float32Array, mark.distance)};
+    });
+    // At a frame: as it was answered at the time, at the place of the end.
+    const goMarks = i => {
+      const rows = marks.map(mark => {
+        const is_tracked = mark.state[i] !== NOT_TRACKED;
+        const state = is_tracked ? run.mark_states[mark.state[i]] : frames.index[i] <= mark.frame ? 'not_set_yet' : 'not_known';
+        return {...mark, state, distance: is_tracked ? mark.distance[i] : null};
+      });
+      showMarks(rows);
+      scene.setPins(rows.filter(mark => mark.position && shown && mark.map === shown.id));
+    };
     byId('map-choice').hidden = maps.size < 2;
     byId('map').addEventListener('change', () => { showMap(Number(byId('map').value)); go(current); });
     connectSwitches(scene, frameMap);
@@ -166,6 +179,7 @@
       byId('state-text').textContent = frames.map[current] >= 0 ? 'map ' + frames.map[current] : (STATES[state] || {meaning: ''}).meaning;
       scene.setScope(has_pose ? frames.position.subarray(3 * current, 3 * current + 3) : null,
                      frames.orientation.subarray(4 * current, 4 * current + 4));
+      goMarks(current);
       if (shown) {
         let low = 0, high = shown.ends.length;
         while (low < high) {

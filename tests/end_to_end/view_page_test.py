@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 import urllib.error
 import urllib.request
@@ -208,6 +209,8 @@ class PageTest(unittest.TestCase):
                     self.assertTrue(each.wait_for("document.body.dataset.service === 'none'"), each.messages)
                 self.assertEqual(page.value("document.getElementById('state').textContent"), "No engine")
                 self.assertEqual(page.value("document.getElementById('state-text').textContent"), "No engine is running.")
+                # Its pictures come up late, as on a busy machine.
+                other.value("window.Image = class extends Image { set onload(f) { super.onload = () => setTimeout(f, 2000); } }; 0")
                 for attempt in range(2):  # the engine comes, and comes anew
                     shutil.rmtree(folder / "state", ignore_errors=True)
                     with Service(folder):
@@ -233,6 +236,9 @@ class PageTest(unittest.TestCase):
                         self.assertTrue(each.wait_for("document.getElementById('picture-panel').hidden"))
                         self.assertTrue(each.wait_for("document.getElementById('wall-panel').hidden"))
                         self.assertEqual(each.value("document.body.dataset.surface"), "none")
+                    time.sleep(2.5)
+                    for each in (page, other):
+                        self.assertTrue(each.value("document.getElementById('picture-panel').hidden"))
                         each.value("document.body.dataset.points = document.body.dataset.matched = 0")
                 self.assertEqual(page.messages, [])
         finally:

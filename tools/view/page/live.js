@@ -12,7 +12,7 @@
 
   const scene = new haustra.Scene3D(byId('scene'));
   const plot = latencyPlot(null, [-SHOWN_S, 0]);
-  let map, wall, trail, latencies, newest, num_poses, framed_extent, is_ours, service = null;
+  let map, wall, trail, latencies, newest, num_poses, framed_extent, is_ours, service = null, num_forgotten = 0;
 
   // Until somebody turns it by hand the picture follows the map as it grows.
   const frame = () => {
@@ -47,6 +47,7 @@
   };
 
   const forget = () => {
+    ++num_forgotten;
     map = null;
     hideWall();
     trail = [];
@@ -181,8 +182,10 @@
 
   // Points of the map that tracking has found in the picture.
   const onPicture = data => {
-    const image = new Image();
+    const image = new Image(), of = num_forgotten;
     image.onload = () => {
+      // Loading takes its time: it may be of another patient by now.
+      if (of !== num_forgotten) return;
       const canvas = byId('picture'), context = canvas.getContext('2d'), scale = 2;
       byId('picture-panel').hidden = false;
       canvas.width = scale * data.width;

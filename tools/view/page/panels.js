@@ -51,7 +51,9 @@ window.haustra = window.haustra || {};
 
   // The unrolled wall with its legend. coverage: {map, wall_coverage, seen_poorly, lumen} as in surface.json, or null: no
   // panel. url: of the picture, or null. scope: where along it the scope is, share of its width, or undefined.
+  let newest_wall = 0;
   const showWall = (coverage, url, scope) => {
+    const own = ++newest_wall;
     byId('wall-panel').hidden = coverage === null;
     if (coverage === null) return;
     const has_lumen = coverage.lumen.found, percent = share => Math.round(100 * share) + ' %';
@@ -67,6 +69,7 @@ window.haustra = window.haustra || {};
     if (!is_shown) return;
     const image = new Image();
     image.onload = () => {
+      if (own !== newest_wall) return;  // forgotten, or another one has come
       const canvas = byId('wall'), context = canvas.getContext('2d'), ratio = window.devicePixelRatio;
       canvas.width = Math.max(1, Math.round(canvas.clientWidth * ratio));
       canvas.height = Math.max(1, Math.round(canvas.clientHeight * ratio));

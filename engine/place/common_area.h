@@ -39,7 +39,7 @@ enum class CommonAreaVerdict : std::uint8_t {
   kFewPoints,         // one of the keyframes carries too few map points
   kDeviceFailed,      // the vision device did not answer
   kFewMatches,        // the descriptors agree in too few places
-  kNoSimilarity,      // no similarity explains enough of the matches
+  kNoSimilarity,      // no similarity explains enough of the matches, or two do so alike
   kLowMatchShare,     // the walls look alike, but most matches contradict the similarity
   kFewInliers,        // guided search finds too little more
   kLowInlierShare,    // too many of the guided matches disagree

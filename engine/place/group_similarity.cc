@@ -14,6 +14,8 @@ constexpr int kPoseIterations = 1500;
 // tissue have 10 to 27.
 constexpr int kMinPoseInliers = 10;
 constexpr double kMapNoiseFactor = 2.0;
+// A similarity that fewer than this share of the best one's matches agree with is a start that went astray.
+constexpr double kRivalShare = 0.8;
 
 }  // namespace
 
@@ -36,6 +38,7 @@ bool GroupSimilarity::Find(const GroupExcerpt& a, const GroupExcerpt& b, std::sp
                            Estimate* estimate) {
   matches_.clear();
   proposals_.clear();
+  refined_.clear();
   views_a_.clear();
   for (int view = 0; view < a.num_keyframes; ++view) {
     if (!AddView(a, view, b, rng) && view == 0) return false;
@@ -49,10 +52,28 @@ bool GroupSimilarity::Find(const GroupExcerpt& a, const GroupExcerpt& b, std::sp
       continue;
     }
     if (result.num_inliers > best.num_inliers) best = result;
+    refined_.push_back(result);
   }
   if (best.num_inliers < options_.min_inliers) return false;
+  if (HasRival(best, a.first().cam_from_map.InverseTranslation())) return false;
   *estimate = {best.b_from_a, static_cast<int>(proposals_.size()), static_cast<int>(matches_.size()), best.num_inliers};
   return true;
+}
+
+bool GroupSimilarity::HasRival(const Sim3OptimizerResult& best, const Eigen::Vector3d& centre_in_a) {
+  const Eigen::Vector3d centre = best.b_from_a * centre_in_a;
+  ratios_.clear();
+  for (const Sim3Match& match : matches_) ratios_.push_back((match.point_in_b - centre).norm());
+  const auto middle = ratios_.begin() + static_cast<std::ptrdiff_t>(ratios_.size() / 2);
+  std::nth_element(ratios_.begin(), middle, ratios_.end());
+  return std::any_of(refined_.begin(), refined_.end(), [&](const Sim3OptimizerResult& other) {
+    if (other.num_inliers < kRivalShare * best.num_inliers) return false;
+    const double position = (other.b_from_a * centre_in_a - centre).norm() / *middle;
+    const double rotation_deg = RotationAngle(other.b_from_a.rotation, best.b_from_a.rotation) / kDegree;
+    const double scale = std::abs(std::log(other.b_from_a.scale / best.b_from_a.scale));
+    return std::max({position / options_.max_position_sigma, rotation_deg / options_.max_rotation_sigma_deg,
+                     scale / options_.max_scale_sigma}) > options_.max_group_disagreement;
+  });
 }
 
 bool GroupSimilarity::AddView(const GroupExcerpt& a, int view_a, const GroupExcerpt& b, Rng& rng) {

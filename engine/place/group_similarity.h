@@ -41,13 +41,15 @@ class GroupSimilarity {
     int num_agreeing = 0;
   };
   // views_b[k] = cam_from_b of the k-th keyframe of group b. False, with `estimate` untouched: the first keyframe of
-  // group a finds no pose in map b (this is asked first, and ends most searches), nothing explains enough, or the
-  // device failed.
+  // group a finds no pose in map b (this is asked first, and ends most searches), nothing explains enough, two
+  // similarities do so alike, or the device failed.
   bool Find(const GroupExcerpt& a, const GroupExcerpt& b, std::span<const SE3> views_b, Rng& rng, Estimate* estimate);
 
  private:
   // Appends the matches of one keyframe of group a, and what they propose. False: they propose nothing.
   bool AddView(const GroupExcerpt& a, int view_a, const GroupExcerpt& b, Rng& rng);
+  // Whether one of the refined similarities explains about as much as the best, and is another one.
+  bool HasRival(const Sim3OptimizerResult& best, const Eigen::Vector3d& centre_in_a);
 
   const CommonAreaConfig& options_;
   const NoiseModel& noise_;
@@ -57,6 +59,7 @@ class GroupSimilarity {
   std::vector<GroupMatch> found_;
   std::vector<Sim3Match> matches_;
   std::vector<Sim3> proposals_;
+  std::vector<Sim3OptimizerResult> refined_;  // of the proposals
   std::vector<SE3> views_a_;
   std::vector<std::uint8_t> inliers_;
   std::vector<Eigen::Vector3d> bearings_;

@@ -37,14 +37,18 @@ struct CommonAreaConfig {
   int min_group_poses = 3;                // keyframes that find a pose; all where there are fewer [1, 41]
   double min_group_visible_share = 0.04;  // in the place of min_visible_share [0, 1]
   double min_group_spread = 0.02;         // in the place of min_spread [0, 1]
-  double max_scale_ratio = 20.0;          // between two maps, each of unit median depth when it was founded [1, 1000]
-  double max_view_angle_deg = 60.0;       // between the optical axes of the two keyframes [1, 180]
-  double max_rotation_sigma_deg = 1.5;    // uncertainty of the similarity that the inliers leave [0.01, 90]
-  double max_scale_sigma = 0.05;          // relative [0.001, 1]
-  double max_position_sigma = 0.05;       // of the camera, over the median depth [0.001, 1]
-  int confirming_keyframes = 5;           // neighbours of the new keyframe that are asked [1, 40]
-  int min_confirming = 1;                 // neighbours that must see the same area, when there are so many [0, 40]
-  int min_confirming_inliers = 15;        // points for a neighbour's consent [4, 8000]
+  // Starts from different keyframes must end in one similarity: what they differ by, over the three uncertainties
+  // below. They did by 0.2 at most in true joins of tissue and of rendered walls, and by 1 where a young map had bent
+  // and the join was false [0.01, 100].
+  double max_group_disagreement = 0.4;
+  double max_scale_ratio = 20.0;        // between two maps, each of unit median depth when it was founded [1, 1000]
+  double max_view_angle_deg = 60.0;     // between the optical axes of the two keyframes [1, 180]
+  double max_rotation_sigma_deg = 1.5;  // uncertainty of the similarity that the inliers leave [0.01, 90]
+  double max_scale_sigma = 0.05;        // relative [0.001, 1]
+  double max_position_sigma = 0.05;     // of the camera, over the median depth [0.001, 1]
+  int confirming_keyframes = 5;         // neighbours of the new keyframe that are asked [1, 40]
+  int min_confirming = 1;               // neighbours that must see the same area, when there are so many [0, 40]
+  int min_confirming_inliers = 15;      // points for a neighbour's consent [4, 8000]
   double max_drift_share = 0.25;  // inside one map: what a loop corrects over the length of the way round [0.01, 1]
   double max_drift_scale = 1.6;   // the same for the scale, as a ratio [1, 10]
   double max_drift_deg = 30.0;    // the same for the rotation [1, 180]

@@ -249,6 +249,9 @@ void AddCommonArea(Fields* out) {
                                            "that find a pose where several tell the similarity"));
   out->push_back(Area<&C::min_group_visible_share>("min_group_visible_share", {0, 1}, "", "min_visible_share, there"));
   out->push_back(Area<&C::min_group_spread>("min_group_spread", {0, 1}, "", "min_spread, there"));
+  out->push_back(
+      Area<&C::max_group_disagreement>("max_group_disagreement", {0.01, 100}, "",
+                                       "of the similarities that different keyframes lead to, over max_..._sigma"));
   out->push_back(Area<&C::max_scale_ratio>("max_scale_ratio", {1, 1000}, "",
                                            "between two maps, each of unit median depth when it was founded"));
   out->push_back(Area<&C::max_view_angle_deg>("max_view_angle_deg", {1, 180}, "deg",

@@ -80,6 +80,40 @@ TEST_F(CommonAreaTest, PosesOfSeveralKeyframesTellWhatRoughPointsDoNot) {
   EXPECT_LT(error.scale, 0.1);
 }
 
+// A young map that has bent: keyframes from `first` on, with the points that they made, stand elsewhere.
+void Bend(const Sim3& bent_from_map, KeyframeId first, MapHandle map, Atlas* atlas) {
+  atlas->points().ForEach([&](MapPointHandle handle, const MapPoint& point) {
+    if (!(point.map == map)) return;
+    const auto& views = point.observations;
+    const auto num_bent = std::count_if(views.begin(), views.end(), [&](const Observation& view) {
+      return atlas->keyframe(view.keyframe).id >= first;
+    });
+    if (2 * num_bent >= static_cast<std::ptrdiff_t>(views.size())) {
+      atlas->point(handle).position = bent_from_map * point.position;
+    }
+  });
+  for (const KeyframeHandle handle : atlas->map(map).keyframes) {
+    Keyframe& keyframe = atlas->keyframe(handle);
+    if (keyframe.id >= first) keyframe.cam_from_map = TransformPose(keyframe.cam_from_map, bent_from_map);
+  }
+}
+
+// Half of the keyframes tell one similarity, half of them another one: neither is to be trusted.
+TEST_F(CommonAreaTest, KeyframesThatTellTwoSimilaritiesTellNone) {
+  RecordProperty("req", "MRG-001");
+  colon_.AddWall(0.0, 9.0, 3000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 1.5, 3.5, 14, Sim3{}).first;
+  const Keyframe& query = atlas_.keyframe(colon_.frames()[first + 4].keyframe);
+  options_.min_ransac_inliers = 8000;  // so that pairs of points tell nothing
+  Bend(Sim3(1.0, ExpSO3({0.02, 0.0, 0.0}), {0.06, 0.0, 0.0}), query.id, query.map, &atlas_);
+  EXPECT_FALSE(Verify(first + 4, 9));
+  EXPECT_EQ(verdict(), "no_similarity");
+  options_.max_group_disagreement = 100.0;
+  EXPECT_FALSE(Verify(first + 4, 9));
+  EXPECT_EQ(verdict(), "few_inliers") << "one of the two was believed";
+}
+
 // Inside one map tracking knows better.
 TEST_F(CommonAreaTest, PosesOfSeveralKeyframesCloseNoLoop) {
   colon_.AddWall(0.0, 9.0, 3000);

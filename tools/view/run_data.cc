@@ -71,7 +71,7 @@ Json FramesOf(const RunOutput& run, const std::vector<std::string>& states) {
           {"orientation", Column(orientation)}};
 }
 
-Json MapOf(const evaluate::RunMap& map, const report::MapModel& model, const std::string* surface) {
+Json MapOf(const evaluate::RunMap& map, const report::MapModel& model, const ShownWall& wall) {
   std::vector<float> points;
   std::vector<std::uint8_t> rgb;
   const std::size_t count = std::min(model.points.size(), kMaxPointsPerMap);
@@ -86,7 +86,8 @@ Json MapOf(const evaluate::RunMap& map, const report::MapModel& model, const std
           {"num_points", model.points.size()},
           {"points", Column(points)},
           {"rgb", Column(rgb)},
-          {"surface", surface == nullptr ? Json(nullptr) : Json(*surface)}};
+          {"surface", wall.mesh.empty() ? Json(nullptr) : Json(wall.mesh)},
+          {"wall", wall.coverage.empty() ? Json(nullptr) : Json::parse(wall.coverage)}};
 }
 
 Json EventsOf(const RunOutput& run) {
@@ -142,7 +143,7 @@ std::vector<std::string> StatesOf(const Rows& rows) {
 }  // namespace
 
 std::string MakeRunData(const RunOutput& run, const std::map<int, report::MapModel>& models,
-                        const std::map<int, std::string>& surfaces) {
+                        const std::map<int, ShownWall>& walls) {
   const std::vector<std::string> states = StatesOf(run.frames), mark_states = StatesOf(run.marks.sightings);
   Json json;
   json["name"] = evaluate::ShortName(run.folder);
@@ -154,8 +155,8 @@ std::string MakeRunData(const RunOutput& run, const std::map<int, report::MapMod
   for (const evaluate::RunMap& map : run.maps) {
     const auto model = models.find(map.map_id);
     if (model == models.end()) continue;
-    const auto surface = surfaces.find(map.map_id);
-    json["maps"].push_back(MapOf(map, model->second, surface == surfaces.end() ? nullptr : &surface->second));
+    const auto wall = walls.find(map.map_id);
+    json["maps"].push_back(MapOf(map, model->second, wall == walls.end() ? ShownWall() : wall->second));
   }
   json["frames"] = FramesOf(run, states);
   json["events"] = EventsOf(run);

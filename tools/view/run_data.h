@@ -1,6 +1,7 @@
 // What page/view.js shows of a finished run, as JSON:
 //   name, mode, device, period_ms
-//   maps    id, status, keyframes, points (float32 x y z), rgb (uint8), surface (name of a resource, or null)
+//   maps    id, status, keyframes, points (float32 x y z), rgb (uint8), surface (name of a resource, or null),
+//           wall (its entry in surface.json, with map and picture (name of a resource, or null); or null)
 //   frames  columns: index (int32), time_s, map (int32, at the end; -1: none), live_map (int32), state (uint8),
 //           inliers (int32), latency_ms (float32, NaN: not known), position (float32 x y z), orientation (x y z w)
 //   states  words that the column of states counts
@@ -20,8 +21,14 @@
 
 namespace haustra::view {
 
-// models: of the maps that were exported, by map id; surfaces: names of resources, by map id.
+// What is shown of the wall of a map.
+struct ShownWall {
+  std::string mesh;      // name of a resource
+  std::string coverage;  // JSON, the value of "wall"; empty: null
+};
+
+// models: of the maps that were exported, by map id; walls: where they have any, by map id.
 std::string MakeRunData(const evaluate::RunOutput& run, const std::map<int, report::MapModel>& models,
-                        const std::map<int, std::string>& surfaces);
+                        const std::map<int, ShownWall>& walls);
 
 }  // namespace haustra::view

@@ -2,9 +2,11 @@
 
 #include <filesystem>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "tools/evaluate/run_output.h"
+#include "tools/evaluate/text_input.h"
 #include "tools/report/map_model.h"
 #include "tools/report/surface_folder.h"
 #include "tools/report/surface_meshes.h"
@@ -14,14 +16,42 @@
 namespace haustra::view {
 namespace {
 
-// The page reads them.
-std::map<int, std::string> AddSurfaces(std::map<int, std::string> meshes, ViewSite* site) {
-  std::map<int, std::string> names;
+using Json = nlohmann::ordered_json;
+
+void AddMeshes(std::map<int, std::string> meshes, ViewSite* site, std::map<int, ShownWall>* walls) {
   for (auto& [map_id, ply] : meshes) {
-    names[map_id] = report::MapFolderName(map_id) + ".ply";
-    site->resources[names[map_id]] = {"application/octet-stream", std::move(ply)};
+    ShownWall& wall = (*walls)[map_id];
+    wall.mesh = report::MapFolderName(map_id) + ".ply";
+    site->resources[wall.mesh] = {"application/octet-stream", std::move(ply)};
   }
-  return names;
+}
+
+// What was looked at, of maps that have a mesh. A surface of before there was a coverage has none.
+Status AddCoverage(const std::string& folder, ViewSite* site, std::map<int, ShownWall>* walls) {
+  const std::filesystem::path path = std::filesystem::path(folder) / "surface.json";
+  if (!std::filesystem::is_regular_file(path)) return Status::Ok();
+  HAUSTRA_ASSIGN(const std::string text, evaluate::ReadText(path.string()));
+  const Json surface = Json::parse(text, nullptr, false);
+  const auto maps = surface.find("maps");
+  if (!surface.is_object() || maps == surface.end() || !maps->is_array()) {
+    return InvalidArgument(path.string() + ": not what haustra surface writes");
+  }
+  for (const Json& map : *maps) {
+    if (!map.is_object() || !map.value("map_id", Json()).is_number_integer() || !map.contains("lumen")) continue;
+    const auto wall = walls->find(map["map_id"].get<int>());
+    if (wall == walls->end()) continue;
+    Json shown = {{"map", wall->first}, {"picture", nullptr}};
+    shown.update(map);
+    const std::string name = report::MapFolderName(wall->first) + "_wall.png";
+    if (const std::filesystem::path picture = std::filesystem::path(folder) / name;
+        std::filesystem::is_regular_file(picture)) {
+      HAUSTRA_ASSIGN(std::string png, evaluate::ReadText(picture.string()));
+      site->resources[name] = {"image/png", std::move(png)};
+      shown["picture"] = name;
+    }
+    wall->second.coverage = shown.dump();
+  }
+  return Status::Ok();
 }
 
 }  // namespace
@@ -30,19 +60,20 @@ Result<ViewSite> MakeRunSite(const RunSiteRequest& request) {
   HAUSTRA_ASSIGN(const evaluate::RunOutput run, evaluate::ReadRunOutput(request.run));
   HAUSTRA_ASSIGN(const auto models, report::ReadMapModels(run));
   ViewSite site = MakePageSite(PageKind::kRun);
-  std::map<int, std::string> surfaces;
+  std::map<int, ShownWall> walls;
   const std::string usual = (std::filesystem::path(request.run) / report::kSurfaceFolder).string();
   const std::string folder = request.surface.empty() ? usual : request.surface;
   if (std::filesystem::is_directory(folder)) {
     HAUSTRA_ASSIGN(auto meshes, report::ReadSurfaceMeshes(folder, models));
-    surfaces = AddSurfaces(std::move(meshes), &site);
+    AddMeshes(std::move(meshes), &site, &walls);
+    HAUSTRA_TRY(AddCoverage(folder, &site, &walls));
   } else if (!request.surface.empty()) {
     return NotFound(folder + ": no such folder");
   }
-  if (surfaces.empty() && !request.surface.empty()) {
+  if (walls.empty() && !request.surface.empty()) {
     return NotFound(folder + ": no surface of a map of this run (map_NNNN.ply)");
   }
-  site.resources["run.json"] = {"application/json", MakeRunData(run, models, surfaces)};
+  site.resources["run.json"] = {"application/json", MakeRunData(run, models, walls)};
   return site;
 }
 

@@ -104,6 +104,26 @@ TEST_F(RunSiteTest, ASurfaceIsFoundBesideTheRunOrWhereItIsSaid) {
   EXPECT_THAT(other->resources.at("map_0000.ply").bytes, HasSubstr("comment other"));
 }
 
+TEST_F(RunSiteTest, WhatWasLookedAtComesWithTheSurface) {
+  folder_.Write("out/surface/map_0000.ply", "ply\nend_header\n");
+  EXPECT_TRUE(DataOf(*Make())["maps"][0]["wall"].is_null()) << "of before there was a coverage";
+  folder_.Write("out/surface/surface.json",
+                R"({"maps":[{"map_id":0,"lumen":{"found":true},"wall_coverage":0.75},{"map_id":7,"lumen":{}}]})");
+  EXPECT_TRUE(DataOf(*Make())["maps"][0]["wall"]["picture"].is_null());
+  folder_.Write("out/surface/map_0000_wall.png", "a picture");
+  const Result<ViewSite> site = Make();
+  ASSERT_TRUE(site.ok()) << site.status().message();
+  const nlohmann::json wall = DataOf(*site)["maps"][0]["wall"];
+  EXPECT_EQ(wall["map"], 0);
+  EXPECT_EQ(wall["wall_coverage"], 0.75);
+  EXPECT_EQ(site->resources.at(wall["picture"].get<std::string>()).bytes, "a picture");
+  for (const char* text : {"[]", "{\"maps\":3}", "not JSON"}) {
+    folder_.Write("out/surface/surface.json", text);
+    EXPECT_EQ(Make().code(), StatusCode::kInvalidArgument) << text;
+    EXPECT_THAT(Make().status().message(), HasSubstr("surface.json"));
+  }
+}
+
 TEST_F(RunSiteTest, ASurfaceThatIsNotThereOrIsNoneIsNamed) {
   EXPECT_EQ(Make("none").code(), StatusCode::kNotFound);
   EXPECT_THAT(Make("none").status().message(), HasSubstr("none: no such folder"));

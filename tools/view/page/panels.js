@@ -49,8 +49,8 @@ window.haustra = window.haustra || {};
     }));
   };
 
-  // The unrolled wall with its legend. coverage: {map, wall_coverage, seen_poorly, lumen} as in surface.json, or null: no
-  // panel. url: of the picture, or null. scope: where along it the scope is, share of its width, or undefined.
+  // The unrolled wall with its legend. coverage: an entry of surface.json with its map, or null: no panel. url: of the
+  // picture, or null. scope: where along it the scope is, share of its width, or undefined.
   let newest_wall = 0;
   const showWall = (coverage, url, scope) => {
     const own = ++newest_wall;

@@ -75,6 +75,7 @@
       travelled = scene.addLine(map.segments, haustra.SCENE_COLOURS.travelled, 3.5);
       if (scene.works) for (const i of map.losses) scene.addMark(new THREE.Vector3(...frames.position.subarray(3 * i, 3 * i + 3)));
       document.querySelector('[data-layer=surface]').parentElement.hidden = !map.surface;
+      haustra.showWall(map.wall, map.wall && map.wall.picture);
       showLayer('points', true);
       byId('map').value = String(id);
       document.body.dataset.map = id;

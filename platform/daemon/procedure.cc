@@ -49,6 +49,9 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   }
   if (context.depth != nullptr) {
     const int max_keyframes = config.engine.memory.max_keyframes;
+    if (static_cast<int>(context.depth->num_slots()) < max_keyframes) {
+      return Internal("the depth table was made for fewer keyframes");
+    }
     plan.Add(MemoryPlace::kHost, "published depth", 1,
              haustra_depth_file_bytes(context.depth->num_slots()) + DepthPublisher::BytesFor(max_keyframes),
              "publish.depth, memory.max_keyframes");

@@ -108,6 +108,8 @@ std::size_t DepthPublisher::BytesFor(int max_keyframes) {
 void DepthPublisher::Begin(std::uint64_t procedure) {
   procedure_ = procedure;
   camera_.procedure = procedure;
+  table_.Wipe();
+  std::fill(told_.begin(), told_.end(), Told{});
   table_.PublishCamera(camera_);
 }
 

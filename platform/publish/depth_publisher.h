@@ -29,6 +29,7 @@ class DepthPublisher {
                  int max_keyframes);
   static std::size_t BytesFor(int max_keyframes);
 
+  // What a worker that died has left in the table is wiped.
   void Begin(std::uint64_t procedure);
   // Keyframes that came, moved or went, and at most kDepthsAtOnce new depths: about 50 us each. True: there are more.
   bool Publish(const Engine& engine);

@@ -9,7 +9,7 @@
  *     haustra_depth_read_camera(&table, &camera);
  *     for (slot = 0; slot < table.num_slots; ++slot) {
  *       if (haustra_depth_read_keyframe(&table, slot, &keyframe) != HAUSTRA_OK) continue;
- *       ... keyframe.map_from_cam ...
+ *       ... keyframe.position_mu, keyframe.orientation_xyzw ...
  *       if (keyframe.depth != 0) haustra_depth_read(&table, slot, keyframe.depth, &depth);
  *     }
  *

@@ -82,21 +82,24 @@ bool LiveAtlas::ReadTable() {
     if (haustra_depth_read_keyframe(&table_, slot, &keyframe.record) != HAUSTRA_OK) continue;
     if (keyframe.record.procedure != camera.procedure) continue;
     keyframe.map_from_cam = PoseOf(keyframe.record.orientation_xyzw, keyframe.record.position_mu);
-    const auto known = maps_.keyframes.find(keyframe.record.keyframe_id);
-    if (keyframe.record.depth == 0) {
-    } else if (known != maps_.keyframes.end() && known->second.record.depth == keyframe.record.depth) {
-      keyframe.depth = known->second.depth;
-    } else {
-      auto depth = std::make_shared<haustra_depth>();
-      if (haustra_depth_read(&table_, slot, keyframe.record.depth, depth.get()) == HAUSTRA_OK) {
-        keyframe.depth = std::move(depth);
-      }
-    }
+    keyframe.depth = DepthOf(slot, keyframe.record);
     next.emplace(keyframe.record.keyframe_id, std::move(keyframe));
   }
   KeepFramesOf(next);
   maps_.keyframes = std::move(next);
   return true;
+}
+
+// It is read once. Null: there is none, or another one by now, which the next look finds.
+std::shared_ptr<const haustra_depth> LiveAtlas::DepthOf(std::uint32_t slot,
+                                                        const haustra_depth_keyframe& keyframe) const {
+  if (keyframe.depth == 0) return nullptr;
+  const auto known = maps_.keyframes.find(keyframe.keyframe_id);
+  if (known != maps_.keyframes.end() && known->second.record.depth == keyframe.depth && known->second.depth) {
+    return known->second.depth;
+  }
+  auto depth = std::make_shared<haustra_depth>();
+  return haustra_depth_read(&table_, slot, keyframe.depth, depth.get()) == HAUSTRA_OK ? depth : nullptr;
 }
 
 // Frames of keyframes that have gone are tied to their neighbours, where these stood beside them last.

@@ -65,6 +65,7 @@ class LiveAtlas {
   bool Open();
   void Forget();
   bool ReadTable();
+  std::shared_ptr<const haustra_depth> DepthOf(std::uint32_t slot, const haustra_depth_keyframe& keyframe) const;
   void KeepFramesOf(const std::map<std::uint32_t, LiveKeyframe>& next);
   bool ReadPoses();
   const LiveKeyframe* Anchor(std::uint32_t map_id, std::int64_t source_ns) const;

@@ -94,6 +94,11 @@ TEST_F(DepthPublisherTest, TheTableFollowsTheAtlas) {
   ASSERT_EQ(haustra_depth_open(&table_, path_.c_str()), HAUSTRA_OK);
   DepthPublisher publisher(**writer, colon.camera().calibration(), ImageView{}, config_.depth.step_px,
                            config_.memory.max_keyframes);
+  // Of a worker that died.
+  haustra_depth_keyframe stale{};
+  stale.procedure = 4;
+  stale.keyframe_id = 77777;
+  (*writer)->PublishKeyframe((*writer)->num_slots() - 1, stale);
   publisher.Begin(4);
   PublishingHooks hooks(engine, publisher);
   const SystemClock clock;

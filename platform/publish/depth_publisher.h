@@ -31,7 +31,7 @@ class DepthPublisher {
 
   // What a worker that died has left in the table is wiped.
   void Begin(std::uint64_t procedure);
-  // Keyframes that came, moved or went, and at most kDepthsAtOnce new depths: about 50 us each. True: there are more.
+  // Keyframes that came, moved or went, and at most kDepthsAtOnce new depths. True: there are more.
   bool Publish(const Engine& engine);
   static constexpr int kDepthsAtOnce = 8;
 

@@ -134,12 +134,14 @@ std::vector<surface::LookingFrame> FramesOf(const LiveMaps& maps) {
   return frames;
 }
 
-void AddPicture(const WallGrid& wall, const SE3& map_from_cam, Json* json) {
+// map_from_cam: of the scope; null: it is not known in this map.
+void AddPicture(const WallGrid& wall, const SE3* map_from_cam, Json* json) {
   const Image picture = surface::UnrolledPicture(wall);
   std::vector<std::uint8_t> png;
   if (picture.is_empty() || !capture::internal::EncodePng(picture.view(), &png).ok()) return;
   (*json)["picture"] = report::ToBase64(png);
-  const double row = wall.lumen().line.Of(map_from_cam.translation).length_mu / wall.step_mu();
+  if (map_from_cam == nullptr) return;
+  const double row = wall.lumen().line.Of(map_from_cam->translation).length_mu / wall.step_mu();
   (*json)["scope"] = (row - wall.first_claimed_row()) / (wall.end_claimed_row() - wall.first_claimed_row());
 }
 
@@ -154,9 +156,12 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps) {
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(map.camera));
   std::vector<const LiveKeyframe*> with_depth;
   int num_keyframes = 0;
+  // The table comes later than the poses, and may be read while it is written.
+  std::uint64_t epoch = 0;
   for (const auto& [id, keyframe] : maps.keyframes) {
     if (keyframe.record.map_id != maps.map_id) continue;
-    ++num_keyframes;
+    if (num_keyframes++ > 0 && keyframe.record.map_epoch != epoch) return NotFound("the map is being moved");
+    epoch = keyframe.record.map_epoch;
     if (keyframe.depth == nullptr || !(keyframe.record.inverse_range_unit > 0.0)) continue;
     with_depth.push_back(&keyframe);
     surface::SurfaceKeyframe& own = map.keyframes.emplace_back();
@@ -192,12 +197,12 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps) {
     surface.ply = ply.bytes();
   }
   Json json = {{"map", map.map_id},
-               {"epoch", maps.map_epoch},
+               {"epoch", epoch},
                {"keyframes", num_keyframes},
                {"depths", with_depth.size()},
                {"triangles", made.mesh.triangles.size()}};
   surface::AddCoverage(coverage, &json);
-  if (coverage.wall) AddPicture(*coverage.wall, maps.map_from_cam, &json);
+  if (coverage.wall) AddPicture(*coverage.wall, epoch == maps.map_epoch ? &maps.map_from_cam : nullptr, &json);
   surface.json = json.dump(-1, ' ', false, Json::error_handler_t::replace);
   return surface;
 }

@@ -83,6 +83,22 @@ TEST_F(LiveSurfaceTest, ItIsThatOfTheMapThatTheScopeIsIn) {
   EXPECT_EQ(MakeLiveSurface(atlas_.maps()).code(), StatusCode::kNotFound) << "it has no depth yet";
 }
 
+// A join moves a map: its poses come before its keyframes.
+TEST_F(LiveSurfaceTest, AMapThatWasMovedIsNotMixedWithWhatItWas) {
+  PublishedTube tube(folder_.path());
+  tube.Begin(1);
+  Fill(tube);
+  tube.PublishPose(345, 3.0, 0, 7);
+  const nlohmann::json json = Made();
+  EXPECT_EQ(json["epoch"], 0) << "that of the keyframes";
+  EXPECT_FALSE(json.contains("scope"));
+  haustra_depth_keyframe moved = tube.Keyframe(100, 0.0);
+  moved.map_epoch = 7;
+  tube.table().PublishKeyframe(0, moved);
+  atlas_.Update();
+  EXPECT_EQ(MakeLiveSurface(atlas_.maps()).code(), StatusCode::kNotFound);
+}
+
 // The scope went on beyond the last keyframe: there it has passed the lumen, too.
 TEST_F(LiveSurfaceTest, FramesThatWereNoKeyframesCount) {
   PublishedTube tube(folder_.path());

@@ -55,7 +55,10 @@ window.haustra = window.haustra || {};
   const showWall = (coverage, url, scope) => {
     const own = ++newest_wall;
     byId('wall-panel').hidden = coverage === null;
-    if (coverage === null) return;
+    if (coverage === null) {
+      byId('wall').width = byId('wall').width;  // what it showed is cleared
+      return;
+    }
     const has_lumen = coverage.lumen.found, percent = share => Math.round(100 * share) + ' %';
     const is_shown = has_lumen && url !== null;
     byId('wall').hidden = byId('wall-legend').hidden = !is_shown;

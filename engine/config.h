@@ -138,6 +138,10 @@ struct MappingConfig {
   // Adjusted before anything is searched where the poses put it [2, 60]. With ten, a map in three of a slow laparoscopy
   // still loses its scale.
   int link_window_keyframes = 20;
+  // A map of up to so many keyframes is asked whether it is the mirror of what is seen (mapping/relief_check.h); 0:
+  // none is. The founding cannot tell, where pairs a few keyframes apart can; older maps hold too much to be built
+  // anew.
+  int relief_keyframes = 14;
   double link_ratio = 0.8;  // as in foundings: nothing but the epipolar geometry of the matches guards them [0.1, 1]
   // Of the inverse depth of a point, relative, about that of the wall around it. In reconstructions of real colons all
   // depths of a view differ by a third; steps of folds are wider [0.05, 5].

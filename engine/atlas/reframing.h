@@ -11,6 +11,8 @@ struct Reframing {
   MapId old_map_id = kNoId;
   MapId new_map_id = kNoId;
   Sim3 new_from_old;
+  // False: only where the newest keyframe stands it holds. What is known of earlier frames is of another shape.
+  bool keeps_shape = true;
 
   // Takes a pose along; false, with nothing touched, when it is not in the map that was moved.
   bool Carry(MapId* map_id, SE3* cam_from_map) const {

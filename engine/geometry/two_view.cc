@@ -68,6 +68,17 @@ Eigen::Vector3d SpreadDirection(int i) {
 
 }  // namespace
 
+double EpipolarScore(const SE3& b_from_a, std::span<const Eigen::Vector3d> bearings_a,
+                     std::span<const Eigen::Vector3d> bearings_b, std::span<const double> tolerance_rad) {
+  const Eigen::Matrix3d essential = EssentialFromPose(SE3(b_from_a.rotation, b_from_a.translation.normalized()));
+  double score = 0.0;
+  for (std::size_t i = 0; i < bearings_a.size(); ++i) {
+    const double tolerance2 = tolerance_rad[i] * tolerance_rad[i];
+    score += 1.0 - std::min(1.0, SampsonAngle2(essential, bearings_a[i], bearings_b[i]) / tolerance2);
+  }
+  return score;
+}
+
 TwoViewRansac::TwoViewRansac(int max_matches)
     : max_matches_(max_matches),
       inverse_tolerance2_(max_matches),
@@ -137,6 +148,12 @@ void TwoViewRansac::Refine(int iterations, SE3* b_from_a) const {
     // Expected decrease of a cost whose unit is one tolerance squared.
     if (-gradient.dot(step) < 1e-10 * used) return;
   }
+}
+
+double TwoViewRansac::Descend(SE3* b_from_a) const {
+  b_from_a->translation.normalize();
+  Refine(kFinalIterations, b_from_a);
+  return num_matches_ - Cost(EssentialFromPose(*b_from_a), std::numeric_limits<double>::infinity());
 }
 
 double TwoViewRansac::DirectionSigma(const SE3& b_from_a) const {

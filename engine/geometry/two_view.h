@@ -15,6 +15,11 @@
 
 namespace haustra {
 
+// Of a motion, |translation| > 0: sum of 1 - min(error^2 / tolerance^2, 1) over the matches, as TwoViewRansac counts
+// it. Spans of one length. reentrant, rt-safe.
+double EpipolarScore(const SE3& b_from_a, std::span<const Eigen::Vector3d> bearings_a,
+                     std::span<const Eigen::Vector3d> bearings_b, std::span<const double> tolerance_rad);
+
 // thread-bound(its owner), rt-safe after construction: all scratch is taken there.
 class TwoViewRansac {
  public:
@@ -61,6 +66,10 @@ class TwoViewRansac {
   // ns a match for each iteration and root, and 10 to 25 ns a match for each of the descents' 170 steps.
   bool Run(std::span<const Eigen::Vector3d> bearings_a, std::span<const Eigen::Vector3d> bearings_b,
            std::span<const double> tolerance_rad, const Options& options, Rng& rng, Estimate* estimate);
+
+  // After Run, whatever it returned: descends from a motion to the nearest minimum of the same matches, and returns its
+  // score, which compares with Estimate::score. |translation| = 1 afterwards; before, it may be anything but 0.
+  double Descend(SE3* b_from_a) const;
 
   // The last Run found a motion, and another one that fits nearly as well: it returned false.
   bool has_rival() const { return has_rival_; }

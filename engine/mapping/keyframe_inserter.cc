@@ -20,6 +20,7 @@ KeyframeInserter::KeyframeInserter(MappingState& state, Parts parts)
       creator_(state.config, state.noise, state.camera, state.device),
       fuser_(state.config, state.noise, state.camera, state.device),
       linker_(state.config, state.noise, state.camera, state.device),
+      relief_(state.config, state.noise, state.camera, state.device, parts.adjuster),
       is_candidate_(static_cast<std::size_t>(state.config.memory.max_map_points), 0) {}
 
 KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
@@ -52,6 +53,7 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
   state_.atlas.FindCovisible(handle, state_.config.mapping.min_shared_points, &covisible_);
   created_.clear();
   linker_.Link(handle, covisible_, &state_.atlas, &created_);
+  CheckRelief(handle);
   // What is searched below is searched where the poses put it: first the tracks have their say.
   const LocalBundle::Extent linked{state_.config.mapping.link_window_keyframes, true,
                                    state_.config.mapping.bundle_iterations};
@@ -93,6 +95,15 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
   state_.counters.bundle_time += adjusted - fused;
   state_.counters.cull_time += culled - adjusted;
   return handle;
+}
+
+// Poses of before do not compare with those of after: tracking hears of it as of a map that was moved.
+void KeyframeInserter::CheckRelief(KeyframeHandle handle) {
+  const Map& map = state_.atlas.map(state_.active);
+  if (state_.is_seam_open || static_cast<int>(map.keyframes.size()) > state_.config.mapping.relief_keyframes) return;
+  if (!relief_.Correct(handle, covisible_, &state_.atlas)) return;
+  ++state_.counters.num_reliefs_turned;
+  publisher_.Reframe({map.id, map.id, Sim3(), false});
 }
 
 // A failed adjustment leaves the map as it was, one that was stopped keeps what it gained; the next keyframe tries

@@ -1,4 +1,5 @@
-// Takes a proposed keyframe into the active map (system.md 7): links it by appearance, searches its neighbours' points
+// Takes a proposed keyframe into the active map (system.md 7): links it by appearance, checks
+// the relief of a young map, searches its neighbours' points
 // in it and back, judges points on trial, makes new points, adjusts the window, culls keyframes that add nothing. In
 // real-time mode the new points are published before the window is adjusted. While a seam is open (mapping_state.h)
 // nothing is adjusted. thread-bound(mapping).
@@ -14,6 +15,7 @@
 #include "engine/mapping/point_creation.h"
 #include "engine/mapping/point_fusion.h"
 #include "engine/mapping/point_trial.h"
+#include "engine/mapping/relief_check.h"
 #include "engine/mapping/snapshot_publisher.h"
 #include "engine/mapping/track_linker.h"
 #include "engine/place/retrieval.h"
@@ -28,6 +30,7 @@ class KeyframeInserter {
     Evictor& evictor;
     PointTrial& trial;
     LocalBundle& bundle;
+    SchurBundleAdjuster& adjuster;
   };
   // All of them outlive it.
   KeyframeInserter(MappingState& state, Parts parts);
@@ -39,6 +42,7 @@ class KeyframeInserter {
   void CountRefused();
 
  private:
+  void CheckRelief(KeyframeHandle handle);
   void AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent, bool may_be_interrupted);
   void CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out);
   void CullKeyframes(KeyframeHandle newest);
@@ -53,6 +57,7 @@ class KeyframeInserter {
   PointCreator creator_;
   PointFuser fuser_;
   TrackLinker linker_;
+  ReliefCheck relief_;
   std::vector<MapPointHandle> candidates_;
   std::vector<MapPointHandle> created_;
   std::vector<Covisible> covisible_;

@@ -29,7 +29,7 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevi
       events_(static_cast<std::size_t>(config.memory.max_map_events), memory),
       late_poses_(static_cast<std::size_t>(config.memory.max_late_poses), memory),
       founder_(state_),
-      inserter_(state_, {publisher_, *retrieval_, evictor_, trial_, bundle_}),
+      inserter_(state_, {publisher_, *retrieval_, evictor_, trial_, bundle_, adjuster_}),
       joiner_(state_, {places, publisher_, *retrieval_, trial_, bundle_, adjuster_, events_}),
       relocaliser_(config, config.place.relocalisation, state_.noise, config.place.retrieval, camera, device,
                    *retrieval_),

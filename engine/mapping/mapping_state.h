@@ -34,6 +34,7 @@ struct MapperCounters {
   std::uint64_t num_merges_outdated = 0;        // answers that came too late to be applied
   std::uint64_t num_loops_left_open = 0;        // joins, too, that ended as CommonAreaVerdict::kNotJoined
   std::uint64_t num_reframings = 0;             // times that a map was moved: the epoch of what is published
+  std::uint64_t num_reliefs_turned = 0;         // young maps that were built anew (relief_check.h)
   std::uint64_t num_marks_set = 0;
   std::uint64_t num_marks_removed = 0;
   // Time spent, for the stage table; only measured when a clock is given.

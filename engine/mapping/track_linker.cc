@@ -32,10 +32,9 @@ TrackLinker::TrackLinker(const EngineConfig& config, const NoiseModel& noise, co
     : config_(config),
       noise_(noise),
       camera_(camera),
-      device_(device),
+      pair_(config, noise, camera, device),
       ransac_(config.features.max),
-      rng_(config.seed, kLinkerStream),
-      matches_(static_cast<std::size_t>(config.features.max)) {}
+      rng_(config.seed, kLinkerStream) {}
 
 int TrackLinker::Link(KeyframeHandle handle, std::span<const Covisible> neighbours, Atlas* atlas,
                       std::vector<MapPointHandle>* created) {
@@ -46,8 +45,8 @@ int TrackLinker::Link(KeyframeHandle handle, std::span<const Covisible> neighbou
     const Keyframe& a = atlas->keyframe(handle);
     const Keyframe& b = atlas->keyframe(neighbour.keyframe);
     if (!MatchAndVerify(a, b)) continue;
-    for (int m = 0; m < num_matches_; ++m) {
-      const Match& match = matches_[m];
+    for (std::size_t m = 0; m < pair_.matches().size(); ++m) {
+      const Match& match = pair_.matches()[m];
       if (ransac_.inliers()[m] == 0 || a.points[match.query]) continue;
       const MapPointHandle known = b.points[match.train];
       if (known) {
@@ -71,27 +70,9 @@ int TrackLinker::Link(KeyframeHandle handle, std::span<const Covisible> neighbou
 }
 
 bool TrackLinker::MatchAndVerify(const Keyframe& a, const Keyframe& b) {
-  MatchRequest request;
-  request.query = DescriptorList::Whole(a.features.set);
-  request.train = DescriptorList::Whole(b.features.set);
-  request.options = {static_cast<float>(config_.matching.min_similarity),
-                     static_cast<float>(config_.mapping.link_ratio), true};
-  request.matches = matches_;
-  request.num_matches = &num_matches_;
-  if (!MatchAndWait(device_, Lane::kBackground, request).ok()) return false;
-  bearings_a_.clear();
-  bearings_b_.clear();
-  tolerance_.clear();
-  for (int m = 0; m < num_matches_; ++m) {
-    const Match& match = matches_[m];
-    bearings_a_.push_back(a.features.bearing(match.query));
-    bearings_b_.push_back(b.features.bearing(match.train));
-    const double scale =
-        std::max(a.features.keypoints[match.query].scale_px, b.features.keypoints[match.train].scale_px);
-    tolerance_.push_back(kGateOneDof * noise_.SigmaPx(scale) / camera_.focal_px());
-  }
   TwoViewRansac::Estimate estimate;
-  return ransac_.Run(bearings_a_, bearings_b_, tolerance_, VerificationOptions(), rng_, &estimate);
+  return pair_.Compare(a, b) && ransac_.Run(pair_.bearings_a(), pair_.bearings_b(), pair_.tolerance_rad(),
+                                            VerificationOptions(), rng_, &estimate);
 }
 
 // The pose that guided search started from is not off by more than its window.

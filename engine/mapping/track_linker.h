@@ -16,6 +16,7 @@
 #include "engine/geometry/rng.h"
 #include "engine/geometry/two_view.h"
 #include "engine/mapping/surface_depth.h"
+#include "engine/mapping/view_pair.h"
 #include "engine/noise_model.h"
 #include "hal/vision_device.h"
 
@@ -38,15 +39,10 @@ class TrackLinker {
   const EngineConfig& config_;
   const NoiseModel& noise_;
   const CameraModel& camera_;
-  VisionDevice& device_;
+  ViewPair pair_;
   TwoViewRansac ransac_;
   Rng rng_;
   SurfaceDepth surface_;
-  std::vector<Match> matches_;
-  std::int32_t num_matches_ = 0;
-  std::vector<Eigen::Vector3d> bearings_a_;
-  std::vector<Eigen::Vector3d> bearings_b_;
-  std::vector<double> tolerance_;
 };
 
 }  // namespace haustra

@@ -73,6 +73,10 @@ void FlowChain::Break() {
   is_fresh_ = false;
 }
 
+void FlowChain::Hear(const Reframing& reframing) {
+  if (reframing.Carry(&map_id_, &anchor_from_map_) && !reframing.keeps_shape) Break();
+}
+
 void FlowChain::Advance(std::span<const FollowedPoint> to) {
   std::size_t num = 0, num_of_map = 0;
   for (std::size_t i = 0; i < points_.size() && i < to.size(); ++i) {

@@ -34,7 +34,8 @@ class FlowChain {
   void Break();
   // The next picture: where each of points() is.
   void Advance(std::span<const FollowedPoint> to);
-  void Hear(const Reframing& reframing) { reframing.Carry(&map_id_, &anchor_from_map_); }
+  // An anchor in a map of another shape is no witness any more.
+  void Hear(const Reframing& reframing);
 
   // Where the features of the anchor are in the picture that was extracted last. Empty: there is no chain.
   std::span<const Keypoint> points() const { return points_; }

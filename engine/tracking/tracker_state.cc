@@ -48,6 +48,7 @@ struct Listener {
   void operator()(Tracking& tracking, const Reframing& reframing) const {
     if (tracking.course.map_id != reframing.old_map_id) return;
     Carry(reframing, &tracking.course);
+    if (!reframing.keeps_shape) tracking.velocity.reset();
     if (tracking.velocity) tracking.velocity->translation *= reframing.new_from_old.scale;
   }
 };

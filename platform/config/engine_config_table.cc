@@ -175,6 +175,9 @@ void AddMapping(Fields* out) {
   out->push_back(Mapping<&C::link_window_keyframes>("link_window_keyframes", {2, 60}, "keyframes",
                                                     "adjusted when they are linked, before the guided search"));
   out->push_back(Mapping<&C::link_ratio>("link_ratio", {0.1, 1}, "", "ratio of angles of such a match"));
+  out->push_back(
+      Mapping<&C::relief_keyframes>("relief_keyframes", {0, 60}, "keyframes",
+                                    "up to which a map is asked whether near and far are reversed; 0: none"));
   out->push_back(Mapping<&C::surface_spread>(
       "surface_spread", {0.05, 5}, "", "relative, of the inverse depth of a point about that of the wall near it"));
   out->push_back(Mapping<&C::fuse_neighbours>("fuse_neighbours", {1, 60}, "keyframes",

@@ -350,6 +350,7 @@ std::string ToJson(const RunSummary& s) {
                      {"points_fused", m.num_points_fused},
                      {"bundles_stopped", m.num_bundles_stopped},
                      {"foundings_refused", m.num_foundings_refused},
+                     {"reliefs_turned", m.num_reliefs_turned},
                      {"snapshots_cut", m.num_snapshots_cut},
                      {"places_skipped", m.num_places_skipped},
                      {"place_points_left_out", m.num_place_points_left_out},

@@ -104,6 +104,10 @@ class Browser:
         elif message.get("method") == "Log.entryAdded" and parameters["entry"]["level"] == "error":
             self.messages.append(parameters["entry"]["text"] + " " + parameters["entry"].get("url", ""))
 
+    def before_pages(self, script):
+        """JavaScript that runs in every page that is opened from now on, before its own."""
+        self._ask("Page.addScriptToEvaluateOnNewDocument", {"source": script})
+
     def open(self, address):
         self._ask("Page.navigate", {"url": address})
 

@@ -29,6 +29,18 @@ HAUSTRA, HAUSTRAD, SEQUENCE, RESULT = (Path(path).resolve() for path in sys.argv
 PICTURES = os.environ.get("HAUSTRA_VIEW_PICTURES")
 LABEL = '<b>&"x'
 PIN_IS_SHOWN = "(pin => pin !== null && getComputedStyle(pin).visibility === 'visible')(document.querySelector('.pin'))"
+# In the place of the engine's stream: `tell(event, data)` of the test.
+SCRIPTED_STREAM = """
+window.EventSource = class {
+  constructor() { this.handlers = {}; window.tell = (name, data) => this.handlers[name]({data: JSON.stringify(data)}); }
+  addEventListener(name, handle) { this.handlers[name] = handle; }
+};
+window.poseAt = (t_s, map = 0) => ({frame: 25 * t_s, t_s, published_ms: 9, state: 'tracking', reason: 'none', is_predicted: false,
+  map, epoch: 0, features: 500, inliers: 100, position: [0, 0, t_s], orientation: [0, 0, 0, 1],
+  marks: [{id: 1, state: 'in_front', distance: 1}]});
+window.mapOf = id => ({map: id, epoch: 0, num_points: 2, num_keyframes: 2, num_maps: 1, points: btoa('\\0'.repeat(24)),
+  keyframes: btoa('\\0'.repeat(24)), marks: [{id: 1, label: 'polyp', map: id, position: [0, 0, 1]}]});
+"""
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
 
 
@@ -199,6 +211,35 @@ class PageTest(unittest.TestCase):
                 urllib.request.urlopen(server.address.rsplit("/", 2)[0] + "/")
             self.assertEqual(refused.exception.code, 403)
             refused.exception.close()
+
+    def assert_no_scope(self, page, word):
+        self.assertEqual(page.value("document.getElementById('state').textContent"), word)
+        self.assertEqual(page.value("document.getElementById('facts').textContent"), "")
+        self.assertTrue(page.value("document.getElementById('picture-panel').classList.contains('old')"))
+        self.assertIn("not known", page.value("document.getElementById('marks').textContent"))
+
+    def test_where_the_scope_was_is_not_where_it_is(self):
+        """Of an engine whose camera or itself has gone silent."""
+        with tempfile.TemporaryDirectory() as folder, browser.Browser() as page, ServedView(HAUSTRA, "--folder", folder) as server:
+            page.before_pages(SCRIPTED_STREAM)
+            page.open(server.address)
+            self.assertTrue(page.wait_for("window.tell !== undefined"), page.messages)
+            say = "tell('service', {state: '%s', text: 'words', has_engine: true})"
+            # A page that is opened late is told of what was before.
+            page.value(say % "no_signal" + "; tell('map', mapOf(0)); tell('poses', [poseAt(1)])")
+            self.assert_no_scope(page, "No signal")
+            for state, word in (("no_signal", "No signal"), ("silent", "No answer"), ("source_over", "Over")):
+                page.value(say % "running" + "; tell('poses', [poseAt(2)])")
+                self.assertEqual(page.value("document.getElementById('state').textContent"), "Tracking")
+                self.assertIn("in front", page.value("document.getElementById('marks').textContent"))
+                page.value(say % state)
+                self.assert_no_scope(page, word)
+                self.assertEqual(page.value("document.getElementById('state-text').textContent"), "words")
+            # It says that it runs, and tells nothing.
+            page.value(say % "running" + "; tell('poses', [poseAt(3)])")
+            self.assertTrue(page.wait_for("document.getElementById('state').textContent === 'No pose'", 10))
+            self.assert_no_scope(page, "No pose")
+            self.assertEqual(page.messages, [])
 
     def test_live(self):
         folder = Path(tempfile.mkdtemp(prefix="haustra_view_"))

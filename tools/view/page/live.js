@@ -3,6 +3,9 @@
 (() => {
   const {byId, decode, setState, setFacts, eventItem, latencyPlot, connectSwitches, showMarks, drawRings, showWall} = haustra;
   const SHOWN_S = 20, MAX_TRAIL = 3000, MAX_EVENTS = 200;
+  // After so long without a pose nobody knows where the scope is.
+  const MAX_SILENCE_MS = 2000;
+  const WORDS = {running: 'No pose', no_signal: 'No signal', source_over: 'Over', silent: 'No answer'};
 
   byId('time').hidden = true;
   byId('map-choice').hidden = true;
@@ -13,6 +16,7 @@
   const scene = new haustra.Scene3D(byId('scene'));
   const plot = latencyPlot(null, [-SHOWN_S, 0]);
   let map, wall, trail, latencies, newest, num_poses, framed_extent, is_ours, service = null, num_forgotten = 0;
+  let heard_ms = -Infinity;  // when the last poses came
 
   // Until somebody turns it by hand the picture follows the map as it grows.
   const frame = () => {
@@ -61,6 +65,7 @@
     showLiveMarks();
     byId('events').replaceChildren();
     byId('picture-panel').hidden = true;
+    byId('picture-panel').classList.remove('old');
     byId('picture').width = byId('picture').width;  // what it showed is cleared
     setFacts([]);
     plot.show([], -SHOWN_S, 0);
@@ -121,16 +126,30 @@
     });
   };
 
+  // Nothing that is shown says where the scope is now: what was seen last stays, as that.
+  const showNoScope = (word, text) => {
+    newest = null;
+    setState('off');
+    byId('state').textContent = word;
+    byId('state-text').textContent = text;
+    setFacts([]);
+    scene.setScope(null);
+    byId('picture-panel').classList.add('old');
+    showLiveMarks();
+  };
+  const wordOf = data => (data.has_engine && WORDS[data.state]) || (data.state === 'idle' ? 'Waiting' : 'No engine');
+
   const onService = data => {
     service = data;
     document.body.dataset.service = data.state;
+    if (data.state !== 'running') return showNoScope(wordOf(data), data.text);
     byId('state-text').textContent = data.text;
-    if (!data.has_engine) {
-      setState('off');
-      byId('state').textContent = data.state === 'idle' ? 'Waiting' : 'No engine';
-      scene.setScope(null);
-    }
+    heard_ms = performance.now();  // from now on poses are to come
   };
+  setInterval(() => {
+    if (document.body.dataset.state === 'off' || !service || service.state !== 'running') return;
+    if (performance.now() - heard_ms > MAX_SILENCE_MS) showNoScope(WORDS.running, 'The engine has told no pose for seconds.');
+  }, 250);
 
   const onMap = data => {
     const is_other = !map || map.map !== data.map || map.epoch !== data.epoch;
@@ -156,18 +175,21 @@
       if (!map || !pose.position || (pose.map === map.map && pose.epoch === map.epoch)) trail.push(pose);
     }
     num_poses += poses.length;
-    newest = poses[poses.length - 1];
-    while (latencies.length > 0 && latencies[0].x < newest.t_s - SHOWN_S) latencies.shift();
+    document.body.dataset.poses = num_poses;
+    const last = poses[poses.length - 1];
+    while (latencies.length > 0 && latencies[0].x < last.t_s - SHOWN_S) latencies.shift();
     if (trail.length > MAX_TRAIL) trail.splice(0, trail.length - MAX_TRAIL);
-    plot.show(latencies.map(p => ({x: p.x - newest.t_s, y: p.y})), -SHOWN_S, 0);
-    if (service && service.has_engine) {
-      setState(newest.state);
-      if (newest.is_predicted) byId('state').textContent = 'Predicted';
-      byId('state-text').textContent = (newest.map >= 0 ? 'map ' + newest.map + ' · ' : '') + newest.reason.replaceAll('_', ' ');
-      const fits = map && newest.position && newest.map === map.map && newest.epoch === map.epoch;
-      scene.setScope(fits ? newest.position : null, newest.orientation);
-    }
+    plot.show(latencies.map(p => ({x: p.x - last.t_s, y: p.y})), -SHOWN_S, 0);
     drawPaths();
+    // A page that was opened late is told of the seconds before, too.
+    if (!service || service.state !== 'running') return;
+    newest = last;
+    heard_ms = performance.now();
+    setState(newest.state);
+    if (newest.is_predicted) byId('state').textContent = 'Predicted';
+    byId('state-text').textContent = (newest.map >= 0 ? 'map ' + newest.map + ' · ' : '') + newest.reason.replaceAll('_', ' ');
+    const fits = map && newest.position && newest.map === map.map && newest.epoch === map.epoch;
+    scene.setScope(fits ? newest.position : null, newest.orientation);
     showLiveMarks();
     const first = latencies[0], span = newest.t_s - first.x;
     const sorted = latencies.map(p => p.y).sort((a, b) => a - b);
@@ -177,7 +199,6 @@
               ['latency', newest.published_ms.toFixed(1) + ' ms'], ['median, longest', quantile(0.5) + ', ' + quantile(1)],
               ['poses a second', span > 1 ? ((latencies.length - 1) / span).toFixed(1) : ''],
               ['keyframes, points', map ? map.num_keyframes + ', ' + map.num_points : 'none yet']]);
-    document.body.dataset.poses = num_poses;
   };
 
   // Points of the map that tracking has found in the picture.
@@ -188,6 +209,7 @@
       if (of !== num_forgotten) return;
       const canvas = byId('picture'), context = canvas.getContext('2d'), scale = 2;
       byId('picture-panel').hidden = false;
+      byId('picture-panel').classList.toggle('old', document.body.dataset.state === 'off');
       canvas.width = scale * data.width;
       canvas.height = scale * data.height;
       context.drawImage(image, 0, 0, canvas.width, canvas.height);

@@ -40,6 +40,8 @@ window.poseAt = (t_s, map = 0) => ({frame: 25 * t_s, t_s, published_ms: 9, state
   marks: [{id: 1, state: 'in_front', distance: 1}]});
 window.mapOf = id => ({map: id, epoch: 0, num_points: 2, num_keyframes: 2, num_maps: 1, points: btoa('\\0'.repeat(24)),
   keyframes: btoa('\\0'.repeat(24)), marks: [{id: 1, label: 'polyp', map: id, position: [0, 0, 1]}]});
+window.wallOf = (id, t_s) => ({map: id, epoch: 0, t_s, keyframes: 2, depths: 2, triangles: 0, refused_blocks: 0, scope: 0.5,
+  lumen: {found: true, passed_radii: 4}, wall_coverage: 0.5, seen_poorly: 0.25, picture: 'iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGNgYPgPAAEDAQAIicLsAAAAAElFTkSuQmCC'});
 """
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
 
@@ -239,6 +241,35 @@ class PageTest(unittest.TestCase):
             page.value(say % "running" + "; tell('poses', [poseAt(3)])")
             self.assertTrue(page.wait_for("document.getElementById('state').textContent === 'No pose'", 10))
             self.assert_no_scope(page, "No pose")
+            self.assertEqual(page.messages, [])
+
+    def test_the_wall_is_that_of_the_map_that_the_scope_is_in(self):
+        with tempfile.TemporaryDirectory() as folder, browser.Browser() as page, ServedView(HAUSTRA, "--folder", folder) as server:
+            page.before_pages(SCRIPTED_STREAM)
+            page.open(server.address)
+            self.assertTrue(page.wait_for("window.tell !== undefined"), page.messages)
+            # Poses go on: without them the scope is nowhere after a while.
+            page.value("tell('service', {state: 'running', text: '', has_engine: true}); window.now = [1, 0];"
+                       "window.going = setInterval(() => tell('poses', [poseAt(...now)]), 100); tell('poses', [poseAt(1)])")
+            page.value("tell('map', mapOf(0)); tell('wall', wallOf(0, 1))")
+            is_hidden = "document.getElementById('wall-panel').hidden"
+            # Yellow, the scope, in the middle column of the picture.
+            has_bar = ("(wall => { const at = wall.getContext('2d').getImageData(Math.round(wall.width / 2), 5, 1, 1).data;"
+                       "return at[0] > 200 && at[2] < 100; })(document.getElementById('wall'))")
+            self.assertFalse(page.value(is_hidden))
+            self.assertTrue(page.wait_for(has_bar, 10))
+            page.value("now = [30, 0]")
+            self.assertTrue(page.wait_for(f"!{has_bar}", 10), "it was there long ago")
+            self.assertFalse(page.value(is_hidden))
+            page.value("now = [31, 1]")
+            self.assertTrue(page.wait_for(is_hidden, 10), "the scope is in another map")
+            page.value("now = [32, 0]; tell('wall', wallOf(0, 32))")
+            self.assertTrue(page.wait_for(has_bar, 10))
+            page.value("clearInterval(going); tell('poses', [{...poseAt(33, -1), state: 'lost', position: undefined}])")
+            self.assertTrue(page.wait_for(f"!{has_bar}", 10), "nobody knows where it is")
+            self.assertFalse(page.value(is_hidden))
+            page.value("tell('map', mapOf(2))")
+            self.assertTrue(page.value(is_hidden), "the map is another one")
             self.assertEqual(page.messages, [])
 
     def test_live(self):

@@ -144,6 +144,7 @@ bool LiveAtlas::ReadPoses() {
     if ((pose.flags & HAUSTRA_POSE_VALID) == 0 || (pose.flags & HAUSTRA_POSE_PREDICTED) != 0) continue;
     maps_.map_id = pose.map_id;
     maps_.map_epoch = pose.map_epoch;
+    maps_.captured_ns = pose.captured_ns;
     maps_.map_from_cam = PoseOf(pose.orientation_xyzw, pose.position_mu);
     if (!maps_.frames.empty() && pose.source_ns - maps_.frames.back().source_ns < kFrameInterval_ns) continue;
     // Of another epoch: the table comes a little later than the pose.

@@ -41,6 +41,7 @@ struct LiveMaps {
   // Of the newest frame that had a pose; HAUSTRA_NO_MAP: none had.
   std::uint32_t map_id = HAUSTRA_NO_MAP;
   std::uint64_t map_epoch = 0;
+  std::int64_t captured_ns = 0;
   SE3 map_from_cam;
 
   // Where one of `frames` stands now; nothing without its keyframe.

@@ -10,6 +10,7 @@
 #include "tools/report/base64.h"
 #include "tools/view/column.h"
 #include "tools/view/live_marks.h"
+#include "tools/view/seconds.h"
 
 namespace haustra::view {
 namespace {
@@ -27,8 +28,6 @@ void Say(const char* event, const std::string& data, std::string* news) {
   *news += std::string("event: ") + event + "\ndata: " + data + "\n\n";
 }
 void Say(const char* event, const Json& data, std::string* news) { Say(event, Dump(data), news); }
-
-double Seconds(std::int64_t ns) { return std::round(static_cast<double>(ns) * 1e-6) * 1e-3; }
 
 // 2^32 - 1 stands for none.
 std::int64_t MapId(std::uint32_t id) { return id == HAUSTRA_NO_MAP ? -1 : static_cast<std::int64_t>(id); }

@@ -17,6 +17,7 @@
 #include "tools/surface/coverage_text.h"
 #include "tools/surface/map_coverage.h"
 #include "tools/surface/map_surface.h"
+#include "tools/view/seconds.h"
 
 namespace haustra::view {
 namespace {
@@ -198,6 +199,7 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps) {
   }
   Json json = {{"map", map.map_id},
                {"epoch", epoch},
+               {"t_s", Seconds(maps.captured_ns)},
                {"keyframes", num_keyframes},
                {"depths", with_depth.size()},
                {"triangles", made.mesh.triangles.size()}};

@@ -12,11 +12,12 @@ namespace haustra::view {
 struct LiveSurface {
   // For the page, an object in JSON:
   //   map, epoch       of which it is
+  //   t_s              when the newest pose was, as in the stream's poses (live_stream.h)
   //   keyframes, depths, triangles
   //   lumen, wall_coverage, seen_poorly, segments   as in surface.json; absent without a lumen, but for its reason
   //   picture          base64 of a PNG: the wall unrolled (coverage_picture.h); absent without a lumen
-  //   scope            where along the picture the scope is, share of its width, may lie outside [0, 1]; absent without
-  //                    a picture, and while the table is older than the pose
+  //   scope            where along the picture the scope was at that time, share of its width, may lie outside [0, 1];
+  //                    absent without a picture, and while the table is older than the pose
   std::string json = "{}";
   std::string ply;  // the mesh; empty when there is none
 };

@@ -50,23 +50,33 @@ void LiveWall::Run(const std::string& folder) {
   std::future<Result<LiveSurface>> work;
   auto begin = steady_clock::now(), next = begin;
   std::uint64_t procedure = 0, worked_for = 0;
+  std::uint32_t map_worked_for = HAUSTRA_NO_MAP, shown_map = HAUSTRA_NO_MAP;
   bool has_changed = false;
   for (; !is_stopping_; std::this_thread::sleep_for(kStep)) {
     has_changed = atlas.Update() || has_changed;
     const LiveMaps& maps = atlas.maps();
     const std::uint64_t now_procedure = maps.camera ? maps.camera->procedure : 0;
     // What was shown is of another patient.
-    if (now_procedure != procedure) Publish({});
+    if (now_procedure != procedure) {
+      Publish({});
+      shown_map = HAUSTRA_NO_MAP;
+    }
     if (work.valid() && work.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
       Result<LiveSurface> made = work.get();
       next = steady_clock::now() + std::max<steady_clock::duration>(kMinInterval, 2 * (steady_clock::now() - begin));
-      if (made.ok() && worked_for == now_procedure) Publish(std::move(*made));
+      // A map that has no wall yet must not be shown with that of the one before.
+      const bool is_outdated = !made.ok() && shown_map != HAUSTRA_NO_MAP && shown_map != map_worked_for;
+      if ((made.ok() || is_outdated) && worked_for == now_procedure) {
+        shown_map = made.ok() ? map_worked_for : HAUSTRA_NO_MAP;
+        Publish(made.ok() ? std::move(*made) : LiveSurface());
+      }
     }
     procedure = now_procedure;
     if (!maps.camera || !has_changed || work.valid() || steady_clock::now() < next) continue;
     has_changed = false;
     begin = steady_clock::now();
     worked_for = procedure;
+    map_worked_for = maps.map_id;
     work = std::async(std::launch::async, [copy = maps] {
       ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
       return MakeLiveSurface(copy);

@@ -28,6 +28,18 @@ class LiveSurfaceTest : public ::testing::Test {
     ply_ = made->ply;
     return nlohmann::json::parse(made->json);
   }
+  // The newest that the stream tells.
+  static nlohmann::json NextWall(LiveStream& stream) {
+    const std::string begin = "event: wall\ndata: ";
+    for (int i = 0; i < 600; ++i) {
+      const std::string news = stream.Next();
+      if (const std::size_t at = news.rfind(begin); at != std::string::npos) {
+        return nlohmann::json::parse(news.substr(at + begin.size(), news.find("\n\n", at) - at - begin.size()));
+      }
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    return "nothing came";
+  }
 
   evaluate::TextFolder folder_;
   LiveAtlas atlas_{folder_.path()};
@@ -42,6 +54,7 @@ TEST_F(LiveSurfaceTest, AWallThatWasLookedAtIsSeen) {
   tube.PublishPose(345, 3.0);
   const nlohmann::json json = Made();
   EXPECT_EQ(json["map"], 0);
+  EXPECT_EQ(json["t_s"], 13.8);
   EXPECT_EQ(json["keyframes"], 13);
   EXPECT_EQ(json["depths"], 13);
   ASSERT_EQ(json["lumen"]["found"], true);
@@ -118,24 +131,37 @@ TEST_F(LiveSurfaceTest, TheStreamTellsOfTheWall) {
   tube->PublishPose(345, 3.0);
   const auto wall = std::make_shared<const LiveWall>(folder_.path());
   LiveStream stream(folder_.path(), wall);
-  const auto next_wall = [&] {
-    const std::string begin = "event: wall\ndata: ";
-    for (int i = 0; i < 600; ++i) {
-      const std::string news = stream.Next();
-      if (const std::size_t at = news.rfind(begin); at != std::string::npos) {
-        return nlohmann::json::parse(news.substr(at + begin.size(), news.find("\n\n", at) - at - begin.size()));
-      }
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));
-    }
-    return nlohmann::json("nothing came");
-  };
-  nlohmann::json told = next_wall();
-  while (told.is_object() && told.empty()) told = next_wall();  // the procedure before has ended
+  nlohmann::json told = NextWall(stream);
+  while (told.is_object() && told.empty()) told = NextWall(stream);  // the procedure before has ended
   EXPECT_EQ(told["lumen"]["found"], true);
   ASSERT_NE(wall->newest()->mesh, nullptr);
   EXPECT_TRUE(wall->newest()->mesh->bytes.starts_with("ply\n"));
   tube->table().Wipe();
-  told = next_wall();
+  told = NextWall(stream);
+  EXPECT_TRUE(told.is_object() && told.empty()) << told;
+  EXPECT_EQ(wall->newest()->mesh, nullptr);
+}
+
+// After a loss the scope is in another map, whose keyframes have no depth yet.
+TEST_F(LiveSurfaceTest, AMapWithoutAWallDoesNotKeepThatOfTheOneBefore) {
+  PublishedTube tube(folder_.path());
+  tube.Begin(1);
+  Fill(tube, 4);
+  tube.PublishPose(345, 3.0, 4);
+  const auto wall = std::make_shared<const LiveWall>(folder_.path());
+  LiveStream stream(folder_.path(), wall);
+  nlohmann::json told = NextWall(stream);
+  while (told.is_object() && told.empty()) told = NextWall(stream);
+  EXPECT_EQ(told["map"], 4);
+  // A map that is moved has a wall again in a moment.
+  haustra_depth_keyframe moved = tube.Keyframe(100, 0.0, 4);
+  moved.map_epoch = 7;
+  tube.table().PublishKeyframe(0, moved);
+  std::this_thread::sleep_for(std::chrono::seconds(4));
+  EXPECT_EQ(stream.Next().find("event: wall"), std::string::npos);
+  tube.Publish(40, tube.Keyframe(900, 0.0, 5), false);
+  tube.PublishPose(901, 0.0, 5);
+  told = NextWall(stream);
   EXPECT_TRUE(told.is_object() && told.empty()) << told;
   EXPECT_EQ(wall->newest()->mesh, nullptr);
 }

@@ -95,7 +95,7 @@ class PublishedTube {
   }
   void PublishPose(std::uint32_t frame, double z, std::uint32_t map_id = 0, std::uint64_t epoch = 0) {
     haustra_pose pose{};
-    pose.source_ns = frame * kFrame_ns;
+    pose.source_ns = pose.captured_ns = frame * kFrame_ns;
     pose.frame_index = frame;
     pose.procedure = procedure_;
     pose.map_id = map_id;

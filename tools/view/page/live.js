@@ -15,7 +15,9 @@
 
   const scene = new haustra.Scene3D(byId('scene'));
   const plot = latencyPlot(null, [-SHOWN_S, 0]);
-  let map, wall, trail, latencies, newest, num_poses, framed_extent, is_ours, service = null, num_forgotten = 0;
+  // The picture of the wall comes late; a scope that was there longer ago is not drawn into it.
+  const MAX_SCOPE_AGE_S = 5;
+  let map, wall, told_wall = '', trail, latencies, newest, num_poses, framed_extent, is_ours, service = null, num_forgotten = 0;
   let heard_ms = -Infinity;  // when the last poses came
 
   // Until somebody turns it by hand the picture follows the map as it grows.
@@ -86,7 +88,18 @@
   const hideWall = () => {
     wall = null;
     hideMesh();
-    showWall(null);
+    showLiveWall();
+  };
+  // The wall of the map that the scope is in. While that is not known it may be that of the map shown.
+  const showLiveWall = is_new => {
+    const of = newest && newest.map >= 0 ? newest.map : map ? map.map : wall && wall.map;
+    const is_shown = wall !== null && wall.map === of;
+    const has_scope = is_shown && newest && newest.position && newest.map === wall.map && newest.t_s - wall.t_s < MAX_SCOPE_AGE_S;
+    const told = is_shown ? (has_scope ? 'with scope' : 'alone') : 'none';
+    if (told === told_wall && !is_new) return;
+    told_wall = document.body.dataset.liveWall = told;
+    if (!is_shown) return showWall(null);
+    showWall(wall, wall.picture ? 'data:image/png;base64,' + wall.picture : null, has_scope ? wall.scope : undefined);
   };
   // A mesh from before its map was moved lies elsewhere.
   const fitsMap = surface => map && surface && surface.map === map.map && surface.epoch === map.epoch;
@@ -109,7 +122,7 @@
   const onWall = data => {
     if (data.map === undefined) return hideWall();
     wall = data;
-    showWall(data, data.picture ? 'data:image/png;base64,' + data.picture : null, data.scope);
+    showLiveWall(true);
     fetchMesh();
   };
 
@@ -136,6 +149,7 @@
     scene.setScope(null);
     byId('picture-panel').classList.add('old');
     showLiveMarks();
+    showLiveWall();
   };
   const wordOf = data => (data.has_engine && WORDS[data.state]) || (data.state === 'idle' ? 'Waiting' : 'No engine');
 
@@ -161,6 +175,7 @@
       hideMesh();
       fetchMesh();
     }
+    showLiveWall();
     follow();
     scene.clear('points');
     scene.addPoints(map.points, null);
@@ -191,6 +206,7 @@
     const fits = map && newest.position && newest.map === map.map && newest.epoch === map.epoch;
     scene.setScope(fits ? newest.position : null, newest.orientation);
     showLiveMarks();
+    showLiveWall();
     const first = latencies[0], span = newest.t_s - first.x;
     const sorted = latencies.map(p => p.y).sort((a, b) => a - b);
     const quantile = q => sorted[Math.floor(q * (sorted.length - 1))].toFixed(1) + ' ms';

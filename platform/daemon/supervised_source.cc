@@ -56,6 +56,10 @@ Result<Frame> SupervisedSource::Next(TimePoint deadline) {
       case StatusCode::kDeadlineExceeded:
         if (now - last_frame_ > kSilence) signal_.store(SignalState::kNone, std::memory_order_relaxed);
         continue;
+      case StatusCode::kDataLoss:
+        // Of pictures that are all damaged nobody sees anything.
+        if (now - last_frame_ > kSilence) signal_.store(SignalState::kNone, std::memory_order_relaxed);
+        return frame;
       default: return frame;
     }
   }

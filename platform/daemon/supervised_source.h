@@ -28,7 +28,8 @@ class SupervisedSource final : public FrameSource {
 
   // Waits for the next frame until the deadline (kDeadlineExceeded; a tenth of a second late at most) or RequestStop
   // (kNotFound). A camera that has gone (kUnavailable) or is silent is asked again and again. A recording that is over
-  // waits. Frames that a camera had taken before Begin are thrown away. Other errors are passed on.
+  // waits. Frames that a camera had taken before Begin are thrown away. Other errors are passed on: damaged frames
+  // without a whole one between them for half a second are no signal.
   Result<Frame> Next(TimePoint deadline) override;
 
   // Before the first Next: called with every frame, on the capture thread, before anybody else has it.

@@ -38,7 +38,13 @@ std::size_t FrameBytes(const CameraCalibration& camera) {
 
 struct DamageNote {
   std::uint32_t frame_index = 0;
+  TimePoint timestamp;
   std::string message;
+};
+
+struct Damaged {
+  std::uint32_t frame_index = 0;
+  TimePoint timestamp;
 };
 
 // What the observer has not read yet; a full ring makes the reader of the source wait.
@@ -174,7 +180,8 @@ class RealTimeSession {
       }
       if (frame.code() == StatusCode::kNotFound) break;
       if (frame.code() == StatusCode::kDataLoss) {
-        const DamageNote note{numbering.Missing().frame_index, frame.status().message()};
+        const FrameNumbering::Stamp stamp = numbering.Missing();
+        const DamageNote note{stamp.frame_index, stamp.timestamp, frame.status().message()};
         while (!damage_.TryPush(note) && !stop.load(std::memory_order_relaxed)) {
           std::this_thread::sleep_for(milliseconds(1));
         }
@@ -330,25 +337,49 @@ class RealTimeSession {
 
   void ReportDamage(SessionObserver& observer) {
     for (DamageNote note; damage_.TryPop(&note);) {
-      damaged_.push_back(note.frame_index);
+      damaged_.push_back({note.frame_index, note.timestamp});
       observer.OnDamagedFrame(note.frame_index, note.message);
     }
+    // Only the first whole frame tells when those before it were; it is not waited for without end.
+    if (next_index_ == 0 && damaged_.size() <= kMaxDamageNotes) return;
+    std::size_t count = 0;
+    for (; count < damaged_.size() && damaged_[count].frame_index == next_index_; ++count) {
+      ReportMissingFrame(damaged_[count].timestamp, true, observer);
+    }
+    ForgetDamaged(count);
+  }
+
+  void ForgetDamaged(std::size_t count) {
+    damaged_.erase(damaged_.begin(), damaged_.begin() + static_cast<std::ptrdiff_t>(count));
+  }
+
+  // The one with `next_index_`.
+  void ReportMissingFrame(TimePoint timestamp, bool is_damaged, SessionObserver& observer) {
+    FrameOutcome missing;
+    missing.result.frame_index = next_index_++;
+    missing.result.timestamp = timestamp;
+    missing.result.state = TrackingState::kLost;
+    missing.result.reason = TrackingReason::kDamagedFrame;
+    missing.is_damaged = is_damaged;
+    missing.is_dropped = !is_damaged;
+    observer.OnFrame(missing);
   }
 
   // The frames before `end_index` that were not tracked; `end` is the time of the frame with that index.
   void ReportMissing(std::uint32_t end_index, TimePoint end, SessionObserver& observer) {
     const double period_ns = source_.calibration().rate_hz > 0 ? 1e9 / source_.calibration().rate_hz : 4e7;
-    for (; next_index_ < end_index; ++next_index_) {
-      FrameOutcome missing;
-      missing.result.frame_index = next_index_;
-      missing.result.timestamp = end - Duration(static_cast<std::int64_t>(period_ns * (end_index - next_index_)));
-      missing.result.state = TrackingState::kLost;
-      missing.result.reason = TrackingReason::kDamagedFrame;
-      missing.is_damaged = std::find(damaged_.begin(), damaged_.end(), next_index_) != damaged_.end();
-      missing.is_dropped = !missing.is_damaged;
-      observer.OnFrame(missing);
+    std::size_t num_passed = 0;
+    const auto pass = [&] {
+      while (num_passed < damaged_.size() && damaged_[num_passed].frame_index < next_index_) ++num_passed;
+    };
+    while (next_index_ < end_index) {
+      pass();
+      const bool is_damaged = num_passed < damaged_.size() && damaged_[num_passed].frame_index == next_index_;
+      const TimePoint timestamp = end - Duration(static_cast<std::int64_t>(period_ns * (end_index - next_index_)));
+      ReportMissingFrame(timestamp, is_damaged, observer);
     }
-    std::erase_if(damaged_, [this](std::uint32_t index) { return index < next_index_; });
+    pass();
+    ForgetDamaged(num_passed);
   }
 
   void Report(SessionObserver& observer) {
@@ -398,11 +429,11 @@ class RealTimeSession {
   std::atomic<bool> stop_merging_{false};
   std::atomic<bool> stop_depth_{false};
   std::atomic<bool> tracking_done_{false};
-  Status status_;                // written by capture, read after join
-  Duration video_time_{0};       // likewise
-  std::uint32_t end_index_ = 0;  // likewise
-  TimePoint end_time_;           // likewise
-  std::vector<std::uint32_t> damaged_;
+  Status status_;                 // written by capture, read after join
+  Duration video_time_{0};        // likewise
+  std::uint32_t end_index_ = 0;   // likewise
+  TimePoint end_time_;            // likewise
+  std::vector<Damaged> damaged_;  // not reported yet, in order
   std::uint32_t next_index_ = 0;
 };
 

@@ -282,6 +282,24 @@ TEST(SupervisedSource, LostCameraIsAskedAgainUntilItIsBack) {
   EXPECT_EQ(source.signal(), SignalState::kFrames);
 }
 
+TEST(SupervisedSource, PicturesThatAreAllDamagedAreNoSignal) {
+  RecordProperty("req", "DMN-007");
+  ManualClock clock(TimePoint(seconds(10)));
+  auto inner = std::make_unique<ScriptedFrameSource>(SmallCamera());
+  inner->AddFrame(TimePoint{});
+  for (int i = 0; i < 3; ++i) inner->AddFailure(StatusCode::kDataLoss, "torn");
+  inner->AddFrame(TimePoint(milliseconds(160)));
+  SupervisedSource source(std::move(inner), clock);
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  for (const SignalState expected : {SignalState::kFrames, SignalState::kFrames, SignalState::kNone}) {
+    clock.Advance(milliseconds(200));
+    EXPECT_EQ(source.Next(kNoDeadline).code(), StatusCode::kDataLoss);
+    EXPECT_EQ(source.signal(), expected);
+  }
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  EXPECT_EQ(source.signal(), SignalState::kFrames);
+}
+
 TEST(SupervisedSource, FramesFromBeforeTheProcedureAreThrownAway) {
   RecordProperty("req", "DATA-002");
   const SystemClock clock;

@@ -208,6 +208,38 @@ TEST(RealTimeSession, LongDamageIsCountedFrameByFrame) {
   EXPECT_EQ(num_damaged, 1000);
 }
 
+// A camera that brings nothing whole any more.
+TEST(RealTimeSession, DamagedFramesAreReportedWhileNoneIsAnswered) {
+  constexpr int kNumDamaged = 600;
+  for (const int num_before : {0, 1}) {
+    ScriptedColon colon;
+    if (num_before > 0) colon.Occlude(num_before);
+    for (int i = 0; i < kNumDamaged; ++i) colon.Damage("broken");
+    colon.Occlude(1);
+    std::binary_semaphore all_are_told{0};
+    bool were_told = false;
+    HookedSource source(colon.source(), [&](int call) {
+      if (call == num_before + kNumDamaged) were_told = all_are_told.try_acquire_for(std::chrono::seconds(20));
+    });
+    const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+    RecordingObserver observer;
+    int num_told = 0;
+    observer.on_frame = [&](const FrameOutcome& outcome) {
+      if (outcome.is_damaged && ++num_told == kNumDamaged) all_are_told.release();
+    };
+    ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), kFast, observer, test::kNeverStop).ok());
+    EXPECT_TRUE(were_told) << num_before;
+    ASSERT_EQ(static_cast<int>(observer.frames.size()), num_before + kNumDamaged + 1);
+    for (int i = 0; i < num_before + kNumDamaged; ++i) {
+      EXPECT_EQ(observer.frames[i].result.frame_index, static_cast<std::uint32_t>(i));
+      EXPECT_EQ(observer.frames[i].is_damaged, i >= num_before) << i;
+      if (num_before > 0) {
+        EXPECT_EQ(observer.frames[i].result.timestamp, colon.TimeOf(i)) << i;
+      }
+    }
+  }
+}
+
 TEST(RealTimeSession, ErrorOfTheSourceEndsTheSessionWithItsStatus) {
   ScriptedColon colon;
   colon.Occlude(3);

@@ -104,18 +104,22 @@ int Daemon::SetUp() {
       PoseRingWriter::Create(config_.files.runtime_folder + "/poses", kReadableMode, *group);
   if (!ring.ok()) return FailStart(ring.status(), kExitIo);
   ring_ = std::move(*ring);
+  const std::string view_path = config_.files.runtime_folder + "/view";
+  const std::string depth_path = config_.files.runtime_folder + "/depth";
   if (config_.publish.view) {
-    Result<std::unique_ptr<ViewRingWriter>> view =
-        ViewRingWriter::Create(config_.files.runtime_folder + "/view", kReadableMode, *group);
+    Result<std::unique_ptr<ViewRingWriter>> view = ViewRingWriter::Create(view_path, kReadableMode, *group);
     if (!view.ok()) return FailStart(view.status(), kExitIo);
     view_ = std::move(*view);
+  } else {
+    ViewRingWriter::RemoveFormer(view_path);
   }
   if (config_.publish.depth) {
-    Result<std::unique_ptr<DepthTableWriter>> depth =
-        DepthTableWriter::Create(config_.files.runtime_folder + "/depth", kReadableMode, *group,
-                                 static_cast<std::uint32_t>(config_.engine.memory.max_keyframes));
+    Result<std::unique_ptr<DepthTableWriter>> depth = DepthTableWriter::Create(
+        depth_path, kReadableMode, *group, static_cast<std::uint32_t>(config_.engine.memory.max_keyframes));
     if (!depth.ok()) return FailStart(depth.status(), kExitIo);
     depth_ = std::move(*depth);
+  } else {
+    DepthTableWriter::RemoveFormer(depth_path);
   }
 
   if (const std::optional<ProcedureRecord>& record = store_->interrupted()) {

@@ -30,6 +30,11 @@ void WipeFormerTable(const std::string& path) {
 
 }  // namespace
 
+void DepthTableWriter::RemoveFormer(const std::string& path) {
+  WipeFormerTable(path);
+  ::unlink(path.c_str());
+}
+
 DepthTableWriter::DepthTableWriter(std::string path, int descriptor, void* memory, std::uint32_t num_slots)
     : path_(std::move(path)), descriptor_(descriptor), num_slots_(num_slots) {
   char* at = static_cast<char*>(memory);

@@ -58,6 +58,11 @@ void StorePixel(const ImageView& image, int x, int y, std::uint8_t* to) {
 
 }  // namespace
 
+void ViewRingWriter::RemoveFormer(const std::string& path) {
+  WipeFormerFile(path);
+  ::unlink(path.c_str());
+}
+
 ViewRingWriter::ViewRingWriter(std::string path, int descriptor, haustra_view_file* file)
     : path_(std::move(path)), descriptor_(descriptor), file_(file), picture_(std::make_unique<haustra_picture>()) {}
 

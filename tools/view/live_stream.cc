@@ -213,13 +213,15 @@ void LiveStream::TellPicture(std::string* news) {
   if (!has_picture_) {
     if (haustra_view_latest_picture(&view_, picture_.get()) != HAUSTRA_OK || picture_->sequence == told_picture_)
       return;
+    told_picture_ = picture_->sequence;
+    // The file of a service that has gone shows its patient.
+    if (picture_->procedure != procedure_) return;
     has_picture_ = true;
   }
   const int answer = haustra_view_matches_of(&view_, picture_->frame_index, picture_->procedure, matches_.get());
   // A frame that was dropped is shown without matches, when it is certain that none will come.
   if (answer == HAUSTRA_NOT_YET && haustra_now_ns() - picture_->published_ns < kMaxAnswer_ns) return;
   has_picture_ = false;
-  told_picture_ = picture_->sequence;
   const int width = static_cast<int>(picture_->width), height = static_cast<int>(picture_->height);
   const int channels = static_cast<int>(picture_->num_channels);
   std::vector<std::uint8_t> jpeg;

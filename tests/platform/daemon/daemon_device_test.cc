@@ -16,7 +16,9 @@
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/worker.h"
 #include "platform/exit_codes.h"
+#include "platform/publish/depth_table_writer.h"
 #include "platform/publish/haustra_pose_ring.h"
+#include "platform/publish/view_ring_writer.h"
 #include "tests/engine/system/small_config.h"
 #include "tests/platform/daemon/scripted_worker.h"
 
@@ -117,6 +119,38 @@ class DaemonDevice : public testing::Test {
   std::atomic<bool> has_ended_{false};
   int exit_code_ = -1;
 };
+
+// A crash left them, and what they show is not to be published any more.
+TEST_F(DaemonDevice, PicturesOfACrashAreWipedAlsoWhenNoneAreToBePublished) {
+  RecordProperty("req", "DATA-001");
+  const auto view = ViewRingWriter::Create(folder_ + "/view", 0600, static_cast<gid_t>(-1));
+  const auto depth = DepthTableWriter::Create(folder_ + "/depth", 0600, static_cast<gid_t>(-1), 4);
+  ASSERT_TRUE(view.ok() && depth.ok());
+  const std::vector<std::uint8_t> pixels(64 * 48, 90);
+  Frame frame;
+  frame.image = {pixels.data(), 64, 48, 64, PixelFormat::kGrey8};
+  (*view)->PublishPicture(frame, 1);
+  haustra_depth_camera camera{};
+  camera.procedure = 1;
+  camera.step_px = 8;
+  camera.grid_width = camera.grid_height = 2;
+  (*depth)->PublishCamera(camera);
+  haustra_view viewer;
+  haustra_depth_table table;
+  ASSERT_EQ(haustra_view_open(&viewer, (folder_ + "/view").c_str()), HAUSTRA_OK);
+  ASSERT_EQ(haustra_depth_open(&table, (folder_ + "/depth").c_str()), HAUSTRA_OK);
+  const auto picture = std::make_unique<haustra_picture>();
+  EXPECT_EQ(haustra_view_latest_picture(&viewer, picture.get()), HAUSTRA_OK);
+  EXPECT_EQ(haustra_depth_read_camera(&table, &camera), HAUSTRA_OK);
+  ASSERT_NO_FATAL_FAILURE(Start());
+  EXPECT_FALSE(Exists("view"));
+  EXPECT_FALSE(Exists("depth"));
+  // Who looks at them sees nothing any more.
+  EXPECT_NE(haustra_view_latest_picture(&viewer, picture.get()), HAUSTRA_OK);
+  EXPECT_NE(haustra_depth_read_camera(&table, &camera), HAUSTRA_OK);
+  haustra_view_close(&viewer);
+  haustra_depth_close(&table);
+}
 
 TEST_F(DaemonDevice, LostDeviceCostsAWorkerAndTheProcedureGoesOn) {
   RecordProperty("req", "DMN-010");

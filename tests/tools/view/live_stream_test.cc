@@ -158,6 +158,25 @@ TEST_F(LiveStreamTest, APictureIsToldWithItsMatchesOnceItsFrameIsAnswered) {
   EXPECT_EQ(Messages(stream.Next(), "picture").at(0)["num_matched"], 0);
 }
 
+// A former service has left its file.
+TEST_F(LiveStreamTest, PicturesOfAnotherProcedureAreNotTold) {
+  const auto writer = MakeWriter();
+  const auto view = ViewRingWriter::Create(folder_.At("view"), 0600, static_cast<gid_t>(-1));
+  ASSERT_TRUE(view.ok()) << view.status().message();
+  const std::vector<std::uint8_t> pixels(720 * 540, 90);
+  Frame frame;
+  frame.index = 7;
+  frame.image = {pixels.data(), 720, 540, 720, PixelFormat::kGrey8};
+  (*view)->PublishPicture(frame, 5);
+  (*view)->PublishMatches(7, 5, {}, 0);
+  LiveStream stream(Root());
+  EXPECT_TRUE(Messages(stream.Next(), "picture").empty());
+  frame.index = 8;
+  (*view)->PublishPicture(frame, 1);
+  (*view)->PublishMatches(8, 1, {}, 0);
+  EXPECT_EQ(Messages(stream.Next(), "picture").at(0)["frame"], 8);
+}
+
 // A mark of the active map with a label that is HTML, one of another map, and one that the snapshot does not know yet.
 TEST_F(LiveStreamTest, MarksComeWithTheMapThePosesAndTheirPicture) {
   const auto writer = MakeWriter();

@@ -169,6 +169,7 @@ class Daemon {
   Status failure_;  // why it failed
   Status wiped_;
   std::string kept_as_;
+  std::string kept_from_;  // the checkpoint, where maps that are newer could not be kept; empty: nothing is missing
 
   std::string label_;  // of the open or interrupted procedure
   std::uint64_t number_ = 0;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -235,6 +236,7 @@ void Daemon::BeginWorker() {
 }
 
 void Daemon::KeepMaps() {
+  kept_from_.clear();
   const std::string base = label_.empty() ? "procedure" : label_;
   kept_as_ = base;
   for (int i = 2; store_->has_saved(kept_as_); ++i) kept_as_ = base + "-" + std::to_string(i);
@@ -242,6 +244,13 @@ void Daemon::KeepMaps() {
 }
 
 void Daemon::KeepCheckpoint() {
+  kept_from_.clear();
+  // Of an interrupted procedure there is nothing else.
+  if (!is_interrupted()) kept_from_ = "its last checkpoint";
+  if (!is_interrupted() && last_checkpoint_) {
+    const double age_s = std::round(ToSeconds(clock_.Now() - *last_checkpoint_));
+    kept_from_ = "the checkpoint of " + std::to_string(static_cast<int>(age_s)) + " s before";
+  }
   const std::string base = label_.empty() ? "procedure" : label_;
   kept_as_ = base;
   for (int i = 2; store_->has_saved(kept_as_); ++i) kept_as_ = base + "-" + std::to_string(i);
@@ -266,9 +275,13 @@ void Daemon::Wipe() {
       Log(LogLevel::kInfo, "procedure_ended",
           {{"procedure", std::to_string(number_)},
            {"label", label_},
-           {"kept_as", asked_.keep.value_or(false) ? kept_as_ : ""}});
+           {"kept_as", asked_.keep.value_or(false) ? kept_as_ : ""},
+           {"kept_from", asked_.keep.value_or(false) ? kept_from_ : ""}});
       label_.clear();
       trouble_ = wiped.message();
+      if (wiped.ok() && asked_.keep.value_or(false) && !kept_from_.empty()) {
+        trouble_ = "only " + kept_from_ + " could be kept, as " + kept_as_;
+      }
       checkpoint_error_.clear();
       last_checkpoint_.reset();
       Tell(ServiceEventKind::kWiped);
@@ -288,7 +301,8 @@ void Daemon::Answer(bool is_done) {
   Result<std::string> answer = std::string();
   if (asked_.command == ControlCommand::kEnd) {
     if (is_done) {
-      answer = *asked_.keep ? "kept as " + kept_as_ + "\n" : std::string("wiped\n");
+      const std::string from = kept_from_.empty() ? "" : " from " + kept_from_;
+      answer = *asked_.keep ? "kept as " + kept_as_ + from + "\n" : std::string("wiped\n");
       if (!wiped_.ok()) answer = Unavailable("the procedure has ended, but " + wiped_.message());
     } else {
       trouble_ = "data not kept: " + failure_.message();

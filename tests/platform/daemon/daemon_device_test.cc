@@ -221,7 +221,10 @@ TEST_F(DaemonDevice, EndKeepsTheCheckpointWhenTheWorkerHangs) {
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   script_->is_stuck = true;
   ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
-  EXPECT_EQ(Ask("end keep"), "kept as case-1\n");
+  const std::string answer = Ask("end keep");
+  EXPECT_TRUE(answer.starts_with("kept as case-1 from the checkpoint of ")) << answer;
+  EXPECT_TRUE(answer.ends_with(" s before\n")) << answer;
+  EXPECT_TRUE(StatusValue("trouble").starts_with("only the checkpoint of ")) << Ask("status");
   EXPECT_TRUE(Exists("saved/case-1.atlas"));
   EXPECT_FALSE(Exists("checkpoint.atlas"));
 }
@@ -269,7 +272,7 @@ TEST_F(DaemonDevice, WorkerThatIsKilledAtAnyMomentCostsAWorker) {
     std::thread end([&] {
       const std::string answer = Ask(i % 2 == 0 ? "end wipe" : "end keep");
       EXPECT_TRUE(answer == "wiped\n" || answer == "kept as " + label + "\n" ||
-                  answer.starts_with("error: data not kept"))
+                  answer.starts_with("kept as " + label + " from ") || answer.starts_with("error: data not kept"))
           << answer;
       if (answer.starts_with("error")) {
         EXPECT_EQ(Ask("end wipe"), "wiped\n");

@@ -19,7 +19,7 @@ constexpr const char* kAsidePrefix = "replaced-";
 
 // The names of `content`, what FileSink leaves when it is killed, and earlier results that were set aside.
 std::string NamesIn(const FolderContent& content) {
-  return "((" + std::string(content.names) + R"()(\.partial-\d+)?|)" + kAsidePrefix + R"(\d+(/.*)?))";
+  return "((" + std::string(content.names) + R"()(\.partial-\d+(-\d+)?)?|)" + kAsidePrefix + R"(\d+(/.*)?))";
 }
 
 std::regex OwnNames(const FolderContent& content) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "platform/file_sink.h"
 #include "tests/capture/temp_folder.h"
 #include "tools/command/sequence_content.h"
 
@@ -91,6 +92,18 @@ TEST_F(OutputFolderTest, CommitReplacesTheEarlierResults) {
   }
   EXPECT_EQ(Files(), std::vector<std::string>{"table.csv"});
   EXPECT_EQ(folder_.Read("out/table.csv"), "new");
+}
+
+TEST_F(OutputFolderTest, WhatAKilledRunWasWritingIsReplaced) {
+  WriteEarlier();
+  // As it lies at the moment of the kill.
+  const Result<FileSink> table = FileSink::Create(out_ + "/table.csv");
+  const Result<FileSink> map = FileSink::Create(out_ + "/maps/map_0.ply");
+  ASSERT_TRUE(table.ok() && map.ok());
+  EXPECT_EQ(Files().size(), 4u);
+  EXPECT_TRUE(Check(true).ok()) << Check(true).message();
+  folder_.Write("out/table.csv.partial-mine", "precious");
+  EXPECT_EQ(Check(true).code(), StatusCode::kFailedPrecondition);
 }
 
 TEST_F(OutputFolderTest, StartThatFailsPutsTheEarlierResultsBack) {

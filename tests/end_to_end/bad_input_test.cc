@@ -3,10 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "tests/end_to_end/command.h"
@@ -104,6 +106,22 @@ TEST_F(BadInput, MissingCalibrationIsNamedAndGuessed) {
   fs::remove(sequence_ + "/calib.yaml");
   ExpectOutcome(Run(), 0, {"put a calib.yaml there", "3 frames are too few", "focal length guessed"});
   EXPECT_TRUE(Exists(out_ + "/calib.yaml"));
+}
+
+// An estimate that finds no room is no reason to lose the maps.
+TEST_F(BadInput, EstimateThatCannotBeWrittenCostsNothingElse) {
+  fs::remove(sequence_ + "/calib.yaml");
+  std::thread in_the_way([this] {
+    // Made at the start of the session, which takes a second then.
+    while (!Exists(out_ + "/trajectory")) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    fs::create_directory(out_ + "/calib.yaml");
+  });
+  const std::string atlas = scratch_ + "/maps.atlas";
+  const CommandResult run = Run({"--mode", "realtime", "--rate", "0.05", "--save-atlas", atlas});
+  in_the_way.join();
+  ExpectOutcome(run, kExitIo, {"calib.yaml"});
+  EXPECT_TRUE(Exists(atlas));
+  EXPECT_TRUE(Exists(out_ + "/summary.json"));
 }
 
 TEST_F(BadInput, TypoInCalibrationIsNamed) {

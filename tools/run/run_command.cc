@@ -295,11 +295,9 @@ int Run(const RunArguments& arguments) {
     return console::Fail(kRunCommand, InvalidArgument(arguments.sequence + ": the sequence is empty from frame " +
                                                       std::to_string(arguments.part.first_frame) + " on"));
   }
-  if (estimated) {
-    const Status status = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);
-    if (!status.ok()) return console::FailWriting(kRunCommand, status);
-  }
-
+  Status calibration_written;
+  if (estimated) calibration_written = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);
+  // A file that cannot be written costs none of the others.
   Status atlas_saved;
   if (!arguments.save_atlas.empty()) atlas_saved = SaveAtlasFile(engine, arguments.save_atlas);
   // Whatever ended the session, what was mapped until then is written.
@@ -327,6 +325,7 @@ int Run(const RunArguments& arguments) {
   const Status written =
       WriteOutputs(arguments.out, record, poses, summary, engine, marks, **source, std::ref(colours));
   if (!written.ok()) {
+    if (!calibration_written.ok()) console::Warn(kRunCommand, "%s", calibration_written.message().c_str());
     const std::string earlier = output->PutBack();
     if (!earlier.empty()) console::Warn(kRunCommand, "earlier results are in %s", earlier.c_str());
     return console::FailWriting(kRunCommand, written);
@@ -340,6 +339,10 @@ int Run(const RunArguments& arguments) {
   console::Print("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(),
                  arguments.out.c_str());
   if (!page.empty()) console::Print("  report        %s\n", page.c_str());
+  if (!calibration_written.ok() && !atlas_saved.ok()) {
+    console::Warn(kRunCommand, "%s", atlas_saved.message().c_str());
+  }
+  if (!calibration_written.ok()) return console::FailWriting(kRunCommand, calibration_written);
   if (!atlas_saved.ok()) return console::FailWriting(kRunCommand, atlas_saved);
   if (!surface.ok()) return console::FailWriting(kRunCommand, surface);
   if (!session.ok()) return console::Fail(kRunCommand, session.status());

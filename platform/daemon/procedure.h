@@ -133,10 +133,10 @@ class Procedure final : private SessionObserver, private SessionHooks {
   Heartbeat merging_beat_;  // by the mapping thread, which waits for its answers
   std::atomic<std::int64_t> snapshot_interval_ns_{0};
   std::atomic<bool> has_changed_{false};
-  std::uint64_t changes_seen_ = 0;  // mapping thread: when has_changed_ was set last
-  TimePoint next_snapshot_;         // mapping thread
-  TimePoint next_depths_;           // mapping thread
-  std::uint64_t published_changes_ = 0;
+  std::uint64_t changes_seen_ = 0;                  // mapping thread: when has_changed_ was set last
+  TimePoint next_snapshot_;                         // mapping thread
+  TimePoint next_depths_;                           // mapping thread
+  std::optional<std::uint64_t> published_changes_;  // nothing yet: loaded maps have changed nothing
 
   mutable std::mutex mutex_;  // never taken by the tracking thread
   ProcedureCounts counts_;

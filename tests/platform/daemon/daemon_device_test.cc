@@ -436,6 +436,16 @@ TEST_F(DaemonDevice, AfterAStopInOrderSomebodySaysThatTheProcedureGoesOn) {
   EXPECT_EQ(StatusValue("label"), "case-1");
 }
 
+TEST_F(DaemonDevice, ResumedProcedureShowsItsMapBeforeThatChanges) {
+  RecordProperty("req", "DATA-003");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  Terminate();
+  script_->is_dark = true;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_TRUE(Ask("resume").starts_with("procedure "));
+  EXPECT_TRUE(Until([&] { return StatusValue("maps") == "1"; }, seconds(20))) << Ask("status");
+}
+
 TEST_F(DaemonDevice, PoseBearsTheStampOfItsFrame) {
   RecordProperty("req", "TRK-002");
   script_->is_live = true;

@@ -54,7 +54,10 @@ class FaultyDevice final : public ForwardingVisionDevice {
 // The same frames again for each worker.
 class ColonSource : public FrameSource {
  public:
-  ColonSource() { colon_.Move(0.0, 6.0, 150), colon_.Occlude(4000); }
+  explicit ColonSource(const test::WorkerScript& script) {
+    if (!script.is_dark) colon_.Move(0.0, 6.0, 150);
+    colon_.Occlude(4000);
+  }
   const CameraCalibration& calibration() const override { return colon_.source().calibration(); }
   std::uint32_t num_frames() const override { return colon_.source().num_frames(); }
   std::optional<PixelFormat> pixel_format() const override { return PixelFormat::kGrey8; }
@@ -69,7 +72,7 @@ class ColonSource : public FrameSource {
 // A camera, which stamps its frames and writes the stamps down.
 class LiveColonSource final : public ColonSource {
  public:
-  explicit LiveColonSource(test::WorkerScript& script) : script_(script) {}
+  explicit LiveColonSource(test::WorkerScript& script) : ColonSource(script), script_(script) {}
   std::uint32_t num_frames() const override { return 0; }
   bool is_live() const override { return true; }
   Result<Frame> Next(TimePoint deadline) override {
@@ -101,7 +104,7 @@ int Run(const std::string& path) {
   ColonSource* colon = nullptr;  // the source, which is opened before the device is made
   parts.open_source = [script, &colon](const SourceConfig&) -> Result<std::unique_ptr<FrameSource>> {
     std::unique_ptr<ColonSource> source =
-        script->is_live ? std::make_unique<LiveColonSource>(*script) : std::make_unique<ColonSource>();
+        script->is_live ? std::make_unique<LiveColonSource>(*script) : std::make_unique<ColonSource>(*script);
     colon = source.get();
     return std::unique_ptr<FrameSource>(std::move(source));
   };

@@ -4,6 +4,11 @@
 
 namespace haustra {
 
+TimePoint SignOfTracking(const Heartbeat& beat, TimePoint now, Duration work_limit) {
+  const bool has_begun = beat.count() > 1;
+  return has_begun || now - beat.last() > work_limit ? beat.last() : now;
+}
+
 std::string FindHang(const SignsOfLife& signs, TimePoint now, const WatchdogConfig& limits) {
   const struct {
     const char* name;

@@ -6,8 +6,13 @@
 
 #include "hal/core/time.h"
 #include "platform/daemon/daemon_config.h"
+#include "platform/realtime/heartbeat.h"
 
 namespace haustra {
+
+// When tracking was last heard of. `beat` has one beat of the start; until tracking adds its own, all threads take and
+// lock their memory. That is work, for `work_limit` at most.
+TimePoint SignOfTracking(const Heartbeat& beat, TimePoint now, Duration work_limit);
 
 struct SignsOfLife {
   TimePoint tracking;  // beats many times a second, with or without frames

@@ -147,7 +147,9 @@ std::optional<Status> Procedure::ended() const {
 }
 
 SignsOfLife Procedure::signs() const {
-  return {tracking_beat_.last(), source_->last_answer(), mapping_beat_.last(), merging_beat_.last()};
+  const TimePoint tracking =
+      SignOfTracking(tracking_beat_, context_.clock.Now(), std::chrono::milliseconds(config_.watchdog.work_limit_ms));
+  return {tracking, source_->last_answer(), mapping_beat_.last(), merging_beat_.last()};
 }
 
 ProcedureCounts Procedure::counts() const {

@@ -124,6 +124,24 @@ TEST(Health, ThreadThatIsSilentForTooLongHangs) {
   EXPECT_EQ(FindHang(signs, now, limits), "merging thread hangs for 31.0 s");
 }
 
+// Between the start and the first beat of tracking memory is taken and locked.
+TEST(Health, TrackingIsAtWorkUntilItHasBegun) {
+  RecordProperty("req", "DMN-002");
+  const WatchdogConfig limits;
+  const TimePoint begin{seconds(100)};
+  Heartbeat beat;
+  beat.Beat(begin);
+  const auto hang_at = [&](TimePoint now) {
+    const TimePoint tracking = SignOfTracking(beat, now, milliseconds(limits.work_limit_ms));
+    return FindHang({tracking, now, now, now}, now, limits);
+  };
+  EXPECT_EQ(hang_at(begin + seconds(5)), "");
+  EXPECT_NE(hang_at(begin + milliseconds(limits.work_limit_ms) + seconds(1)), "");
+  beat.Beat(begin + seconds(6));
+  EXPECT_EQ(hang_at(begin + seconds(6)), "");
+  EXPECT_EQ(hang_at(begin + seconds(8)), "tracking thread hangs for 2.0 s");
+}
+
 // --- Log.
 
 TEST(Log, RecordIsOneLineWhateverItHolds) {

@@ -110,6 +110,8 @@ class Daemon {
   void ConsiderCheckpoint(TimePoint now);
   void StartSave(SaveKind kind, const std::string& path, std::optional<ControlServer::ClientId> client = {});
   void Commit(const WorkerReport& report);
+  // Its last reference wipes what it wrote, and waits for the disk: not here.
+  void Discard(std::shared_ptr<FileSink> sink);
   void EndSave(const Save& save, const Status& status);
   void AskOfMarks(const Held& held);
   void AnswerOfMarks(const WorkerReport& report);

@@ -128,10 +128,7 @@ void Daemon::TakeLeaveOfWorker(const std::string& how) {
   saves.swap(saves_);
   for (auto& [number, save] : saves) {
     // That file is of no use. The disk is waited for elsewhere.
-    DoFile([sink = std::exchange(save.sink, nullptr)]() mutable {
-      sink.reset();
-      return nullptr;
-    });
+    Discard(std::exchange(save.sink, nullptr));
     // Of what is under way the end of the worker is the news.
     if (save.kind != SaveKind::kKeep && save.kind != SaveKind::kFinal) {
       EndSave(save, Unavailable(save.path + ": the worker ended"));
@@ -348,6 +345,7 @@ void Daemon::StartSave(SaveKind kind, const std::string& path, std::optional<Con
       if (!status.ok()) return EndSave(save, status);
       // One that has gone meanwhile is nobody's news: saves end with their worker.
       if (worker_ == nullptr || worker != num_workers_) {
+        Discard(std::exchange(save.sink, nullptr));
         if (save.kind == SaveKind::kNamed || save.kind == SaveKind::kCheckpoint) {
           EndSave(save, Unavailable(save.path + ": the worker ended"));
         }
@@ -384,13 +382,20 @@ void Daemon::AnswerOfMarks(const WorkerReport& report) {
   mark_askers_.erase(it);
 }
 
+void Daemon::Discard(std::shared_ptr<FileSink> sink) {
+  DoFile([sink = std::move(sink)]() mutable {
+    sink.reset();
+    return nullptr;
+  });
+}
+
 void Daemon::Commit(const WorkerReport& report) {
   const auto it = saves_.find(report.number);
   if (it == saves_.end()) return;
   Save save = std::move(it->second);
   saves_.erase(it);
   const Status written = WithPath(save.path, report.status());
-  DoFile([this, save, written, label = label_]() mutable -> std::function<void()> {
+  DoFile([this, save = std::move(save), written, label = label_]() mutable -> std::function<void()> {
     Status status = written;
     if (status.ok()) status = save.sink->Commit();
     save.sink.reset();

@@ -258,6 +258,10 @@ class PageTest(unittest.TestCase):
                        "return at[0] > 200 && at[2] < 100; })(document.getElementById('wall'))")
             self.assertFalse(page.value(is_hidden))
             self.assertTrue(page.wait_for(has_bar, 10))
+            text = "document.getElementById('wall-text').textContent"
+            self.assertNotIn("cut off", page.value(text))
+            page.value("tell('wall', {...wallOf(0, 1), refused_blocks: 7})")
+            self.assertIn("The mesh is cut off", page.value(text))
             page.value("now = [30, 0]")
             self.assertTrue(page.wait_for(f"!{has_bar}", 10), "it was there long ago")
             self.assertFalse(page.value(is_hidden))

@@ -153,7 +153,9 @@ Status CheckOutputs(const RunArguments& arguments) {
 Status WriteSurface(const RunArguments& arguments, const Engine& engine, RunSummary* summary) {
   if (arguments.surface == "off" || engine.depths() == nullptr) return Status::Ok();
   console::Note(kRunCommand, "making the surface of the wall");
-  const Status made = MakeSurfaceOfRun(arguments.out, arguments.threads, &summary->surface.emplace());
+  surface::SurfaceOptions options;
+  options.num_threads = arguments.threads;
+  const Status made = MakeSurfaceOfRun(arguments.out, options, &summary->surface.emplace());
   const Status told = WriteSummary(arguments.out, *summary);
   if (made.ok()) return told;
   return Status(made.code(), "there is no surface: " + made.message() + "; the other results are whole");

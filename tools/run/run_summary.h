@@ -68,7 +68,7 @@ struct DepthFigures {
 struct SurfaceFigures {
   std::string why_not;             // there is none; empty: there is one
   std::string maps_json;           // how much of the wall each map has seen, as in surface.json
-  std::vector<std::string> lines;  // likewise for people, one a map, with its line break
+  std::vector<std::string> lines;  // likewise for people, with their line breaks; of each map one or two
 };
 
 struct RunSummary {

@@ -8,11 +8,12 @@
 #include "tools/surface/coverage_text.h"
 #include "tools/surface/run_surface.h"
 #include "tools/surface/surface_content.h"
+#include "tools/surface/surface_text.h"
 
 namespace haustra {
 namespace {
 
-Status MakeOf(const std::string& run_folder, const std::string& surface_folder, int num_threads,
+Status MakeOf(const std::string& run_folder, const std::string& surface_folder, const surface::SurfaceOptions& options,
               SurfaceFigures* figures) {
   HAUSTRA_ASSIGN(const evaluate::RunOutput run, evaluate::ReadRunOutput(run_folder));
   if (run.geometry.empty()) {
@@ -20,23 +21,28 @@ Status MakeOf(const std::string& run_folder, const std::string& surface_folder, 
     return Status::Ok();
   }
   surface::SurfaceRequest request;
-  request.surface.num_threads = num_threads;
+  request.surface = options;
   HAUSTRA_ASSIGN(const surface::RunSurface made, surface::MakeRunSurface(run, request));
   HAUSTRA_TRY(surface::WriteRunSurface({surface_folder}, made, {}));
-  figures->maps_json = surface::ToJson(made.maps, made.coverages).dump();
+  nlohmann::ordered_json maps = surface::ToJson(made.maps, made.coverages);
   for (std::size_t i = 0; i < made.maps.size(); ++i) {
-    figures->lines.push_back(surface::ToText(made.maps[i].map_id, made.coverages[i]));
+    const int map_id = made.maps[i].map_id;
+    maps[i]["refused_blocks"] = made.surfaces[i].num_refused_blocks;
+    figures->lines.push_back(surface::ToText(map_id, made.coverages[i]));
+    const std::string full = surface::FullText(map_id, made.surfaces[i]);
+    if (!full.empty()) figures->lines.push_back(full);
   }
+  figures->maps_json = maps.dump();
   return Status::Ok();
 }
 
 }  // namespace
 
-Status MakeSurfaceOfRun(const std::string& folder, int num_threads, SurfaceFigures* figures) {
+Status MakeSurfaceOfRun(const std::string& folder, const surface::SurfaceOptions& options, SurfaceFigures* figures) {
   const std::string surface_folder = (std::filesystem::path(folder) / report::kSurfaceFolder).string();
   Status status = OutputFolder::Check(surface_folder, surface::kSurfaceContent, false);
   if (status.ok()) {
-    status = MakeOf(folder, surface_folder, num_threads, figures);
+    status = MakeOf(folder, surface_folder, options, figures);
     std::error_code error;
     // Half a surface would be taken for a whole one.
     if (!status.ok()) std::filesystem::remove_all(surface_folder, error);

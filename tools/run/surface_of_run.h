@@ -5,13 +5,15 @@
 
 #include "hal/core/status.h"
 #include "tools/run/run_summary.h"
+#include "tools/surface/map_surface.h"
 
 namespace haustra {
 
-// Makes FOLDER/surface of the files of a finished run, with what `haustra surface FOLDER --out FOLDER/surface` writes.
-// num_threads 0: all cores. A run without a map has none, and that is no error. Errors of evaluate::ReadRunOutput,
-// surface::MakeRunSurface and WriteRunSurface: nothing of a surface is left, and the files of the run are as they were.
-// kFailedPrecondition: one was there before, which stays. `figures` also says why there is none.
-Status MakeSurfaceOfRun(const std::string& folder, int num_threads, SurfaceFigures* figures);
+// With options.num_threads 0 on all cores. Makes FOLDER/surface of the files of a finished run, with what `haustra
+// surface FOLDER --out FOLDER/surface` writes. A run without a map has none, and that is no error. Errors of
+// evaluate::ReadRunOutput, surface::MakeRunSurface and WriteRunSurface: nothing of a surface is left, and the files of
+// the run are as they were. kFailedPrecondition: one was there before, which stays. `figures` also says why there is
+// none.
+Status MakeSurfaceOfRun(const std::string& folder, const surface::SurfaceOptions& options, SurfaceFigures* figures);
 
 }  // namespace haustra

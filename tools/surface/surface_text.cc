@@ -42,6 +42,12 @@ std::string ToText(int map_id, const MapSurface& surface) {
   return text + "\n";
 }
 
+std::string FullText(int map_id, const MapSurface& surface) {
+  if (surface.num_refused_blocks == 0) return {};
+  return "map " + std::to_string(map_id) + ": the mesh is cut off: its volume is full, " +
+         std::to_string(surface.num_refused_blocks) + " blocks were refused\n";
+}
+
 std::string ToText(const DepthScore& score) {
   const auto percent = [](double share) { return Fixed(100.0 * share, 1) + " %"; };
   return "depth of " + std::to_string(score.keyframes) + " keyframes against the truth, where two see the wall under " +

@@ -14,6 +14,8 @@ namespace haustra::surface {
 
 // One line a map.
 std::string ToText(int map_id, const MapSurface& surface);
+// One line, where the volume was too small for all of the wall; else empty.
+std::string FullText(int map_id, const MapSurface& surface);
 // A few lines.
 std::string ToText(const DepthScore& score);
 // What is known of the truth; nothing where it is not.

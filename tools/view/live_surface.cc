@@ -16,7 +16,6 @@
 #include "tools/surface/coverage_picture.h"
 #include "tools/surface/coverage_text.h"
 #include "tools/surface/map_coverage.h"
-#include "tools/surface/map_surface.h"
 #include "tools/view/seconds.h"
 
 namespace haustra::view {
@@ -148,7 +147,7 @@ void AddPicture(const WallGrid& wall, const SE3* map_from_cam, Json* json) {
 
 }  // namespace
 
-Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps) {
+Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps, const surface::SurfaceOptions& options) {
   if (!maps.camera) return NotFound("no depth is published");
   const haustra_depth_camera& published = *maps.camera;
   surface::SurfaceMap map;
@@ -186,7 +185,7 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps) {
       found.depths[i].compared_to.push_back(map.keyframes[other].keyframe_id);
     }
   }
-  HAUSTRA_ASSIGN(const surface::MapSurface made, surface::MakeMapSurface(map, found, {}));
+  HAUSTRA_ASSIGN(const surface::MapSurface made, surface::MakeMapSurface(map, found, options));
   const Image mask = MaskOf(published);
   HAUSTRA_ASSIGN(const surface::MapCoverage coverage,
                  surface::MakeMapCoverage(map, made, FramesOf(maps), mask.view(), 1, {}));
@@ -202,7 +201,8 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps) {
                {"t_s", Seconds(maps.captured_ns)},
                {"keyframes", num_keyframes},
                {"depths", with_depth.size()},
-               {"triangles", made.mesh.triangles.size()}};
+               {"triangles", made.mesh.triangles.size()},
+               {"refused_blocks", made.num_refused_blocks}};
   surface::AddCoverage(coverage, &json);
   if (coverage.wall) AddPicture(*coverage.wall, epoch == maps.map_epoch ? &maps.map_from_cam : nullptr, &json);
   surface.json = json.dump(-1, ' ', false, Json::error_handler_t::replace);

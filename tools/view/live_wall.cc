@@ -79,7 +79,7 @@ void LiveWall::Run(const std::string& folder) {
     map_worked_for = maps.map_id;
     work = std::async(std::launch::async, [copy = maps] {
       ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
-      return MakeLiveSurface(copy);
+      return MakeLiveSurface(copy, {});
     });
   }
 }

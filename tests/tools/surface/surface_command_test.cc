@@ -19,6 +19,7 @@
 #include "tests/tools/report/small_report.h"
 #include "tools/exit_codes.h"
 #include "tools/run/surface_of_run.h"
+#include "tools/surface/surface_text.h"
 
 namespace haustra {
 namespace {
@@ -157,7 +158,9 @@ class SurfaceOfRunTest : public SurfaceCommandTest {
     ASSERT_TRUE(writer.End().ok());
     folder_.Write("out/maps/map_0000/depth.bin", sink.bytes());
   }
-  Status Make(SurfaceFigures* figures) const { return MakeSurfaceOfRun(folder_.At("out"), 1, figures); }
+  Status Make(SurfaceFigures* figures) const { return MakeSurfaceOfRun(folder_.At("out"), options_, figures); }
+
+  surface::SurfaceOptions options_;
 };
 
 TEST_F(SurfaceOfRunTest, IsThatOfTheCommandAndSaysHowMuchWasSeen) {
@@ -177,9 +180,17 @@ TEST_F(SurfaceOfRunTest, IsThatOfTheCommandAndSaysHowMuchWasSeen) {
   ASSERT_EQ(maps.size(), 1u);
   EXPECT_EQ(maps[0]["map_id"], 0);
   EXPECT_EQ(maps[0]["lumen"], written[0]["lumen"]);
+  EXPECT_EQ(maps[0]["refused_blocks"], 0);
   ASSERT_EQ(figures.lines.size(), 1u);
   EXPECT_THAT(answer.out, HasSubstr(figures.lines[0]));
   EXPECT_EQ(figures.why_not, "");
+}
+
+TEST(SurfaceText, AFullVolumeIsSaid) {
+  surface::MapSurface made;
+  EXPECT_EQ(surface::FullText(3, made), "");
+  made.num_refused_blocks = 5;
+  EXPECT_THAT(surface::FullText(3, made), HasSubstr("map 3: the mesh is cut off"));
 }
 
 TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatFails) {

@@ -22,7 +22,7 @@ class LiveSurfaceTest : public ::testing::Test {
   }
   nlohmann::json Made() {
     atlas_.Update();
-    const Result<LiveSurface> made = MakeLiveSurface(atlas_.maps());
+    const Result<LiveSurface> made = MakeLiveSurface(atlas_.maps(), options_);
     EXPECT_TRUE(made.ok()) << made.status().message();
     if (!made.ok()) return {};
     ply_ = made->ply;
@@ -43,6 +43,7 @@ class LiveSurfaceTest : public ::testing::Test {
 
   evaluate::TextFolder folder_;
   LiveAtlas atlas_{folder_.path()};
+  surface::SurfaceOptions options_;
   std::string ply_;
 };
 
@@ -84,6 +85,16 @@ TEST_F(LiveSurfaceTest, WhatThePictureDoesNotShowIsNot) {
   EXPECT_GT(json["triangles"].get<int>(), 500) << "the wall that was seen has a mesh all the same";
 }
 
+TEST_F(LiveSurfaceTest, AFullVolumeIsTold) {
+  PublishedTube tube(folder_.path());
+  tube.Begin(1);
+  Fill(tube);
+  tube.PublishPose(345, 3.0);
+  EXPECT_EQ(Made()["refused_blocks"], 0);
+  options_.max_blocks = 100;
+  EXPECT_GT(Made()["refused_blocks"].get<int>(), 100);
+}
+
 TEST_F(LiveSurfaceTest, ItIsThatOfTheMapThatTheScopeIsIn) {
   PublishedTube tube(folder_.path());
   tube.Begin(1);
@@ -93,7 +104,7 @@ TEST_F(LiveSurfaceTest, ItIsThatOfTheMapThatTheScopeIsIn) {
   EXPECT_EQ(Made()["map"], 4);
   tube.PublishPose(901, 0.0, 5);
   atlas_.Update();
-  EXPECT_EQ(MakeLiveSurface(atlas_.maps()).code(), StatusCode::kNotFound) << "it has no depth yet";
+  EXPECT_EQ(MakeLiveSurface(atlas_.maps(), options_).code(), StatusCode::kNotFound) << "it has no depth yet";
 }
 
 // A join moves a map: its poses come before its keyframes.
@@ -109,7 +120,7 @@ TEST_F(LiveSurfaceTest, AMapThatWasMovedIsNotMixedWithWhatItWas) {
   moved.map_epoch = 7;
   tube.table().PublishKeyframe(0, moved);
   atlas_.Update();
-  EXPECT_EQ(MakeLiveSurface(atlas_.maps()).code(), StatusCode::kNotFound);
+  EXPECT_EQ(MakeLiveSurface(atlas_.maps(), options_).code(), StatusCode::kNotFound);
 }
 
 // The scope went on beyond the last keyframe: there it has passed the lumen, too.

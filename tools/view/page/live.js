@@ -83,7 +83,7 @@
     scene.draw();
     document.querySelector('[data-layer=surface]').parentElement.hidden = true;
     showLayer('points', true);
-    document.body.dataset.surface = 'none';
+    document.body.dataset.surface = document.body.dataset.mesh = 'none';
   };
   const hideWall = () => {
     wall = null;
@@ -113,8 +113,10 @@
       if (wall !== data || !fitsMap(data)) return;
       scene.clear('surface');
       scene.addSurface(new THREE.PLYLoader().parse(bytes));
-      // Points of a wall that is drawn are noise in front of it.
-      if (document.body.dataset.surface !== 'shown') showLayer('points', false);
+      // Points of a wall that is drawn are noise in front of it; where the mesh is cut off there is nothing else.
+      const cut = data.refused_blocks > 0 ? 'cut' : 'whole';
+      if (document.body.dataset.mesh !== cut) showLayer('points', cut === 'cut');
+      document.body.dataset.mesh = cut;
       document.querySelector('[data-layer=surface]').parentElement.hidden = false;
       document.body.dataset.surface = 'shown';
     }).catch(() => {});  // the next one comes in seconds

@@ -69,6 +69,7 @@ window.haustra = window.haustra || {};
           coverage.lumen.passed_radii.toFixed(1) + ' radii of the lumen that the scope passed' +
           (coverage.depths < coverage.keyframes ? '; of ' + coverage.keyframes + ' keyframes ' + coverage.depths + ' have a depth' : '')
         : 'No lumen: ' + coverage.lumen.reason;
+    if (coverage.refused_blocks > 0) byId('wall-text').textContent += '. The mesh is cut off: its volume is full';
     if (!is_shown) return;
     const image = new Image();
     image.onload = () => {

@@ -150,14 +150,20 @@ Status CheckOutputs(const RunArguments& arguments) {
 
 // The surface of a run that kept depth, beside its results, which are good without it. What it says of the wall goes
 // into the summary, on the disk, too, which is whole at any time.
-Status WriteSurface(const RunArguments& arguments, const Engine& engine, RunSummary* summary) {
+Status WriteSurface(const RunArguments& arguments, const Engine& engine, const std::atomic<bool>& stop,
+                    RunSummary* summary) {
   if (arguments.surface == "off" || engine.depths() == nullptr) return Status::Ok();
   console::Note(kRunCommand, "making the surface of the wall");
   surface::SurfaceOptions options;
   options.num_threads = arguments.threads;
+  options.stop = &stop;
   const Status made = MakeSurfaceOfRun(arguments.out, options, &summary->surface.emplace());
   const Status told = WriteSummary(arguments.out, *summary);
   if (made.ok()) return told;
+  if (made.code() == StatusCode::kCancelled) {
+    console::Warn(kRunCommand, "there is no surface: %s", summary->surface->why_not.c_str());
+    return told;
+  }
   return Status(made.code(), "there is no surface: " + made.message() + "; the other results are whole");
 }
 
@@ -336,7 +342,9 @@ int Run(const RunArguments& arguments) {
   for (const RunEvent& event : record.events()) {
     if (event.event == "frame_damaged") console::Warn(kRunCommand, "%s", event.details.c_str());
   }
-  const Status surface = WriteSurface(arguments, engine, &summary);
+  // What ended the session, as that of a camera ends, does not end this, too.
+  const std::atomic<bool>& stop_surface = stop_requested ? SecondStopSignal() : stop_requested;
+  const Status surface = WriteSurface(arguments, engine, stop_surface, &summary);
   const std::string page = arguments.report == "on" ? WriteReport(arguments, sequence_options) : std::string();
   console::Print("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(),
                  arguments.out.c_str());

@@ -48,6 +48,7 @@ Status MakeSurfaceOfRun(const std::string& folder, const surface::SurfaceOptions
     if (!status.ok()) std::filesystem::remove_all(surface_folder, error);
   }
   if (!status.ok()) figures->why_not = status.message();
+  if (status.code() == StatusCode::kCancelled) figures->why_not = "it was stopped; haustra surface makes it";
   return status;
 }
 

@@ -19,7 +19,7 @@ std::vector<LookingFrame> FramesOf(const evaluate::RunOutput& run, int map_id) {
 
 Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface,
                                     std::span<const LookingFrame> frames, ImageView mask, int num_threads,
-                                    const CoverageOptions& options) {
+                                    const std::atomic<bool>* stop, const CoverageOptions& options) {
   HAUSTRA_TRY(options.Validate());
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(map.camera));
   std::vector<Eigen::Vector3d> path, wall;
@@ -37,7 +37,10 @@ Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& sur
   WallGrid& grid = coverage.wall.emplace(*lumen);
   grid.SetWall(patches, options.max_hole_cells);
   const WallObserver observer(camera, mask, options);
-  for (const LookingFrame& frame : frames) observer.Observe(frame.cam_from_map, frame.time_s, &grid);
+  for (const LookingFrame& frame : frames) {
+    if (IsStopped(stop)) return Status(StatusCode::kCancelled, "stopped");
+    observer.Observe(frame.cam_from_map, frame.time_s, &grid);
+  }
   coverage.whole = CoverageOf(grid, grid.first_claimed_row(), grid.end_claimed_row());
   coverage.segments = CoverageOfSegments(grid, options.segment_radii);
   return coverage;

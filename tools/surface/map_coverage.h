@@ -1,6 +1,7 @@
 // Which part of the wall of a map its frames have looked at.
 #pragma once
 
+#include <atomic>
 #include <optional>
 #include <span>
 #include <string>
@@ -35,10 +36,10 @@ struct MapCoverage {
 std::vector<LookingFrame> FramesOf(const evaluate::RunOutput& run, int map_id);
 
 // frames: in order of time. Every frame counts, not only keyframes: these are chosen for what the map needs, and skip
-// most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere. kInvalidArgument: options,
-// camera.
+// most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere. stop: as in SurfaceOptions,
+// looked at once a frame. kInvalidArgument: options, camera; kCancelled: stopped.
 Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface,
                                     std::span<const LookingFrame> frames, ImageView mask, int num_threads,
-                                    const CoverageOptions& options);
+                                    const std::atomic<bool>* stop, const CoverageOptions& options);
 
 }  // namespace haustra::surface

@@ -28,6 +28,7 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const FoundDepths& foun
   surface.match_ms = found.match_ms;
   surface.depths.resize(found.depths.size());
   ParallelFor(static_cast<int>(found.depths.size()), std::max(1, options.num_threads), [&](int i, int) {
+    if (IsStopped(options.stop)) return;
     const FoundDepth& own = found.depths[i];
     std::vector<PosedDepth> others;
     for (const FoundDepth& other : found.depths) {
@@ -42,9 +43,11 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const FoundDepths& foun
   if (!(surface.voxel_mu > 0.0) || found.depths.empty()) return surface;
   DepthFusion fusion(camera, found.step_px, fusion_options, options.max_blocks);
   for (std::size_t i = 0; i < found.depths.size(); ++i) {
+    if (IsStopped(options.stop)) break;
     const KeyframeDepth& depth = surface.depths[i];
     fusion.Integrate(depth.depth, found.depths[i].colour.view(), depth.keyframe->cam_from_map);
   }
+  if (IsStopped(options.stop)) return Status(StatusCode::kCancelled, "stopped");
   surface.num_blocks = fusion.blocks().num_blocks();
   surface.num_refused_blocks = fusion.blocks().num_refused();
   surface.mesh = ExtractMesh(fusion.blocks(), surface.voxel_mu, options.mesh);

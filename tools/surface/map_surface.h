@@ -1,6 +1,7 @@
 // The surface of one map: depths of its keyframes, held against each other and fused into a mesh.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -23,7 +24,11 @@ struct SurfaceOptions {
   double voxel_share = 0.02;
   int max_blocks = 16384;  // 52 MB
   int num_threads = 1;     // the result does not depend on it
+  // Once it is set the work ends with kCancelled; looked at once a keyframe. Null: it is always done.
+  const std::atomic<bool>* stop = nullptr;
 };
+
+inline bool IsStopped(const std::atomic<bool>* stop) { return stop != nullptr && stop->load(); }
 
 struct KeyframeDepth {
   const SurfaceKeyframe* keyframe = nullptr;
@@ -45,7 +50,7 @@ struct MapSurface {
   TriangleMesh mesh;
 };
 
-// Keeps pointers into `map`. kInvalidArgument: camera.
+// Keeps pointers into `map`. kInvalidArgument: camera; kCancelled: stopped.
 Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const FoundDepths& found, const SurfaceOptions& options);
 
 }  // namespace haustra::surface

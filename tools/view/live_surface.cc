@@ -178,9 +178,11 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps, const surface::Surface
   map.depth_mu = MedianRange(found.depths);
   std::vector<SeeingView> views;
   for (const surface::FoundDepth& each : found.depths) {
+    if (surface::IsStopped(options.stop)) break;
     views.push_back(ViewOf(each, camera, found.step_px, kSameWall * map.depth_mu));
   }
   for (int i = 0; i < static_cast<int>(found.depths.size()); ++i) {
+    if (surface::IsStopped(options.stop)) return Status(StatusCode::kCancelled, "stopped");
     for (const int other : SelectSources(views, i, DepthOptions().max_sources, kMinSourceScore)) {
       found.depths[i].compared_to.push_back(map.keyframes[other].keyframe_id);
     }
@@ -188,7 +190,7 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps, const surface::Surface
   HAUSTRA_ASSIGN(const surface::MapSurface made, surface::MakeMapSurface(map, found, options));
   const Image mask = MaskOf(published);
   HAUSTRA_ASSIGN(const surface::MapCoverage coverage,
-                 surface::MakeMapCoverage(map, made, FramesOf(maps), mask.view(), 1, {}));
+                 surface::MakeMapCoverage(map, made, FramesOf(maps), mask.view(), 1, options.stop, {}));
 
   LiveSurface surface;
   if (!made.mesh.triangles.empty()) {

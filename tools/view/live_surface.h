@@ -25,7 +25,7 @@ struct LiveSurface {
 };
 
 // Of the map that the newest pose lies in, where its keyframes stand; lengths in map units. kNotFound: no keyframe of
-// it has a depth yet, or it was caught while it was moved. kInvalidArgument: the camera.
+// it has a depth yet, or it was caught while it was moved. kInvalidArgument: the camera. kCancelled: stopped.
 Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps, const surface::SurfaceOptions& options);
 
 }  // namespace haustra::view

@@ -77,9 +77,11 @@ void LiveWall::Run(const std::string& folder) {
     begin = steady_clock::now();
     worked_for = procedure;
     map_worked_for = maps.map_id;
-    work = std::async(std::launch::async, [copy = maps] {
+    work = std::async(std::launch::async, [copy = maps, this] {
       ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kLowestPriority);
-      return MakeLiveSurface(copy, {});
+      surface::SurfaceOptions options;
+      options.stop = &is_stopping_;
+      return MakeLiveSurface(copy, options);
     });
   }
 }

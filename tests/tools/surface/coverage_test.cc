@@ -20,7 +20,7 @@ using ::testing::StartsWith;
 MapCoverage CoverageOfTube() {
   const TubeSurface tube;
   Result<MapCoverage> coverage =
-      MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), {}, 1, CoverageOptions());
+      MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), {}, 1, nullptr, CoverageOptions());
   EXPECT_TRUE(coverage.ok()) << coverage.status().ToString();
   return *coverage;
 }
@@ -86,7 +86,7 @@ TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
   const TubeSurface flat(
       [](double, const Eigen::Vector3d& bearing) { return bearing.y() > 0.1 ? 0.5 / bearing.y() : 0.0; });
   const Result<MapCoverage> coverage =
-      MakeMapCoverage(flat.map, flat.surface, FramesOf(flat.run, flat.map.map_id), {}, 1, CoverageOptions());
+      MakeMapCoverage(flat.map, flat.surface, FramesOf(flat.run, flat.map.map_id), {}, 1, nullptr, CoverageOptions());
   ASSERT_TRUE(coverage.ok());
   EXPECT_FALSE(coverage->wall);
   EXPECT_THAT(coverage->no_lumen, HasSubstr("of the directions around the path"));
@@ -217,6 +217,13 @@ TEST(ReadTrueWall, SaysWhatIsWrongWithFileAndLine) {
   EXPECT_THAT(error(header + "0,0,1,2,x,2,3,4,well\n"), HasSubstr("w.csv:2: x_mm is 'x'"));
   EXPECT_THAT(error(header), HasSubstr("not complete"));
   EXPECT_EQ(ReadTrueWall(folder.At("none.csv")).code(), StatusCode::kNotFound);
+}
+
+TEST(MapCoverage, CanBeStopped) {
+  const TubeSurface tube;
+  const std::atomic<bool> stop{true};
+  EXPECT_EQ(MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), {}, 1, &stop, {}).code(),
+            StatusCode::kCancelled);
 }
 
 }  // namespace

@@ -217,6 +217,16 @@ TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatFails) {
   EXPECT_EQ(folder_.Read("out/summary.json"), summary);
 }
 
+TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatIsStopped) {
+  KeepDepth();
+  const std::atomic<bool> stop{true};
+  options_.stop = &stop;
+  SurfaceFigures figures;
+  EXPECT_EQ(Make(&figures).code(), StatusCode::kCancelled);
+  EXPECT_THAT(figures.why_not, HasSubstr("it was stopped"));
+  EXPECT_FALSE(IsThere("out/surface"));
+}
+
 TEST_F(SurfaceOfRunTest, AnEarlierOneIsKept) {
   KeepDepth();
   folder_.Write("out/surface/map_0000.ply", "mine");

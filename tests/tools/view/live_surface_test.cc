@@ -95,6 +95,17 @@ TEST_F(LiveSurfaceTest, AFullVolumeIsTold) {
   EXPECT_GT(Made()["refused_blocks"].get<int>(), 100);
 }
 
+TEST_F(LiveSurfaceTest, NobodyWaitsForOneThatIsNotWanted) {
+  PublishedTube tube(folder_.path());
+  tube.Begin(1);
+  Fill(tube);
+  tube.PublishPose(345, 3.0);
+  atlas_.Update();
+  const std::atomic<bool> stop{true};
+  options_.stop = &stop;
+  EXPECT_EQ(MakeLiveSurface(atlas_.maps(), options_).code(), StatusCode::kCancelled);
+}
+
 TEST_F(LiveSurfaceTest, ItIsThatOfTheMapThatTheScopeIsIn) {
   PublishedTube tube(folder_.path());
   tube.Begin(1);

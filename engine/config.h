@@ -139,7 +139,7 @@ struct MappingConfig {
   // still loses its scale.
   int link_window_keyframes = 20;
   // A map of up to so many keyframes is asked whether it is the mirror of what is seen (mapping/relief_check.h); 0:
-  // none is. The founding cannot tell, where pairs a few keyframes apart can; older maps hold too much to be built
+  // none is [0, 60]. The founding cannot tell, pairs a few keyframes apart can. Older maps hold too much to be built
   // anew.
   int relief_keyframes = 14;
   double link_ratio = 0.8;  // as in foundings: nothing but the epipolar geometry of the matches guards them [0.1, 1]

@@ -28,7 +28,6 @@ constexpr int kMinPlaced = 20;
 constexpr double kMaxUnexplainedShare = 0.9;
 constexpr double kMaxOverOwn = 1.1;
 constexpr int kReliefIterations = 20;
-constexpr double kGateTwoDof = 5.991;
 // A point whose rays are nearer to parallel than this is left out: the next search finds it again.
 constexpr double kMinParallaxRad = 0.15 * kDegree;
 
@@ -60,9 +59,8 @@ bool ReliefCheck::Correct(KeyframeHandle handle, std::span<const Covisible> neig
   bool is_better = false;
   if (PlaceKeyframes(*atlas)) {
     Solve(*atlas, &turned_);
-    const double unexplained = Unexplained(turned_, *atlas);
-    is_better = unexplained < kMaxOverOwn * unexplained_by_own_ &&
-                unexplained < kMaxUnexplainedShare * Unexplained(now_, *atlas);
+    const double now = Unexplained(now_, *atlas), turned = Unexplained(turned_, *atlas);
+    is_better = turned < kMaxUnexplainedShare * now && turned < kMaxOverOwn * unexplained_by_own_;
   }
   if (is_better) WriteBack(atlas);
   for (const KeyframeHandle keyframe : keyframes_) slots_[keyframe.index] = -1;
@@ -195,7 +193,7 @@ bool ReliefCheck::PlaceNext(const Atlas& atlas) {
     if (!place.is_known) continue;
     bearings_.push_back(keyframe.features.bearing(f));
     positions_.push_back(place.position);
-    tolerance_rad_.push_back(std::sqrt(kGateTwoDof) * noise_.SigmaPx(keyframe.features.keypoints[f].scale_px) /
+    tolerance_rad_.push_back(std::sqrt(kChi2TwoDof) * noise_.SigmaPx(keyframe.features.keypoints[f].scale_px) /
                              camera_.focal_px());
   }
   AbsolutePoseRansac::Options options;

@@ -123,6 +123,29 @@ TEST(TwoViewRansac, ExactDataGivesTheExactMotionAndPoints) {
   }
 }
 
+// A motion a few degrees off comes back to the one that was found, and scores what that scores.
+TEST(TwoViewRansac, DescendsToTheNearestMinimum) {
+  Rng rng(17);
+  TwoViewRansac ransac(300);
+  const TwoViewScene scene =
+      MakeTwoViewScene(rng, Shape::kBox, 300, Eigen::Vector3d(0.4, 0.1, -0.2), 0.2, kHalfPixelRad);
+  TwoViewRansac::Estimate estimate;
+  ASSERT_TRUE(ransac.Run(scene.a, scene.b, scene.tolerance, {}, rng, &estimate));
+  const double score = EpipolarScore(estimate.b_from_a, scene.a, scene.b, scene.tolerance);
+  EXPECT_NEAR(score, estimate.score, 1e-6);
+  SE3 scaled = estimate.b_from_a;
+  scaled.translation *= 7.0;
+  EXPECT_NEAR(EpipolarScore(scaled, scene.a, scene.b, scene.tolerance), score, 1e-6) << "the unit is not asked for";
+
+  SE3 moved = scene.b_from_a;
+  moved.translation += Eigen::Vector3d(0.02, -0.02, 0.02);
+  const double moved_score = EpipolarScore(moved, scene.a, scene.b, scene.tolerance);
+  EXPECT_LT(moved_score, score - 1.0);
+  EXPECT_NEAR(ransac.Descend(&moved), score, 0.05);
+  EXPECT_LT(TranslationAngle(moved, estimate.b_from_a), 0.5 * kDegree);
+  EXPECT_NEAR(moved.translation.norm(), 1.0, 1e-12);
+}
+
 TEST(TwoViewRansac, InliersAreMostTrueMatchesAndFewOthers) {
   Rng rng(5);
   TwoViewRansac ransac(300);

@@ -53,8 +53,16 @@ class LiveStreamTest : public ::testing::Test {
     return std::move(*writer);
   }
   std::string Root() const { return folder_.At(""); }
+  // Lives as long as the fixture.
+  Frame GreyFrame(std::uint32_t index) const {
+    Frame frame;
+    frame.index = index;
+    frame.image = {pixels_.data(), 720, 540, 720, PixelFormat::kGrey8};
+    return frame;
+  }
 
   evaluate::TextFolder folder_;
+  std::vector<std::uint8_t> pixels_ = std::vector<std::uint8_t>(720 * 540, 90);
 };
 
 TEST_F(LiveStreamTest, WithoutAnEngineItSaysSoOnce) {
@@ -134,10 +142,7 @@ TEST_F(LiveStreamTest, APictureIsToldWithItsMatchesOnceItsFrameIsAnswered) {
   const auto writer = MakeWriter();
   const auto view = ViewRingWriter::Create(folder_.At("view"), 0600, static_cast<gid_t>(-1));
   ASSERT_TRUE(view.ok()) << view.status().message();
-  const std::vector<std::uint8_t> pixels(720 * 540, 90);
-  Frame frame;
-  frame.index = 7;
-  frame.image = {pixels.data(), 720, 540, 720, PixelFormat::kGrey8};
+  Frame frame = GreyFrame(7);
   (*view)->PublishPicture(frame, 1);
   LiveStream stream(Root());
   EXPECT_TRUE(Messages(stream.Next(), "picture").empty()) << "tracking is at work on it";
@@ -163,10 +168,7 @@ TEST_F(LiveStreamTest, PicturesOfAnotherProcedureAreNotTold) {
   const auto writer = MakeWriter();
   const auto view = ViewRingWriter::Create(folder_.At("view"), 0600, static_cast<gid_t>(-1));
   ASSERT_TRUE(view.ok()) << view.status().message();
-  const std::vector<std::uint8_t> pixels(720 * 540, 90);
-  Frame frame;
-  frame.index = 7;
-  frame.image = {pixels.data(), 720, 540, 720, PixelFormat::kGrey8};
+  Frame frame = GreyFrame(7);
   (*view)->PublishPicture(frame, 5);
   (*view)->PublishMatches(7, 5, {}, 0);
   LiveStream stream(Root());
@@ -188,10 +190,7 @@ TEST_F(LiveStreamTest, MarksComeWithTheMapThePosesAndTheirPicture) {
   snapshot->marks[0] = {5, 3, 0, 4, {1.0F, 2.0F, 3.5F}, 0, "<b>&\"x"};
   snapshot->marks[1] = {6, 1, 0, 2, {0.0F, 0.0F, 0.0F}, 0, "other"};
   writer->PublishSnapshot(*snapshot);
-  const std::vector<std::uint8_t> pixels(720 * 540, 90);
-  Frame frame;
-  frame.index = 7;
-  frame.image = {pixels.data(), 720, 540, 720, PixelFormat::kGrey8};
+  Frame frame = GreyFrame(7);
   (*view)->PublishPicture(frame, 1);
   haustra_pose pose = PoseAt(7);
   pose.num_marks = 4;

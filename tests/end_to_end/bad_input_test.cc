@@ -293,6 +293,17 @@ TEST_F(BadInput, AutoDeviceIsTheCpuWhereThereIsNoOther) {
   EXPECT_NE(run.out.find("device          cpu"), std::string::npos) << run.out;
 }
 
+// An answer that is lost is an error, whatever was found.
+TEST_F(BadInput, FullOutputIsAnError) {
+  for (const std::string& arguments :
+       std::vector<std::string>{"plan --device cpu", "--help", "plan --help", "evaluate " + ResultFolder("standard"),
+                                "run --print-config"}) {
+    const CommandResult result =
+        Command({"/bin/sh", "-c", HAUSTRA_BINARY " " + arguments + " > /dev/full"}).Wait(kHangLimit);
+    ExpectOutcome(result, kExitIo, {"haustra: the output cannot be written: No space left on device"});
+  }
+}
+
 TEST_F(BadInput, QuietRunSaysNothing) {
   const CommandResult run = Run({"--quiet"});
   EXPECT_EQ(run.exit_code, 0);

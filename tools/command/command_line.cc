@@ -13,6 +13,7 @@
 #include "tools/calibrate/calibrate_command.h"
 #include "tools/capture/capture_command.h"
 #include "tools/command/common_options.h"
+#include "tools/command/console.h"
 #include "tools/evaluate/evaluate_command.h"
 #include "tools/exit_codes.h"
 #include "tools/export/export_command.h"
@@ -53,7 +54,9 @@ void AddCommands(CLI::App& app, std::function<int()>& action) {
   AddExitCodes(app);
 }
 
-int RunCommandLine(int argc, char** argv) {
+namespace {
+
+int Run(int argc, char** argv) {
   CLI::App app("Monocular visual SLAM for endoscopy", "haustra");
   app.set_version_flag("--version", std::string("haustra ") + Version());
   std::function<int()> action;
@@ -69,6 +72,16 @@ int RunCommandLine(int argc, char** argv) {
     std::fprintf(stderr, "haustra: %s\n", error.what());
     return kExitInternal;
   }
+}
+
+}  // namespace
+
+int RunCommandLine(int argc, char** argv) {
+  const int code = Run(argc, argv);
+  const Status output = console::FinishOutput();
+  if (output.ok() || code != kExitOk) return code;
+  std::fprintf(stderr, "haustra: %s\n", output.message().c_str());
+  return kExitIo;
 }
 
 }  // namespace haustra

@@ -10,7 +10,7 @@ namespace haustra {
 // made from.
 void AddCommands(CLI::App& app, std::function<int()>& action);
 
-// Returns the exit code (tools/exit_codes.h).
+// Returns the exit code (tools/exit_codes.h): kExitIo also when what was printed is lost (console.h).
 int RunCommandLine(int argc, char** argv);
 
 }  // namespace haustra

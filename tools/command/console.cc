@@ -1,9 +1,11 @@
 #include "tools/command/console.h"
 
 #include <atomic>
+#include <cerrno>
 #include <cstdarg>
 #include <cstdio>
 #include <string>
+#include <system_error>
 
 #include "tools/exit_codes.h"
 
@@ -11,6 +13,7 @@ namespace haustra::console {
 namespace {
 
 std::atomic<bool> is_quiet_now{false};
+std::atomic<int> print_error{0};  // errno of the first text that could not be written
 
 // One call a line, so that lines of several threads do not mix.
 void SayOnStderr(const char* command, const char* kind, const char* format, va_list arguments) {
@@ -22,6 +25,15 @@ void SayOnStderr(const char* command, const char* kind, const char* format, va_l
   std::fprintf(stderr, "haustra %s: %s%s\n", command, kind, text.c_str());
 }
 
+void NotePrintError() {
+  int none = 0;
+  print_error.compare_exchange_strong(none, errno);
+}
+
+void SayOnStdout(const char* format, va_list arguments) {
+  if (std::vprintf(format, arguments) < 0) NotePrintError();
+}
+
 }  // namespace
 
 void SetQuiet(bool is_quiet) { is_quiet_now = is_quiet; }
@@ -31,8 +43,16 @@ void Print(const char* format, ...) {
   if (IsQuiet()) return;
   va_list arguments;
   va_start(arguments, format);
-  std::vprintf(format, arguments);
+  SayOnStdout(format, arguments);
   va_end(arguments);
+}
+
+Status FinishOutput() {
+  if (std::fflush(stdout) != 0) NotePrintError();
+  const int error = print_error;
+  if (error == EPIPE || (error == 0 && std::ferror(stdout) == 0)) return Status::Ok();
+  return Unavailable("the output cannot be written" +
+                     (error == 0 ? std::string() : ": " + std::generic_category().message(error)));
 }
 
 void Note(const char* command, const char* format, ...) {

@@ -12,6 +12,9 @@ bool IsQuiet();
 
 // A result, on stdout.
 [[gnu::format(printf, 1, 2)]] void Print(const char* format, ...);
+// At the end of the program: whether all that was printed is out. kUnavailable: some are not, as on a full disk. A pipe
+// whose reader has gone, as `head` does when it has seen enough, is no error.
+Status FinishOutput();
 // What happens meanwhile, on stderr; the line break is added.
 [[gnu::format(printf, 2, 3)]] void Note(const char* command, const char* format, ...);
 // The same for what somebody should look at.

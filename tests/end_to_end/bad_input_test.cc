@@ -304,6 +304,16 @@ TEST_F(BadInput, FullOutputIsAnError) {
   }
 }
 
+TEST_F(BadInput, QuietCommandsAnswer) {
+  for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+           {"plan", "--device", "cpu"}, {"evaluate", ResultFolder("standard")}, {"run", "--print-config"}}) {
+    std::vector<std::string> quiet = arguments;
+    quiet.push_back("--quiet");
+    EXPECT_EQ(Haustra(quiet).out, Haustra(arguments).out) << arguments.front();
+    EXPECT_NE(Haustra(quiet).out, "");
+  }
+}
+
 TEST_F(BadInput, QuietRunSaysNothing) {
   const CommandResult run = Run({"--quiet"});
   EXPECT_EQ(run.exit_code, 0);

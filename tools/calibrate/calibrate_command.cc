@@ -63,7 +63,7 @@ int RunCalibrate(CalibrateArguments arguments) {
     if (const Status status = WritePng(arguments.picture, picture.view()); !status.ok())
       return console::FailWriting(kCalibrateCommand, status);
   }
-  console::Print(
+  console::Tell(
       "%s\n%s  took          %.0f s; %d frames looked at, %d of them left out for want of features\n"
       "  written to    %s\n",
       request.sequence.c_str(), CalibrationText(*result).c_str(), line.elapsed_s(), result->counters.num_frames,

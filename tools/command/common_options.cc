@@ -36,7 +36,7 @@ void AddDeinterlaceOption(CLI::App& command, DeinterlaceChoice& choice) {
 void AddQuietFlags(CLI::App& app) {
   for (CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; })) {
     command->add_flag_callback(
-        "--quiet", [] { console::SetQuiet(true); }, "Say nothing but warnings and errors");
+        "--quiet", [] { console::SetQuiet(true); }, "Say nothing but what was asked for, warnings and errors");
     AddQuietFlags(*command);
   }
 }

@@ -40,6 +40,13 @@ void SetQuiet(bool is_quiet) { is_quiet_now = is_quiet; }
 bool IsQuiet() { return is_quiet_now; }
 
 void Print(const char* format, ...) {
+  va_list arguments;
+  va_start(arguments, format);
+  SayOnStdout(format, arguments);
+  va_end(arguments);
+}
+
+void Tell(const char* format, ...) {
   if (IsQuiet()) return;
   va_list arguments;
   va_start(arguments, format);

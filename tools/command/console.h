@@ -1,5 +1,6 @@
-// What commands say, in one way: results on stdout, notes and progress on stderr. --quiet keeps both back; warnings and
-// errors are always said, each as "haustra COMMAND: ...". Texts are in printf's notation. thread-safe.
+// What commands say, in one way: answers on stdout, notes and progress on stderr. --quiet keeps back all but what was
+// asked for: answers, and warnings and errors, each as "haustra COMMAND: ...". Texts are in printf's notation.
+// thread-safe.
 #pragma once
 
 #include "hal/core/status.h"
@@ -10,8 +11,10 @@ namespace haustra::console {
 void SetQuiet(bool is_quiet);
 bool IsQuiet();
 
-// A result, on stdout.
+// The answer to what was asked, on stdout; with --quiet, too.
 [[gnu::format(printf, 1, 2)]] void Print(const char* format, ...);
+// What a command has written that was asked for files, on stdout.
+[[gnu::format(printf, 1, 2)]] void Tell(const char* format, ...);
 // At the end of the program: whether all that was printed is out. kUnavailable: some are not, as on a full disk. A pipe
 // whose reader has gone, as `head` does when it has seen enough, is no error.
 Status FinishOutput();

@@ -73,8 +73,8 @@ int Export(const ExportArguments& arguments) {
     console::Print("map %d: %zu frames, %zu points\n", map.map_id, map.frames.size(), map.points.size());
   }
   output->Commit();
-  console::Print("%s: %s, a file for each map; maps have frames and scales of their own\n", arguments.out.c_str(),
-                 arguments.format.c_str());
+  console::Tell("%s: %s, a file for each map; maps have frames and scales of their own\n", arguments.out.c_str(),
+                arguments.format.c_str());
   return kExitOk;
 }
 

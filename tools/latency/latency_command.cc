@@ -265,8 +265,8 @@ int Measure(LatencyArguments arguments) {
       return console::FailWriting(kLatencyCommand, status);
     }
     output->Commit();
-    console::Print("  results in         %s (latency.html, latency.json, histogram.txt, trace.json)\n",
-                   arguments.out.c_str());
+    console::Tell("  results in         %s (latency.html, latency.json, histogram.txt, trace.json)\n",
+                  arguments.out.c_str());
   }
   if (record.realtime()) {
     for (const std::string& refusal : Refusals(*record.realtime())) {

@@ -31,7 +31,7 @@ int RunReport(const ReportArguments& arguments) {
   if (const Status status = WriteFile(arguments.html, *page); !status.ok()) {
     return console::FailWriting(kReportCommand, status);
   }
-  console::Print("%s (%.1f MB)\n", arguments.html.c_str(), static_cast<double>(page->size()) * 1e-6);
+  console::Tell("%s (%.1f MB)\n", arguments.html.c_str(), static_cast<double>(page->size()) * 1e-6);
   return kExitOk;
 }
 

@@ -346,9 +346,9 @@ int Run(const RunArguments& arguments) {
   const std::atomic<bool>& stop_surface = stop_requested ? SecondStopSignal() : stop_requested;
   const Status surface = WriteSurface(arguments, engine, stop_surface, &summary);
   const std::string page = arguments.report == "on" ? WriteReport(arguments, sequence_options) : std::string();
-  console::Print("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(),
-                 arguments.out.c_str());
-  if (!page.empty()) console::Print("  report        %s\n", page.c_str());
+  console::Tell("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(),
+                arguments.out.c_str());
+  if (!page.empty()) console::Tell("  report        %s\n", page.c_str());
   if (!calibration_written.ok() && !atlas_saved.ok()) {
     console::Warn(kRunCommand, "%s", atlas_saved.message().c_str());
   }

@@ -42,7 +42,7 @@ Status Gather(const VocabularyArguments& arguments, TrainingSample* sample) {
     const std::size_t before = sample->num_pictures();
     const Status status = sample->AddSequence(sequence, arguments.every_nth);
     if (!status.ok()) return WithCalibrationAdvice(status, sequence, {});
-    console::Print("%s: %zu pictures\n", sequence.c_str(), sample->num_pictures() - before);
+    console::Tell("%s: %zu pictures\n", sequence.c_str(), sample->num_pictures() - before);
   }
   if (arguments.rendered.num_colons == 0) return Status::Ok();
   RenderedPicturesReceiver receiver;
@@ -52,7 +52,7 @@ Status Gather(const VocabularyArguments& arguments, TrainingSample* sample) {
   receiver.add_picture = [&](ImageView picture) { return sample->AddPicture(picture); };
   const std::size_t before = sample->num_pictures();
   HAUSTRA_TRY(RenderPictures(arguments.rendered, receiver));
-  console::Print("%d rendered colons: %zu pictures\n", arguments.rendered.num_colons, sample->num_pictures() - before);
+  console::Tell("%d rendered colons: %zu pictures\n", arguments.rendered.num_colons, sample->num_pictures() - before);
   return Status::Ok();
 }
 
@@ -85,9 +85,9 @@ int RunVocabulary(VocabularyArguments arguments) {
   if (const Status status = WriteVocabulary(*vocabulary, *sink); !status.ok())
     return console::FailWriting(kVocabularyCommand, status);
   if (const Status status = sink->Commit(); !status.ok()) return console::FailWriting(kVocabularyCommand, status);
-  console::Print("%s: %d words from %zu descriptors of %zu pictures, %.1f s (%.1f s of them training)\n",
-                 arguments.out.c_str(), vocabulary->num_words(), sample.sample().num_descriptors(),
-                 sample.num_pictures(), elapsed_s(), elapsed_s() - gathered_s);
+  console::Tell("%s: %d words from %zu descriptors of %zu pictures, %.1f s (%.1f s of them training)\n",
+                arguments.out.c_str(), vocabulary->num_words(), sample.sample().num_descriptors(),
+                sample.num_pictures(), elapsed_s(), elapsed_s() - gathered_s);
   return kExitOk;
 }
 

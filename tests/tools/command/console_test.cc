@@ -42,17 +42,18 @@ TEST(Console, WhatStandsInTheWayAndWhatCannotBeWrittenDiffer) {
   });
 }
 
-TEST(Console, QuietKeepsBackAllButWarningsAndErrors) {
+TEST(Console, QuietKeepsBackAllButAnswersWarningsAndErrors) {
   console::SetQuiet(true);
   const Said said = Listen([] {
-    console::Print("result %d\n", 1);
+    console::Print("answer %d\n", 1);
+    console::Tell("written\n");
     console::Note("run", "note");
     ProgressLine().Finish("half");
     console::Warn("run", "look at %s", "this");
     console::Fail("run", NotFound("gone"));
   });
   console::SetQuiet(false);
-  EXPECT_EQ(said.out, "");
+  EXPECT_EQ(said.out, "answer 1\n");
   EXPECT_EQ(said.err, "haustra run: warning: look at this\nhaustra run: gone\n");
 }
 

@@ -18,6 +18,7 @@ enum ExitCode : int {
   kExitIo = 74,
   kExitBusy = 75,
   kExitConfig = 78,
+  kExitStopped = 130,
 };
 
 struct ExitCodeMeaning {
@@ -39,6 +40,7 @@ inline constexpr ExitCodeMeaning kExitCodeMeanings[] = {
     {kExitIo, "the output cannot be written"},
     {kExitBusy, "somebody else uses it"},
     {kExitConfig, "configuration, or an input that does not meet what is asked of it"},
+    {kExitStopped, "stopped (Ctrl-C, SIGTERM, SIGHUP) before it was done"},
 };
 
 inline int ExitCodeFor(StatusCode code) {
@@ -50,8 +52,8 @@ inline int ExitCodeFor(StatusCode code) {
     case StatusCode::kUnavailable: return kExitUnavailable;
     case StatusCode::kFailedPrecondition: return kExitConfig;
     case StatusCode::kCapacityExceeded: return kExitConfig;
+    case StatusCode::kCancelled: return kExitStopped;
     case StatusCode::kDeadlineExceeded:
-    case StatusCode::kCancelled:
     case StatusCode::kInternal: return kExitInternal;
   }
   return kExitInternal;

@@ -304,6 +304,12 @@ TEST_F(BadInput, FullOutputIsAnError) {
   }
 }
 
+TEST_F(BadInput, ReaderThatHasSeenEnoughIsNoError) {
+  const std::string script = "{ " HAUSTRA_BINARY " run --print-config; echo $? > " + scratch_ + "/code; } | true";
+  EXPECT_EQ(Command({"/bin/sh", "-c", script}).Wait(kHangLimit).exit_code, 0);
+  EXPECT_EQ(ReadBytes(scratch_ + "/code"), "0\n");
+}
+
 TEST_F(BadInput, QuietCommandsAnswer) {
   for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
            {"plan", "--device", "cpu"}, {"evaluate", ResultFolder("standard")}, {"run", "--print-config"}}) {

@@ -41,7 +41,12 @@ class HeldRun : public testing::Test {
     }
     std::vector<std::string> arguments = {"run", sequence_, "--out", out_, "--device", "cpu"};
     arguments.insert(arguments.end(), more_arguments.begin(), more_arguments.end());
-    command_ = std::make_unique<Command>(HaustraCommand(arguments));
+    arguments = HaustraCommand(arguments);
+    if (!has_reader_) {
+      // The reader has gone when the program starts; `exec` keeps the process that the test signals.
+      arguments.insert(arguments.begin(), {"/bin/bash", "-c", "exec \"$@\" > >(:) 2>&1", "bash"});
+    }
+    command_ = std::make_unique<Command>(arguments);
     // The output folder is made when the files of the sequence have been listed.
     while (command_->IsRunning() && !Exists(out_ + "/maps")) Pause();
     const std::string pipe = scratch + "/pipe";
@@ -87,6 +92,7 @@ class HeldRun : public testing::Test {
 
   std::string sequence_, out_;
   bool has_earlier_results_ = false;
+  bool has_reader_ = true;
   std::unique_ptr<Command> command_;
 
  private:
@@ -101,8 +107,29 @@ TEST_F(HeldRun, TerminateSignalEndsASequentialRunWithItsResults) {
   command_->Signal(SIGTERM);
   const CommandResult result = LetGo();
   EXPECT_EQ(result.exit_code, 0) << result.ToString();
+  EXPECT_NE(result.err.find("stopped after 101 frames"), std::string::npos) << result.ToString();
   ExpectResultsUpToTheHeldFrame();
   ExpectAMap();
+}
+
+TEST_F(HeldRun, TerminalThatIsClosedEndsARunWithItsResults) {
+  ASSERT_NO_FATAL_FAILURE(Start({}));
+  command_->Signal(SIGHUP);
+  const CommandResult result = LetGo();
+  EXPECT_EQ(result.exit_code, 0) << result.ToString();
+  ExpectResultsUpToTheHeldFrame();
+}
+
+// As under nohup.
+TEST_F(HeldRun, TerminalThatIsClosedIsNothingToARunThatIgnoresIt) {
+  signal(SIGHUP, SIG_IGN);
+  Start({});
+  signal(SIGHUP, SIG_DFL);
+  if (HasFatalFailure()) return;
+  command_->Signal(SIGHUP);
+  const CommandResult result = LetGo();
+  EXPECT_EQ(result.exit_code, 0) << result.ToString();
+  EXPECT_EQ(ReadCsv(out_ + "/frames.csv").size(), static_cast<std::size_t>(kNumFrames));
 }
 
 TEST_F(HeldRun, InterruptSignalEndsARealTimeRunWithItsResults) {
@@ -123,6 +150,17 @@ TEST_F(HeldRun, SequenceThatGoesAwayLeavesTheResultsUntilThen) {
   EXPECT_NE(result.err.find("calib.yaml"), std::string::npos) << result.ToString();
   ExpectResultsUpToTheHeldFrame();
   ExpectAMap();
+}
+
+// With a part of its answer said before: what reads it has seen enough.
+TEST_F(HeldRun, ReaderOfTheOutputThatGoesAwayCostsNothing) {
+  has_reader_ = false;
+  ASSERT_NO_FATAL_FAILURE(Start({}));
+  command_->Signal(SIGTERM);
+  const CommandResult result = LetGo();
+  EXPECT_EQ(result.exit_code, 0) << result.ToString();
+  ExpectResultsUpToTheHeldFrame();
+  EXPECT_TRUE(Exists(out_ + "/report.html"));
 }
 
 TEST_F(HeldRun, KilledRunLeavesTheEarlierResults) {
@@ -146,6 +184,79 @@ TEST_F(HeldRun, ReportThatCannotBeWrittenLeavesAGoodRunAndIsSaid) {
   EXPECT_EQ(result.exit_code, 0) << result.ToString();
   EXPECT_NE(result.err.find("warning: there is no report"), std::string::npos) << result.ToString();
   ExpectResultsUpToTheHeldFrame();
+}
+
+// Commands that wait for a named pipe as one of their inputs, and are told to stop.
+class StoppedCommand : public testing::TestWithParam<std::vector<std::string>> {};
+
+TEST_P(StoppedCommand, SaysSoAndLeavesNothing) {
+  const std::string scratch = ScratchFolder();
+  const std::string run = scratch + "/run", pipe = run + "/frames.csv";
+  fs::create_directories(run);
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  const std::vector<std::string> outputs = {scratch + "/out.file", scratch + "/out"};
+  std::vector<std::string> arguments;
+  for (const std::string& argument : GetParam()) {
+    arguments.push_back(argument == "RUN"        ? run
+                        : argument == "PIPE"     ? pipe
+                        : argument == "SEQUENCE" ? SequenceFolder("standard")
+                        : argument == "FILE"     ? outputs[0]
+                        : argument == "OUT"      ? outputs[1]
+                                                 : argument);
+  }
+  Command command(HaustraCommand(arguments));
+  int held = -1;
+  while (held < 0 && command.IsRunning()) {
+    held = open(pipe.c_str(), O_WRONLY | O_NONBLOCK);
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  command.Signal(SIGINT);
+  const CommandResult result = command.Wait(kHangLimit);
+  ASSERT_GE(held, 0) << result.ToString();
+  close(held);
+  EXPECT_EQ(result.exit_code, kExitStopped) << result.ToString();
+  EXPECT_EQ(result.err, "haustra " + GetParam().front() + ": stopped\n");
+  for (const std::string& output : outputs) EXPECT_FALSE(Exists(output)) << output;
+}
+
+INSTANTIATE_TEST_SUITE_P(Commands, StoppedCommand,
+                         testing::Values(std::vector<std::string>{"evaluate", "RUN", "--json", "FILE"},
+                                         std::vector<std::string>{"report", "RUN", "--html", "FILE"},
+                                         std::vector<std::string>{"calibrate", "SEQUENCE", "--mask", "PIPE", "--out",
+                                                                  "FILE"},
+                                         std::vector<std::string>{"export", "RUN", "--format", "tum", "--out", "OUT"},
+                                         std::vector<std::string>{"surface", "RUN", "--out", "OUT", "--device", "cpu"}),
+                         [](const auto& commands) { return commands.param.front(); });
+
+// One that writes from its start on.
+TEST(StoppedRender, PutsTheEarlierSequenceBack) {
+  const std::string out = ScratchFolder() + "/out";
+  ASSERT_EQ(Haustra({"render", out, "--seconds", "0.2", "--size", "64x64", "--events", "none"}).exit_code, 0);
+  const std::string times = ReadBytes(out + "/times.txt");
+  Command command(HaustraCommand({"render", out, "--seconds", "600", "--size", "360x270", "--overwrite"}));
+  // Five frames were there before.
+  while (command.IsRunning() && !Exists(FramePath(out, 6))) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  command.Signal(SIGINT);
+  const CommandResult result = command.Wait(kHangLimit);
+  EXPECT_EQ(result.exit_code, kExitStopped) << result.ToString();
+  EXPECT_NE(result.err.find("haustra render: stopped at frame "), std::string::npos) << result.ToString();
+  EXPECT_EQ(ReadBytes(out + "/times.txt"), times);
+  EXPECT_TRUE(Exists(FramePath(out, 4)));
+  EXPECT_FALSE(Exists(FramePath(out, 5)));
+  EXPECT_FALSE(Exists(out + "/replaced-" + std::to_string(command.pid())));
+}
+
+TEST(StoppedLatency, SaysAfterHowLongAndWritesWhatWasMeasured) {
+  const std::string out = ScratchFolder() + "/out";
+  Command command(HaustraCommand({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE, "--seconds",
+                                  "600", "--warm-up", "0", "--loop", "1", "--out", out, "--device", "cpu"}));
+  while (command.IsRunning() && !Exists(out)) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  std::this_thread::sleep_for(std::chrono::seconds(3));
+  command.Signal(SIGTERM);
+  const CommandResult result = command.Wait(kHangLimit);
+  EXPECT_EQ(result.exit_code, kExitStopped) << result.ToString();
+  EXPECT_NE(result.err.find("haustra latency: stopped after "), std::string::npos) << result.ToString();
+  EXPECT_NE(ReadBytes(out + "/latency.json").find("of 600.0 s"), std::string::npos);
 }
 
 }  // namespace

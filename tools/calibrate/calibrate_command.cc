@@ -17,6 +17,7 @@
 #include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/command/progress_line.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 
 namespace haustra {
@@ -55,6 +56,7 @@ int RunCalibrate(CalibrateArguments arguments) {
                                                     ".\n'haustra run' goes on with a guess and says so: " +
                                                     GuessText(result->calibration)));
   }
+  CatchStopSignals();  // both files are written to their end
   if (const Status status = WriteCalibration(arguments.out, result->calibration); !status.ok()) {
     return console::FailWriting(kCalibrateCommand, status);
   }

@@ -14,6 +14,7 @@
 #include "tools/capture/capture_command.h"
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
+#include "tools/command/stop_signal.h"
 #include "tools/evaluate/evaluate_command.h"
 #include "tools/exit_codes.h"
 #include "tools/export/export_command.h"
@@ -66,6 +67,7 @@ int Run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? kExitOk : kExitUsage;
   }
+  HandleSignals(app.get_subcommands().front()->get_name().c_str());
   try {
     return action();
   } catch (const std::exception& error) {

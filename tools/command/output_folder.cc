@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "platform/file_sink.h"
+#include "tools/command/stop_signal.h"
 
 namespace haustra {
 namespace {
@@ -98,22 +99,31 @@ Status OutputFolder::Check(const std::string& path, const FolderContent& content
 
 Result<OutputFolder> OutputFolder::Create(const std::string& path, const FolderContent& content, bool overwrite) {
   HAUSTRA_TRY(Check(path, content, overwrite));
+  CatchStopSignals();
   std::error_code error;
+  OutputFolder folder(path, content);
+  folder.is_new_ = !fs::exists(path, error);
   fs::create_directories(path, error);
   if (error) return Unavailable(path + ": cannot be made: " + error.message());
-  OutputFolder folder(path, content);
-  const std::vector<fs::path> earlier = Entries(path);
-  if (earlier.empty()) return folder;
-  const fs::path aside = fs::path(path) / (kAsidePrefix + std::to_string(::getpid()));
-  fs::create_directory(aside, error);
-  if (error) return Unavailable(path + ": cannot be written to: " + error.message());
-  folder.aside_ = aside.string();
-  if (!MoveEntries(path, aside)) return Unavailable(path + ": the earlier results cannot be set aside");
+  HAUSTRA_TRY(folder.SetAside());
   return folder;
 }
 
+Status OutputFolder::SetAside() {
+  if (Entries(path_).empty()) return Status::Ok();
+  std::error_code error;
+  const fs::path aside = fs::path(path_) / (kAsidePrefix + std::to_string(::getpid()));
+  fs::create_directory(aside, error);
+  if (error) return Unavailable(path_ + ": cannot be written to: " + error.message());
+  aside_ = aside.string();
+  return MoveEntries(path_, aside) ? Status::Ok() : Unavailable(path_ + ": the earlier results cannot be set aside");
+}
+
 OutputFolder::OutputFolder(OutputFolder&& other) noexcept
-    : path_(std::move(other.path_)), content_(other.content_), aside_(std::exchange(other.aside_, {})) {}
+    : path_(std::move(other.path_)),
+      content_(other.content_),
+      is_new_(other.is_new_),
+      aside_(std::exchange(other.aside_, {})) {}
 
 OutputFolder::~OutputFolder() { PutBack(); }
 
@@ -127,6 +137,24 @@ std::string OutputFolder::PutBack() {
   fs::remove(aside_, error);
   aside_.clear();
   return {};
+}
+
+void OutputFolder::Discard() {
+  const std::regex own = OwnNames(content_);
+  std::error_code error;
+  std::vector<fs::path> written;
+  fs::recursive_directory_iterator entry(path_, error);
+  for (; !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    if (entry->path() == aside_) {
+      entry.disable_recursion_pending();
+    } else if (std::regex_match(entry->path().lexically_relative(path_).generic_string(), own)) {
+      written.push_back(entry->path());
+    }
+  }
+  // What lies in a folder comes after it. A folder that holds something else stays.
+  for (auto path = written.rbegin(); path != written.rend(); ++path) fs::remove(*path, error);
+  PutBack();
+  if (is_new_) fs::remove(path_, error);
 }
 
 void OutputFolder::Commit() {
@@ -148,6 +176,7 @@ Status CheckOutputFile(const std::string& path, bool overwrite) {
 }
 
 Status WriteFile(const std::string& path, std::string_view bytes) {
+  CatchStopSignals();
   HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path));
   HAUSTRA_TRY(sink.Write(bytes));
   return sink.Commit();

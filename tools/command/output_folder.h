@@ -27,8 +27,8 @@ class OutputFolder {
   // `overwrite` is on. Changes nothing. kFailedPrecondition names what stands in the way; kInvalidArgument: no name.
   static Status Check(const std::string& path, const FolderContent& content, bool overwrite);
 
-  // Makes the folder, and those above it, and sets earlier results aside. Errors of Check; kUnavailable: the folder
-  // cannot be made or changed.
+  // Makes the folder, and those above it, and sets earlier results aside. From then on a stop is a flag
+  // (stop_signal.h). Errors of Check; kUnavailable: the folder cannot be made or changed.
   static Result<OutputFolder> Create(const std::string& path, const FolderContent& content, bool overwrite);
 
   OutputFolder(OutputFolder&& other) noexcept;
@@ -41,14 +41,20 @@ class OutputFolder {
   // Nothing comes of the new results: the earlier ones are put back when no file was written in their place. Where they
   // stay aside; empty: they are back, or there are none.
   std::string PutBack();
+  // The new results are not wanted: what was written of them goes, the earlier ones are put back, and a folder that was
+  // made for them goes, too.
+  void Discard();
   // Where earlier results lie until then; empty: there are none.
   const std::string& aside() const { return aside_; }
 
  private:
   OutputFolder(std::string path, const FolderContent& content) : path_(std::move(path)), content_(content) {}
 
+  Status SetAside();
+
   std::string path_;
   FolderContent content_;
+  bool is_new_ = false;  // the folder was not there before
   std::string aside_;
 };
 
@@ -56,7 +62,7 @@ class OutputFolder {
 // OutputFolder::Check; kNotFound: its folder does not exist.
 Status CheckOutputFile(const std::string& path, bool overwrite);
 
-// As a whole or not at all (platform/file_sink.h). Errors of FileSink.
+// As a whole or not at all (platform/file_sink.h). From then on a stop is a flag (stop_signal.h). Errors of FileSink.
 Status WriteFile(const std::string& path, std::string_view bytes);
 
 }  // namespace haustra

@@ -1,4 +1,5 @@
-// A folder of our own that goes, with what is in it, when it is no longer needed.
+// A folder of our own that goes, with what is in it, when it is no longer needed. From then on a stop is a flag
+// (stop_signal.h).
 #pragma once
 
 #include <string>

@@ -1,6 +1,7 @@
 #include "tools/export/export_command.h"
 
 #include <CLI/CLI.hpp>
+#include <atomic>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -9,6 +10,7 @@
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
 #include "tools/command/output_folder.h"
+#include "tools/command/stop_signal.h"
 #include "tools/evaluate/text_input.h"
 #include "tools/exit_codes.h"
 #include "tools/export/exported_map.h"
@@ -67,10 +69,16 @@ int Export(const ExportArguments& arguments) {
   if (!maps.ok()) return console::Fail(kExportCommand, maps.status());
   Result<OutputFolder> output = OutputFolder::Create(arguments.out, kExportContent, arguments.overwrite);
   if (!output.ok()) return console::FailWriting(kExportCommand, output.status());
+  const std::atomic<bool>& stop_requested = CatchStopSignals();
   for (const ExportedMap& map : *maps) {
-    const Status status = WriteMap(arguments, map, arguments.out + "/" + report::MapFolderName(map.map_id));
-    if (!status.ok()) return console::FailWriting(kExportCommand, status);
-    console::Print("map %d: %zu frames, %zu points\n", map.map_id, map.frames.size(), map.points.size());
+    const Status status = stop_requested
+                              ? Status(StatusCode::kCancelled, "stopped")
+                              : WriteMap(arguments, map, arguments.out + "/" + report::MapFolderName(map.map_id));
+    if (!status.ok()) {
+      output->Discard();
+      return console::FailWriting(kExportCommand, status);
+    }
+    console::Tell("map %d: %zu frames, %zu points\n", map.map_id, map.frames.size(), map.points.size());
   }
   output->Commit();
   console::Tell("%s: %s, a file for each map; maps have frames and scales of their own\n", arguments.out.c_str(),

@@ -78,6 +78,7 @@ Result<std::unique_ptr<LoopedSource>> LoadFrames(const LatencyArguments& argumen
     rendering.seconds = arguments.loop_s;
     rendering.events.clear();
     rendering.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    rendering.stop = &CatchStopSignals();
     console::Note(kLatencyCommand, "rendering %d frames", rendering.num_frames());
     sequence = folder.path() + "/sequence";
     HAUSTRA_TRY(render::RenderSequence(sequence, rendering, {}));
@@ -236,12 +237,13 @@ int Measure(LatencyArguments arguments) {
   options.rate = arguments.rate;
   options.rt = config.rt;
   Result<SessionSummary> session = SessionSummary();
+  const TimePoint begin = clock.Now();
   {
     const Stress load(stress, std::move(stress_device));
     std::atomic<bool> is_over{false};
     std::thread timer([&] {
       ProgressLine line;
-      const TimePoint end = clock.Now() + Duration(static_cast<std::int64_t>(1e9 * seconds));
+      const TimePoint end = begin + Duration(static_cast<std::int64_t>(1e9 * seconds));
       while (!is_over && !stop && !stop_requested && clock.Now() < end) {
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
         line.Update([&] {
@@ -256,7 +258,16 @@ int Measure(LatencyArguments arguments) {
     is_over = true;
     timer.join();
   }
+  const double measured_s = ToSeconds(clock.Now() - begin);
   if (!session.ok()) return console::Fail(kLatencyCommand, session.status());
+  // What was measured until then is good, and says of how long it is.
+  std::string stopped;
+  if (stop_requested) {
+    char text[80];
+    std::snprintf(text, sizeof(text), "stopped after %.1f of %.1f s", measured_s, seconds);
+    stopped = text;
+    report.settings.push_back({"length", stopped});
+  }
   report.board_after = ReadBoardState("");
   if (requirement) report.verdict = Judge(*requirement, record.Values());
   console::Print("%s", ToText(report).c_str());
@@ -273,6 +284,7 @@ int Measure(LatencyArguments arguments) {
       console::Warn(kLatencyCommand, "%s", refusal.c_str());
     }
   }
+  if (!stopped.empty()) return console::Fail(kLatencyCommand, Status(StatusCode::kCancelled, stopped));
   return report.is_met() ? kExitOk : kExitNotMet;
 }
 

@@ -11,6 +11,7 @@
 #include "tools/command/console.h"
 #include "tools/command/number_checks.h"
 #include "tools/command/progress_line.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/render/render_sequence.h"
 
@@ -97,8 +98,9 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
 }
 
 int RunRender(const RenderArguments& arguments) {
-  const Result<render::RenderOptions> options = OptionsFrom(arguments);
+  Result<render::RenderOptions> options = OptionsFrom(arguments);
   if (!options.ok()) return console::Fail(kRenderCommand, options.status(), kExitUsage);
+  options->stop = &CatchStopSignals();
   ProgressLine line;
   const auto progress = [&line](int done, int total) {
     line.Update([&] {

@@ -161,19 +161,23 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
   FirstError error;
   std::mutex progress_mutex;
   int num_done = 0;
-  for (int begin = 0; begin < num_frames && error.status().ok(); begin += batch) {
+  const auto is_stopped = [&options] { return options.stop != nullptr && *options.stop; };
+  for (int begin = 0; begin < num_frames && error.status().ok() && !is_stopped(); begin += batch) {
     const int count = std::min(batch, num_frames - begin);
     ParallelFor(count, num_threads, [&](int i, int worker) {
+      if (is_stopped()) return;
       model->Expose(begin + i, renderers[worker].get(), &light[i]);
       if (has_fields) model->Expose(model->SecondFieldS(begin + i), renderers[worker].get(), &second_light[i]);
       metering[i] = Meter(light[i], model->window());
     });
+    if (is_stopped()) break;
     for (int i = 0; i < count; ++i) {
       if (begin + i == 0) exposure.Start(metering[0]);
       gain[i] = exposure.gain();
       exposure.Update(metering[i], 1.0 / options.rate_hz);
     }
     ParallelFor(count, num_threads, [&](int i, int worker) {
+      if (is_stopped()) return;
       model->sensor().Develop(gain[i], begin + i, &light[i], &pictures[worker]);
       if (has_fields) {
         model->sensor().Develop(gain[i], begin + i, &second_light[i], &second_fields[worker]);
@@ -188,6 +192,11 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
     });
   }
   HAUSTRA_TRY(error.status());
+  if (num_done < num_frames) {
+    output.Discard();
+    return Status(StatusCode::kCancelled,
+                  "stopped at frame " + std::to_string(num_done) + " of " + std::to_string(num_frames));
+  }
   if (options.with_seen_wall) {
     for (int i = 1; i < num_threads; ++i) seen_walls[0].Add(seen_walls[i]);
     HAUSTRA_TRY(WriteFile(folder + "/seen_wall.csv", seen_walls[0].Csv()));

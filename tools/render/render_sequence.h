@@ -8,6 +8,7 @@
 //   revisits.csv     frame_a,frame_b,dt_s,distance_mm,axis_angle_deg
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -39,6 +40,8 @@ struct RenderOptions {
   bool with_depth = false;      // depth/%06d.pgm, too
   bool with_seen_wall = false;  // seen_wall.csv, too
   bool overwrite = false;       // replace a sequence that is already there
+  // Once it is set the work ends with kCancelled; looked at once a frame. Null: it is always done.
+  const std::atomic<bool>* stop = nullptr;
 
   // The preset as it is: its length, rate, size and events.
   static RenderOptions FromPreset(const Preset& preset);
@@ -55,6 +58,7 @@ using Progress = std::function<void(int done, int total)>;
 
 // kInvalidArgument: options. kFailedPrecondition: the folder holds a sequence and overwrite is off, or holds something
 // else. kUnavailable: a file cannot be written. What was written before an error stays (tools/command/output_folder.h).
+// kCancelled: stopped; nothing of it stays.
 Status RenderSequence(const std::string& folder, const RenderOptions& options, const Progress& progress);
 
 }  // namespace haustra::render

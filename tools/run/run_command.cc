@@ -297,6 +297,10 @@ int Run(const RunArguments& arguments) {
                                              : RunSequential(**source, engine, clock, record, stop_requested, marks);
   marks.Finish();
   progress.Finish(record);
+  if (stop_requested && !is_live) {
+    console::Warn(kRunCommand, "stopped after %zu frames; what was mapped until then is written",
+                  record.frames().size());
+  }
   engine.FinishDepth(stop_requested);
   // How long a recording is shows only when it has been read: of it, too, a part that is empty is a mistake.
   if (session.ok() && !stop_requested && record.frames().empty()) {

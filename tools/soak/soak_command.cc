@@ -64,6 +64,7 @@ Result<std::string> RenderInto(const TemporaryFolder& folder) {
   HAUSTRA_ASSIGN(const render::Preset preset, render::FindPreset("losses"));
   render::RenderOptions options = render::RenderOptions::FromPreset(preset);
   options.num_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  options.stop = &CatchStopSignals();
   console::Note(kSoakCommand, "rendering %d frames", options.num_frames());
   std::string sequence = folder.path() + "/sequence";
   HAUSTRA_TRY(render::RenderSequence(sequence, options, {}));
@@ -230,7 +231,7 @@ int Soak(const SoakArguments& arguments) {
   const SoakVerdict verdict = monitor.Judge();
   console::Print("%s", verdict.text.c_str());
   if (stop_requested.load()) {
-    return console::Fail(kSoakCommand, Status(StatusCode::kCancelled, "stopped before its time"), kExitNotMet);
+    return console::Fail(kSoakCommand, Status(StatusCode::kCancelled, "stopped before its time"));
   }
   return verdict.is_passed ? kExitOk : kExitNotMet;
 }

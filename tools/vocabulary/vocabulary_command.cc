@@ -15,6 +15,7 @@
 #include "tools/command/missing_calibration.h"
 #include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/vocabulary/rendered_pictures.h"
 #include "tools/vocabulary/training_sample.h"
@@ -69,9 +70,10 @@ int RunVocabulary(VocabularyArguments arguments) {
   arguments.options.root_sift = config->config().features.root_sift;
   arguments.rendered.num_threads =
       arguments.threads > 0 ? arguments.threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  // Made first: where nothing can be written, nobody waits for the training.
-  Result<FileSink> sink = FileSink::Create(arguments.out);
-  if (!sink.ok()) return console::FailWriting(kVocabularyCommand, sink.status());
+  // Where nothing can be written, nobody waits for the training.
+  if (const Status status = FileSink::Create(arguments.out).status(); !status.ok()) {
+    return console::FailWriting(kVocabularyCommand, status);
+  }
 
   const auto start = std::chrono::steady_clock::now();
   const auto elapsed_s = [&] {
@@ -82,6 +84,9 @@ int RunVocabulary(VocabularyArguments arguments) {
   const double gathered_s = elapsed_s();
   const Result<Vocabulary> vocabulary = Vocabulary::Train(sample.sample(), arguments.options);
   if (!vocabulary.ok()) return console::Fail(kVocabularyCommand, vocabulary.status());
+  CatchStopSignals();  // it is written to its end
+  Result<FileSink> sink = FileSink::Create(arguments.out);
+  if (!sink.ok()) return console::FailWriting(kVocabularyCommand, sink.status());
   if (const Status status = WriteVocabulary(*vocabulary, *sink); !status.ok())
     return console::FailWriting(kVocabularyCommand, status);
   if (const Status status = sink->Commit(); !status.ok()) return console::FailWriting(kVocabularyCommand, status);

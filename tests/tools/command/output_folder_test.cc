@@ -174,6 +174,34 @@ TEST_F(OutputFolderTest, AnInnerFolderIsReplacedWithTheRest) {
   EXPECT_TRUE(Files().empty());
 }
 
+TEST_F(OutputFolderTest, WhatIsDiscardedGoesAndTheEarlierResultsComeBack) {
+  WriteEarlier();
+  Result<OutputFolder> folder = Create();
+  ASSERT_TRUE(folder.ok());
+  folder_.Write("out/table.csv", "half");
+  folder_.Write("out/maps/map_1.ply.partial-7", "half");
+  folder->Discard();
+  EXPECT_EQ(Files(), earlier_);
+  EXPECT_EQ(folder_.Read("out/table.csv"), "earlier");
+}
+
+TEST_F(OutputFolderTest, FolderThatWasMadeForWhatIsDiscardedGoes) {
+  Result<OutputFolder> folder = Create();
+  ASSERT_TRUE(folder.ok());
+  folder_.Write("out/maps/map_0.ply", "half");
+  folder->Discard();
+  EXPECT_FALSE(fs::exists(out_));
+}
+
+TEST_F(OutputFolderTest, WhatSomebodyElsePutThereIsNotDiscarded) {
+  Result<OutputFolder> folder = Create();
+  ASSERT_TRUE(folder.ok());
+  folder_.Write("out/table.csv", "half");
+  folder_.Write("out/maps/scan.ply", "precious");
+  folder->Discard();
+  EXPECT_EQ(Files(), std::vector<std::string>{"maps/scan.ply"});
+}
+
 TEST_F(OutputFolderTest, RenderedAndRecordedSequencesAreKnown) {
   for (const char* name : {"frames/000012.jpg", "frames/1000000.png", "times.txt", "calib.yaml", "mask.png",
                            "groundtruth.txt", "events.csv", "revisits.csv"}) {

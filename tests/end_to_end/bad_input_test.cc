@@ -320,6 +320,28 @@ TEST_F(BadInput, QuietCommandsAnswer) {
   }
 }
 
+// What a run has written is also what an export would write.
+TEST_F(BadInput, ExportLeavesTheMapsOfARunAlone) {
+  const std::string run = scratch_ + "/run";
+  fs::copy(ResultFolder("standard"), run, fs::copy_options::recursive);
+  const auto before = ContentOf(run);
+  for (const char* folder : {"/maps", "/trajectory", ""}) {
+    ExpectOutcome(Haustra({"export", run, "--format", "ply", "--out", run + folder, "--overwrite"}), kExitInTheWay,
+                  {run + folder});
+  }
+  EXPECT_EQ(ContentOf(run), before);
+}
+
+TEST_F(BadInput, InputsInTheOutputFolderAreKept) {
+  const std::string calibration = Write("out/calib.yaml", ReadBytes(sequence_ + "/calib.yaml"));
+  const auto before = ContentOf(out_);
+  ExpectOutcome(Run({"--calibration", calibration, "--overwrite"}), kExitInTheWay, {calibration + ", which is read"});
+  EXPECT_EQ(ContentOf(out_), before);
+  const std::string truth = Write("truth.txt", ReadBytes(SequenceFolder("standard") + "/groundtruth.txt"));
+  ExpectOutcome(Haustra({"evaluate", ResultFolder("standard"), "--groundtruth", truth, "--json", truth, "--overwrite"}),
+                kExitInTheWay, {truth + ": is read"});
+}
+
 TEST_F(BadInput, QuietRunSaysNothing) {
   const CommandResult run = Run({"--quiet"});
   EXPECT_EQ(run.exit_code, 0);

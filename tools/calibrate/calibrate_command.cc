@@ -40,7 +40,7 @@ int RunCalibrate(CalibrateArguments arguments) {
   }
   for (const std::string& path : {arguments.out, arguments.picture}) {
     if (path.empty()) continue;
-    const Status status = CheckOutputFile(path, arguments.overwrite);
+    const Status status = CheckOutputFile(path, arguments.overwrite, {request.sequence, request.options.mask_path});
     if (!status.ok()) return console::FailWriting(kCalibrateCommand, status);
   }
   ProgressLine line;

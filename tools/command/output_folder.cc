@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <regex>
 #include <system_error>
@@ -20,7 +21,8 @@ constexpr const char* kAsidePrefix = "replaced-";
 
 // The names of `content`, what FileSink leaves when it is killed, and earlier results that were set aside.
 std::string NamesIn(const FolderContent& content) {
-  return "((" + std::string(content.names) + R"()(\.partial-\d+(-\d+)?)?|)" + kAsidePrefix + R"(\d+(/.*)?))";
+  const std::string mark = content.mark.empty() ? "" : "|" + std::string(content.mark);
+  return "((" + std::string(content.names) + mark + R"()(\.partial-\d+(-\d+)?)?|)" + kAsidePrefix + R"(\d+(/.*)?))";
 }
 
 std::regex OwnNames(const FolderContent& content) {
@@ -32,6 +34,7 @@ std::regex OwnNames(const FolderContent& content) {
 struct Found {
   bool has_files = false;
   std::string foreign;  // the first name that is not of the content; empty: there is none
+  bool has_mark = false;
 };
 
 Result<Found> LookInto(const std::string& path, const FolderContent& content) {
@@ -45,6 +48,7 @@ Result<Found> LookInto(const std::string& path, const FolderContent& content) {
       found.foreign = name;
       return found;
     }
+    found.has_mark = found.has_mark || name == content.mark;
     found.has_files = found.has_files || entry->symlink_status().type() != fs::file_type::directory;
   }
   if (error) return Unavailable(path + ": cannot be read: " + error.message());
@@ -91,6 +95,10 @@ Status OutputFolder::Check(const std::string& path, const FolderContent& content
     return FailedPrecondition(path + ": holds '" + found.foreign + "', which is not part of " +
                               std::string(content.what) + "; choose an empty or a new folder");
   }
+  if (found.has_files && !content.mark.empty() && !found.has_mark) {
+    return FailedPrecondition(path + ": has no '" + std::string(content.mark) + "', so its files need not be " +
+                              std::string(content.what) + "; choose an empty or a new folder");
+  }
   if (found.has_files && !overwrite) {
     return FailedPrecondition(path + ": holds " + std::string(content.what) + " already; --overwrite replaces it");
   }
@@ -106,6 +114,9 @@ Result<OutputFolder> OutputFolder::Create(const std::string& path, const FolderC
   fs::create_directories(path, error);
   if (error) return Unavailable(path + ": cannot be made: " + error.message());
   HAUSTRA_TRY(folder.SetAside());
+  if (!content.mark.empty()) {
+    HAUSTRA_TRY(WriteFile((fs::path(path) / content.mark).string(), std::string(content.what) + " of haustra\n"));
+  }
   return folder;
 }
 
@@ -163,7 +174,19 @@ void OutputFolder::Commit() {
   aside_.clear();
 }
 
-Status CheckOutputFile(const std::string& path, bool overwrite) {
+Status CheckInputsOutside(const std::string& folder, const std::vector<std::string>& inputs) {
+  std::error_code error;
+  const fs::path output = fs::weakly_canonical(folder, error);
+  for (const std::string& input : inputs) {
+    if (!fs::exists(input, error)) continue;
+    const fs::path canonical = fs::weakly_canonical(input, error);
+    if (std::mismatch(output.begin(), output.end(), canonical.begin(), canonical.end()).first != output.end()) continue;
+    return FailedPrecondition(folder + ": holds " + input + ", which is read; choose another folder");
+  }
+  return Status::Ok();
+}
+
+Status CheckOutputFile(const std::string& path, bool overwrite, const std::vector<std::string>& inputs) {
   if (path.empty()) return InvalidArgument("the name of the output file is empty");
   std::error_code error;
   const fs::path folder = fs::path(path).parent_path();
@@ -171,6 +194,9 @@ Status CheckOutputFile(const std::string& path, bool overwrite) {
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) return Status::Ok();
   if (!fs::is_regular_file(status)) return FailedPrecondition(path + ": exists and is not a file");
+  for (const std::string& input : inputs) {
+    if (fs::equivalent(path, input, error)) return FailedPrecondition(path + ": is read; choose another file");
+  }
   if (!overwrite) return FailedPrecondition(path + ": exists already; --overwrite replaces it");
   return Status::Ok();
 }

@@ -7,6 +7,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "hal/core/status.h"
 
@@ -19,6 +20,9 @@ struct FolderContent {
   // A folder in it that is another command's output, and what that holds; empty and null: there is none.
   std::string_view inner_name = {};
   const FolderContent* inner = nullptr;  // its own inner folder does not count
+  // A file that Create writes first, for a content whose other names may be those of another command's, too: nothing is
+  // replaced without it. Empty: the names alone tell.
+  std::string_view mark = {};
 };
 
 class OutputFolder {
@@ -58,9 +62,13 @@ class OutputFolder {
   std::string aside_;
 };
 
-// Whether a file may be written: nothing has its name, or a file has it and `overwrite` is on. Errors as
-// OutputFolder::Check; kNotFound: its folder does not exist.
-Status CheckOutputFile(const std::string& path, bool overwrite);
+// Whether none of what a command reads lies in the folder that it writes. What is not there does not.
+// kFailedPrecondition names the first that does.
+Status CheckInputsOutside(const std::string& folder, const std::vector<std::string>& inputs);
+
+// Whether a file may be written: nothing has its name, or a file has it, `overwrite` is on and it is none of `inputs`.
+// Errors as OutputFolder::Check; kNotFound: its folder does not exist.
+Status CheckOutputFile(const std::string& path, bool overwrite, const std::vector<std::string>& inputs);
 
 // As a whole or not at all (platform/file_sink.h). From then on a stop is a flag (stop_signal.h). Errors of FileSink.
 Status WriteFile(const std::string& path, std::string_view bytes);

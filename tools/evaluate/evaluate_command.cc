@@ -52,7 +52,7 @@ int RunEvaluate(const EvaluateArguments& arguments) {
   }
   for (const std::string& path : {arguments.json, arguments.table}) {
     if (path.empty()) continue;
-    const Status status = CheckOutputFile(path, arguments.overwrite);
+    const Status status = CheckOutputFile(path, arguments.overwrite, {arguments.groundtruth, arguments.events});
     if (!status.ok()) return console::FailWriting(kEvaluateCommand, status);
   }
   const Result<evaluate::Reference> reference = evaluate::ReadReference(arguments.groundtruth, arguments.events);

@@ -26,7 +26,11 @@ using exporting::ExportedMap;
 
 constexpr const char* kExportCommand = "export";
 constexpr FolderContent kExportContent{
-    "an export", R"(map_\d{4,}(\.(tum|txt|csv|ply|glb)|_times\.txt|(/(cameras|images|points3D)\.txt)?))"};
+    "an export",
+    R"(map_\d{4,}(\.(tum|txt|csv|ply|glb)|_times\.txt|(/(cameras|images|points3D)\.txt)?))",
+    {},
+    nullptr,
+    "export.txt"};
 
 struct ExportArguments {
   std::string run;

@@ -23,10 +23,12 @@ struct ReportArguments {
 };
 
 int RunReport(const ReportArguments& arguments) {
-  if (const Status status = CheckOutputFile(arguments.html, arguments.overwrite); !status.ok()) {
-    return console::FailWriting(kReportCommand, status);
-  }
-  const Result<std::string> page = report::MakeRunReport(arguments.request);
+  const report::ReportRequest& request = arguments.request;
+  const Status checked = CheckOutputFile(
+      arguments.html, arguments.overwrite,
+      {request.groundtruth, request.events, request.pictures.sequence, request.pictures.options.calibration_path});
+  if (!checked.ok()) return console::FailWriting(kReportCommand, checked);
+  const Result<std::string> page = report::MakeRunReport(request);
   if (!page.ok()) return console::Fail(kReportCommand, page.status());
   if (const Status status = WriteFile(arguments.html, *page); !status.ok()) {
     return console::FailWriting(kReportCommand, status);

@@ -145,7 +145,14 @@ Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::
 // Before anything is read: what is there already is no surprise after the procedure.
 Status CheckOutputs(const RunArguments& arguments) {
   HAUSTRA_TRY(OutputFolder::Check(arguments.out, kRunContent, arguments.overwrite));
-  return arguments.save_atlas.empty() ? Status::Ok() : CheckOutputFile(arguments.save_atlas, arguments.overwrite);
+  const SequenceOptions& part = arguments.part;
+  HAUSTRA_TRY(CheckInputsOutside(arguments.out, {arguments.sequence, part.calibration_path, part.mask_path,
+                                                 arguments.marks, arguments.config, arguments.load_atlas}));
+  if (arguments.save_atlas.empty()) return Status::Ok();
+  // The atlas that was loaded may be replaced: that is how one grows from procedure to procedure.
+  return CheckOutputFile(
+      arguments.save_atlas, arguments.overwrite,
+      {arguments.sequence, part.calibration_path, part.mask_path, arguments.marks, arguments.config});
 }
 
 // The surface of a run that kept depth, beside its results, which are good without it. What it says of the wall goes

@@ -62,7 +62,7 @@ int RunVocabulary(VocabularyArguments arguments) {
     return console::Fail(kVocabularyCommand, InvalidArgument("nothing to learn from: name sequences, or --rendered N"),
                          kExitUsage);
   }
-  if (const Status status = CheckOutputFile(arguments.out, arguments.overwrite); !status.ok()) {
+  if (const Status status = CheckOutputFile(arguments.out, arguments.overwrite, arguments.sequences); !status.ok()) {
     return console::FailWriting(kVocabularyCommand, status);
   }
   const Result<ConfigStore<EngineConfig>> config = LoadEngineConfig(arguments.config, arguments.assignments);

@@ -202,6 +202,39 @@ TEST_F(OutputFolderTest, WhatSomebodyElsePutThereIsNotDiscarded) {
   EXPECT_EQ(Files(), std::vector<std::string>{"maps/scan.ply"});
 }
 
+// The names of its files are also those of another content.
+TEST_F(OutputFolderTest, WithoutItsMarkNothingIsReplaced) {
+  static constexpr FolderContent kMarked{"a copy", R"(map_\d+\.ply)", {}, nullptr, "copy.txt"};
+  folder_.Write("out/maps/map_0.ply", "precious");
+  const std::string maps = out_ + "/maps";
+  const Status refused = OutputFolder::Check(maps, kMarked, true);
+  EXPECT_EQ(refused.code(), StatusCode::kFailedPrecondition);
+  EXPECT_THAT(refused.message(), HasSubstr("has no 'copy.txt', so its files need not be a copy"));
+  EXPECT_EQ(OutputFolder::Create(maps, kMarked, true).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Files(), std::vector<std::string>{"maps/map_0.ply"});
+
+  const std::string copy = out_ + "/copy";
+  for (const char* text : {"first", "second"}) {
+    Result<OutputFolder> folder = OutputFolder::Create(copy, kMarked, true);
+    ASSERT_TRUE(folder.ok()) << folder.status().ToString();
+    folder_.Write("out/copy/map_0.ply", text);
+    folder->Commit();
+  }
+  EXPECT_EQ(folder_.Read("out/copy/map_0.ply"), "second");
+  EXPECT_TRUE(fs::exists(copy + "/copy.txt"));
+}
+
+TEST_F(OutputFolderTest, InputsAreLookedForInTheOutput) {
+  folder_.Write("out/table.csv", "read");
+  folder_.Write("output.csv", "read");
+  EXPECT_TRUE(CheckInputsOutside(out_, {"", folder_.Path("output.csv"), out_ + "/none", folder_.path()}).ok());
+  for (const std::string& folder : {out_, out_ + "/", out_ + "/../out", folder_.path()}) {
+    EXPECT_EQ(CheckInputsOutside(folder, {out_ + "/table.csv"}).code(), StatusCode::kFailedPrecondition) << folder;
+  }
+  fs::create_symlink(out_, folder_.Path("link"));
+  EXPECT_EQ(CheckInputsOutside(folder_.Path("link"), {out_ + "/table.csv"}).code(), StatusCode::kFailedPrecondition);
+}
+
 TEST_F(OutputFolderTest, RenderedAndRecordedSequencesAreKnown) {
   for (const char* name : {"frames/000012.jpg", "frames/1000000.png", "times.txt", "calib.yaml", "mask.png",
                            "groundtruth.txt", "events.csv", "revisits.csv"}) {
@@ -213,19 +246,23 @@ TEST_F(OutputFolderTest, RenderedAndRecordedSequencesAreKnown) {
 }
 
 TEST_F(OutputFolderTest, FilesFollowTheSameRule) {
-  EXPECT_TRUE(CheckOutputFile(out_, false).ok());
+  EXPECT_TRUE(CheckOutputFile(out_, false, {}).ok());
   folder_.Write("out", "x");
-  EXPECT_THAT(CheckOutputFile(out_, false).message(), HasSubstr(out_ + ": exists already; --overwrite replaces it"));
-  EXPECT_TRUE(CheckOutputFile(out_, true).ok());
+  EXPECT_THAT(CheckOutputFile(out_, false, {}).message(),
+              HasSubstr(out_ + ": exists already; --overwrite replaces it"));
+  EXPECT_TRUE(CheckOutputFile(out_, true, {}).ok());
   // Renaming a file into the place of a device would be the end of that device.
-  EXPECT_EQ(CheckOutputFile("/dev/null", true).code(), StatusCode::kFailedPrecondition);
-  EXPECT_EQ(CheckOutputFile(folder_.path(), true).code(), StatusCode::kFailedPrecondition);
-  EXPECT_EQ(CheckOutputFile("", true).code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(CheckOutputFile("/dev/null", true, {}).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(CheckOutputFile(folder_.path(), true, {}).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(CheckOutputFile("", true, {}).code(), StatusCode::kInvalidArgument);
   // Known before the work, not after hours of it.
-  const Status homeless = CheckOutputFile(folder_.Path("none/page.html"), false);
+  const Status homeless = CheckOutputFile(folder_.Path("none/page.html"), false, {});
   EXPECT_EQ(homeless.code(), StatusCode::kNotFound);
   EXPECT_THAT(homeless.message(), HasSubstr("page.html: its folder does not exist"));
-  EXPECT_TRUE(CheckOutputFile("page.html", false).ok());
+  EXPECT_TRUE(CheckOutputFile("page.html", false, {}).ok());
+  const Status own_input = CheckOutputFile(out_, true, {folder_.Path("none"), folder_.path() + "/./out"});
+  EXPECT_EQ(own_input.code(), StatusCode::kFailedPrecondition);
+  EXPECT_THAT(own_input.message(), HasSubstr(out_ + ": is read"));
 }
 
 }  // namespace

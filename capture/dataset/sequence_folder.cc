@@ -1,3 +1,4 @@
+#include <map>
 #include <numeric>
 #include <utility>
 
@@ -41,8 +42,36 @@ Result<std::vector<std::int64_t>> ReadTimes(const std::string& path) {
   return std::move(stamps.values());
 }
 
+// The images whose times were stored, and these times from the first one on.
+Status KeepRecorded(SequenceListing* listing) {
+  const std::string path = Joined(listing->folder, kRecordedTimesName);
+  HAUSTRA_ASSIGN(std::string text, ReadTextFile(path, kMaxTextFileBytes));
+  text.erase(text.rfind('\n') + 1);  // the line that was being written
+  std::map<std::string, std::int64_t> times;
+  for (const TextLine& line : ContentLines(text)) {
+    const std::vector<std::string_view> fields = SplitFields(line.text, ' ');
+    const Result<std::int64_t> stamp = ParseSeconds(fields.back());
+    if (fields.size() != 2 || !stamp.ok()) {
+      return InvalidArgument(path + ":" + std::to_string(line.number) + ": not a file name and a time in seconds");
+    }
+    times[std::string(fields.front())] = *stamp;
+  }
+  std::erase_if(listing->image_paths, [&](const std::string& image) { return !times.contains(FileName(image)); });
+  if (listing->image_paths.empty()) return InvalidArgument(path + ": the recording was cut before its first frame");
+  const std::int64_t first = times[FileName(listing->image_paths.front())];
+  for (const std::string& image : listing->image_paths) {
+    const std::int64_t stamp = times[FileName(image)] - first;
+    if (!listing->timestamps_ns.empty() && stamp <= listing->timestamps_ns.back()) {
+      return InvalidArgument(path + ": the time of " + FileName(image) + " is not after that of the image before it");
+    }
+    listing->timestamps_ns.push_back(stamp);
+  }
+  return Status::Ok();
+}
+
 Status AddTimes(SequenceListing* listing) {
   const std::size_t num_images = listing->image_paths.size();
+  if (IsCutRecording(listing->folder)) return KeepRecorded(listing);
   const std::string path = Joined(listing->folder, "times.txt");
   if (IsFile(path)) {
     HAUSTRA_ASSIGN(listing->timestamps_ns, ReadTimes(path));
@@ -61,6 +90,8 @@ Status AddTimes(SequenceListing* listing) {
 }
 
 }  // namespace
+
+bool IsCutRecording(const std::string& folder) { return IsFile(Joined(folder, kRecordedTimesName)); }
 
 bool LooksLikeSequenceFolder(const std::string& folder) {
   if (IsFolder(Joined(folder, "frames"))) return true;

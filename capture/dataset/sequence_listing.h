@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "capture/sequence_options.h"
@@ -28,8 +29,16 @@ struct SequenceListing {
 // `frames/` with PNG or JPEG files in natural order of their names (or the images in the folder itself), `calib.yaml`,
 // optional `mask.png`, and `times.txt` with one capture time in seconds a line. Without times.txt, image k (from 0, as
 // stored) has the time k / rate of the calibration, which then must state its rate.
+//
+// Of a recording that was cut (IsCutRecording) it lists the frames whose times are there.
 Result<SequenceListing> ListSequenceFolder(const std::string& folder, const SequenceOptions& options);
 bool LooksLikeSequenceFolder(const std::string& folder);
+
+// Stands for times.txt while `haustra capture` records: the name of a file in frames/ and its capture time in seconds a
+// line, in any order. A line is there when its frame is whole.
+inline constexpr std::string_view kRecordedTimesName = "times.recording";
+// Whether a folder of our layout is what a recording left that did not come to its end.
+bool IsCutRecording(const std::string& folder);
 
 // C3VD as published: `N_color.png` (N not zero-padded) in one folder; depth, normal and flow images beside them are
 // left alone. Frame N has the time N / 29.97 Hz, which is also what ReadGroundTruth gives to line N of pose.txt. The

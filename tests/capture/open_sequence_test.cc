@@ -57,6 +57,23 @@ TEST_F(OpenSequenceTest, OwnLayoutIsFound) {
   EXPECT_THAT(ReadSequence(source->get()).values, ElementsAre(7, 9));
 }
 
+// A frame whose time is missing, as the last one of a cut recording, would move all times after it.
+TEST_F(OpenSequenceTest, CutRecordingHasTheTimesThatWereStoredWhateverTheRate) {
+  for (const char* name : {"frames/000003.png", "frames/000005.png", "frames/000009.png"}) WriteFlat(name, 7);
+  folder_.Write("calib.yaml", kSmallCalibration);
+  folder_.Write("times.recording", "000009.png 12.5\n000003.png 12.25\n000006.png 12.3\n");
+  const Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.path(), {});
+  ASSERT_TRUE(source.ok()) << source.status().ToString();
+  EXPECT_THAT(ReadSequence(source->get()).timestamps_ns, ElementsAre(0, 250'000'000));
+
+  folder_.Write("times.recording", "000009.png 12.5\n000003.png soon\n");
+  EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, folder_.path()), HasSubstr("times.recording:2"));
+  folder_.Write("times.recording", "000003.png 12.25\n000009.png 12.25\n");
+  EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, folder_.path()), HasSubstr("000009.png"));
+  folder_.Write("times.recording", "");
+  EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, folder_.path()), HasSubstr("cut before its first frame"));
+}
+
 TEST_F(OpenSequenceTest, ImagesInTheFolderItselfAreFound) {
   WriteFlat("2.png", 2);
   WriteFlat("10.png", 10);

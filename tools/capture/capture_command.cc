@@ -1,6 +1,7 @@
 #include "tools/capture/capture_command.h"
 
 #include <atomic>
+#include <cstdio>
 #include <memory>
 #include <string>
 #include <utility>
@@ -73,6 +74,25 @@ int List() {
   return devices.empty() ? console::Fail(kCaptureCommand, Unavailable("there is no camera")) : kExitOk;
 }
 
+// What came of the camera, a line each.
+std::string CountsText(const V4l2Counters& counters, std::uint64_t num_frames, double seconds) {
+  const auto line = [](const char* name, std::uint64_t count, const char* what) {
+    char text[120];
+    std::snprintf(text, sizeof(text), "%-13s %llu%s\n", name, static_cast<unsigned long long>(count), what);
+    return std::string(text);
+  };
+  char rate[32];
+  std::snprintf(rate, sizeof(rate), " (%.2f Hz)", num_frames > 1 ? static_cast<double>(num_frames - 1) / seconds : 0.0);
+  std::string text = line("frames", num_frames, rate) + line("lost", counters.num_lost, " pictures of the camera") +
+                     line("damaged", counters.num_damaged, "") +
+                     line("left out", counters.num_left_out, " beyond the frame rate") +
+                     line("restarts", counters.num_restarts, "");
+  if (counters.num_unstamped > 0) {
+    text += line("unstamped", counters.num_unstamped, ": the driver gives no time on CLOCK_MONOTONIC");
+  }
+  return text;
+}
+
 // What MJPEG cameras send can be stored as it comes, unless it is changed on the way or PNG is asked for.
 bool StoresEncoded(const CaptureArguments& arguments, const V4l2Options& camera) {
   return arguments.store != "png" && !arguments.halve && camera.region.is_whole();
@@ -107,7 +127,8 @@ int Capture(const CaptureArguments& arguments) {
     SequenceRecorder::Options options;
     options.overwrite = arguments.overwrite;
     if (arguments.store == "jpg") options.store = SequenceRecorder::Store::kJpeg;
-    Result<std::unique_ptr<SequenceRecorder>> created = SequenceRecorder::Create(arguments.out, options);
+    Result<std::unique_ptr<SequenceRecorder>> created = SequenceRecorder::Create(
+        arguments.out, options, arguments.calibration.empty() ? nullptr : &source.calibration(), source.static_mask());
     if (!created.ok()) return console::FailWriting(kCaptureCommand, created.status());
     recorder = std::move(*created);
   }
@@ -141,29 +162,25 @@ int Capture(const CaptureArguments& arguments) {
     recorder->Add(*frame, StoresEncoded(arguments, *camera) ? source.encoded() : std::span<const std::uint8_t>());
   }
 
-  const V4l2Counters& counters = source.counters();
-  const double seconds = ToSeconds(last - first);
-  console::Print("frames        %llu (%.2f Hz)\n", static_cast<unsigned long long>(num_frames),
-                 num_frames > 1 ? static_cast<double>(num_frames - 1) / seconds : 0.0);
-  console::Print("lost          %llu pictures of the camera\n", static_cast<unsigned long long>(counters.num_lost));
-  console::Print("damaged       %llu\n", static_cast<unsigned long long>(counters.num_damaged));
-  console::Print("left out      %llu beyond the frame rate\n", static_cast<unsigned long long>(counters.num_left_out));
-  console::Print("restarts      %llu\n", static_cast<unsigned long long>(counters.num_restarts));
-  if (counters.num_unstamped > 0) {
-    console::Print("unstamped     %llu: the driver gives no time on CLOCK_MONOTONIC\n",
-                   static_cast<unsigned long long>(counters.num_unstamped));
+  if (stop_requested && (arguments.num_frames > 0 || arguments.seconds > 0.0)) {
+    console::Warn(kCaptureCommand, "stopped before its end");
+  } else if (stop_requested) {
+    console::Note(kCaptureCommand, "stopped");
   }
-  if (recorder == nullptr) return kExitOk;
-  const bool is_calibrated = !arguments.calibration.empty();
-  const Result<SequenceRecorder::Summary> written =
-      recorder->Finish(is_calibrated ? &source.calibration() : nullptr, source.static_mask());
+  const std::string counts = CountsText(source.counters(), num_frames, ToSeconds(last - first));
+  if (recorder == nullptr) {
+    console::Print("%s", counts.c_str());
+    return kExitOk;
+  }
+  console::Tell("%s", counts.c_str());
+  const Result<SequenceRecorder::Summary> written = recorder->Finish();
   if (!written.ok()) return console::FailWriting(kCaptureCommand, written.status());
-  console::Print("written       %u frames to %s\n", written->num_written, arguments.out.c_str());
+  console::Tell("written       %u frames to %s\n", written->num_written, arguments.out.c_str());
   if (written->num_left_out > 0) {
-    console::Print(
-        "not written   %u frames: this machine does not encode or store them fast enough; --store jpg, --halve or a "
-        "lower max-rate help\n",
-        written->num_left_out);
+    console::Warn(kCaptureCommand,
+                  "%u frames are not written: this machine does not encode or store them fast enough; --store jpg, "
+                  "--halve or a lower max-rate help",
+                  written->num_left_out);
   }
   return kExitOk;
 }

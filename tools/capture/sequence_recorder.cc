@@ -1,6 +1,10 @@
 #include "tools/capture/sequence_recorder.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <filesystem>
 #include <system_error>
@@ -8,10 +12,10 @@
 
 #include "capture/calibration_reader.h"
 #include "capture/codec/image_codec.h"
+#include "capture/dataset/sequence_listing.h"
 #include "capture/image_transform.h"
 #include "capture/yuv.h"
 #include "engine/io/text_writer.h"
-#include "platform/file_sink.h"
 #include "tools/command/sequence_content.h"
 
 namespace haustra {
@@ -20,6 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kJpegQuality = 95;
+constexpr auto kSyncInterval = std::chrono::seconds(1);
 
 // With the plane of colour, where there is one.
 void CopyAll(const ImageView& image, Image* copy) {
@@ -33,25 +38,37 @@ void CopyAll(const ImageView& image, Image* copy) {
 
 }  // namespace
 
-Result<std::unique_ptr<SequenceRecorder>> SequenceRecorder::Create(const std::string& folder, const Options& options) {
+Result<std::unique_ptr<SequenceRecorder>> SequenceRecorder::Create(const std::string& folder, const Options& options,
+                                                                   const CameraCalibration* calibration,
+                                                                   ImageView mask) {
   HAUSTRA_ASSIGN(OutputFolder output, OutputFolder::Create(folder, kSequenceContent, options.overwrite));
   std::error_code error;
   fs::create_directories(fs::path(folder) / "frames", error);
   if (error) return Unavailable(folder + ": cannot be made: " + error.message());
   fs::permissions(folder, fs::perms::owner_all, error);
   if (error) return Unavailable(folder + ": its rights cannot be set: " + error.message());
-  return std::unique_ptr<SequenceRecorder>(new SequenceRecorder(folder, std::move(output), options));
+  if (calibration != nullptr) {
+    HAUSTRA_TRY(WriteCalibration((fs::path(folder) / "calib.yaml").string(), *calibration));
+  }
+  if (!mask.is_empty()) HAUSTRA_TRY(WritePng((fs::path(folder) / "mask.png").string(), mask));
+  const std::string path = (fs::path(folder) / kRecordedTimesName).string();
+  const int times = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0600);
+  if (times < 0) return Unavailable(path + ": cannot be created: " + std::generic_category().message(errno));
+  return std::unique_ptr<SequenceRecorder>(new SequenceRecorder(folder, std::move(output), times, options));
 }
 
-SequenceRecorder::SequenceRecorder(std::string folder, OutputFolder output, const Options& options)
-    : folder_(std::move(folder)), output_(std::move(output)), options_(options) {
+SequenceRecorder::SequenceRecorder(std::string folder, OutputFolder output, int times, const Options& options)
+    : folder_(std::move(folder)), output_(std::move(output)), options_(options), times_(times) {
   for (int i = 0; i < options.num_buffers; ++i) free_.push_back(std::make_unique<Slot>());
   const unsigned num_cores = std::max(1u, std::thread::hardware_concurrency());
   const unsigned num_threads = options.num_threads > 0 ? static_cast<unsigned>(options.num_threads) : num_cores;
   for (unsigned i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Encode(); });
 }
 
-SequenceRecorder::~SequenceRecorder() { StopThreads(); }
+SequenceRecorder::~SequenceRecorder() {
+  StopThreads();
+  ::close(times_);
+}
 
 void SequenceRecorder::StopThreads() {
   {
@@ -99,8 +116,11 @@ void SequenceRecorder::Encode() {
     if (waiting_.empty()) return;
     std::unique_ptr<Slot> slot = std::move(waiting_.front());
     waiting_.erase(waiting_.begin());
+    const auto now = std::chrono::steady_clock::now();
+    const bool is_sync_due = now - synced_ >= kSyncInterval;
+    if (is_sync_due) synced_ = now;
     lock.unlock();
-    const Status status = WriteFrame(*slot, &colour);
+    const Status status = WriteFrame(*slot, is_sync_due, &colour);
     lock.lock();
     if (status.ok()) written_.push_back({slot->index, slot->timestamp});
     if (status_.ok()) status_ = status;
@@ -108,7 +128,7 @@ void SequenceRecorder::Encode() {
   }
 }
 
-Status SequenceRecorder::WriteFrame(const Slot& slot, Image* colour) const {
+Status SequenceRecorder::WriteFrame(const Slot& slot, bool to_disk, Image* colour) const {
   const bool is_jpeg = options_.store == Store::kJpeg || !slot.encoded.empty();
   char name[32];
   std::snprintf(name, sizeof(name), "%06u.%s", slot.index, is_jpeg ? "jpg" : "png");
@@ -124,26 +144,45 @@ Status SequenceRecorder::WriteFrame(const Slot& slot, Image* colour) const {
     }
     status = is_jpeg ? WriteJpeg(path, image, kJpegQuality) : WritePng(path, image);
   }
-  // Half a frame is no frame.
+  if (status.ok()) status = WriteTime(name, slot.timestamp, to_disk);
+  // Half a frame is no frame, nor is one without its time.
   std::error_code ignored;
   if (!status.ok()) fs::remove(path, ignored);
   return status;
 }
 
-Result<SequenceRecorder::Summary> SequenceRecorder::Finish(const CameraCalibration* calibration, ImageView mask) {
-  StopThreads();
+Status SequenceRecorder::WriteTime(const char* name, TimePoint timestamp, bool to_disk) const {
+  std::string line = std::string(name) + ' ';
+  AppendSeconds(timestamp.time_since_epoch().count(), &line);
+  line += '\n';
+  // Lines of several threads do not mix: each is appended by one call.
+  const bool is_written = ::write(times_, line.data(), line.size()) == static_cast<ssize_t>(line.size());
+  if (is_written && (!to_disk || ::fdatasync(times_) == 0)) return Status::Ok();
+  return Unavailable((fs::path(folder_) / kRecordedTimesName).string() +
+                     ": cannot be written: " + std::generic_category().message(errno));
+}
+
+Status SequenceRecorder::WriteTimes() {
   std::sort(written_.begin(), written_.end(), [](const Written& a, const Written& b) { return a.index < b.index; });
-  HAUSTRA_ASSIGN(FileSink times, FileSink::Create((fs::path(folder_) / "times.txt").string()));
+  std::string text;
   for (const Written& frame : written_) {
-    std::string line;
-    AppendSeconds((frame.timestamp - written_.front().timestamp).count(), &line);
-    HAUSTRA_TRY(times.Write(line + '\n'));
+    AppendSeconds((frame.timestamp - written_.front().timestamp).count(), &text);
+    text += '\n';
   }
-  HAUSTRA_TRY(times.Commit());
-  if (calibration != nullptr) {
-    HAUSTRA_TRY(WriteCalibration((fs::path(folder_) / "calib.yaml").string(), *calibration));
+  HAUSTRA_TRY(WriteFile((fs::path(folder_) / "times.txt").string(), text));
+  std::error_code ignored;
+  fs::remove(fs::path(folder_) / kRecordedTimesName, ignored);
+  return Status::Ok();
+}
+
+Result<SequenceRecorder::Summary> SequenceRecorder::Finish() {
+  StopThreads();
+  if (written_.empty()) {
+    output_.Discard();
+    HAUSTRA_TRY(status_);
+    return Unavailable(folder_ + ": the camera gave no frame; nothing is written");
   }
-  if (!mask.is_empty()) HAUSTRA_TRY(WritePng((fs::path(folder_) / "mask.png").string(), mask));
+  HAUSTRA_TRY(WriteTimes());
   HAUSTRA_TRY(status_);
   output_.Commit();
   return Summary{static_cast<std::uint32_t>(written_.size()), num_left_out_};

@@ -1,6 +1,7 @@
 // Writes live frames into a sequence folder (frames/, times.txt, calib.yaml, mask.png) that `haustra run` reads.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <memory>
@@ -18,9 +19,10 @@
 
 namespace haustra {
 
-// Frames are copied and encoded by threads of the recorder, so that the camera is not kept waiting; when all its
-// buffers are full a frame is left out, and counted. The folder is for its owner's eyes only (0700): it shows a
-// patient. thread-bound(its owner).
+// A frame is in times.recording as soon as it is whole, and its time on the disk about a second later: a recording that
+// is cut can be read up to there (capture/dataset/sequence_listing.h). Frames are copied and encoded by threads of the
+// recorder, so that the camera is not kept waiting; when all its buffers are full a frame is left out, and counted. The
+// folder is for its owner's eyes only (0700): it shows a patient. thread-bound(its owner).
 class SequenceRecorder {
  public:
   enum class Store {
@@ -34,8 +36,10 @@ class SequenceRecorder {
     bool overwrite = false;  // replace a sequence that is already there, when the recording is finished
   };
 
-  // Errors of OutputFolder::Create.
-  static Result<std::unique_ptr<SequenceRecorder>> Create(const std::string& folder, const Options& options);
+  // Writes calib.yaml and mask.png, where they are given. Errors of OutputFolder::Create; kUnavailable: a file cannot
+  // be written.
+  static Result<std::unique_ptr<SequenceRecorder>> Create(const std::string& folder, const Options& options,
+                                                          const CameraCalibration* calibration, ImageView mask);
   ~SequenceRecorder();
 
   // encoded: the frame as a JPEG file, written as it is instead of the pixels; empty: none. False when there was no
@@ -48,9 +52,10 @@ class SequenceRecorder {
     std::uint32_t num_written = 0;
     std::uint32_t num_left_out = 0;  // no room
   };
-  // Writes what is waiting, then times.txt (seconds from the first frame), and calib.yaml and mask.png where they are
-  // given. Whatever went wrong before, the folder then holds whole frames and their times. kUnavailable.
-  Result<Summary> Finish(const CameraCalibration* calibration, ImageView mask);
+  // Writes what is waiting, then times.txt (seconds from the first frame) in place of times.recording. Whatever went
+  // wrong before, the folder then holds whole frames and their times. kUnavailable: that it went wrong, or there was no
+  // frame; nothing is left of a recording without one.
+  Result<Summary> Finish();
 
  private:
   struct Slot {
@@ -64,14 +69,18 @@ class SequenceRecorder {
     TimePoint timestamp;
   };
 
-  SequenceRecorder(std::string folder, OutputFolder output, const Options& options);
+  SequenceRecorder(std::string folder, OutputFolder output, int times, const Options& options);
   void Encode();
-  Status WriteFrame(const Slot& slot, Image* colour) const;
+  // With its time, which goes to the disk at once where that is said.
+  Status WriteFrame(const Slot& slot, bool to_disk, Image* colour) const;
+  Status WriteTime(const char* name, TimePoint timestamp, bool to_disk) const;
+  Status WriteTimes();
   void StopThreads();
 
   const std::string folder_;
   OutputFolder output_;
   const Options options_;
+  const int times_;  // descriptor of times.recording
   std::vector<std::thread> threads_;
   mutable std::mutex mutex_;
   std::condition_variable has_work_;
@@ -80,6 +89,7 @@ class SequenceRecorder {
   std::vector<Written> written_;
   std::uint32_t num_left_out_ = 0;
   Status status_;
+  std::chrono::steady_clock::time_point synced_;  // when times.recording last went to the disk
   bool is_stopping_ = false;
 };
 

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "capture/calibration_reader.h"
+#include "capture/dataset/sequence_listing.h"
 #include "capture/open_sequence.h"
 #include "capture/v4l2/v4l2_options.h"
 #include "engine/engine.h"
@@ -228,6 +229,10 @@ int Run(const RunArguments& arguments) {
   }
   if (!source.ok()) return console::Fail(kRunCommand, source.status());
   const CameraCalibration& calibration = (*source)->calibration();
+  if (IsCutRecording(arguments.sequence)) {
+    console::Warn(kRunCommand, "%s: the recording was cut; the frames are those that were whole by then",
+                  arguments.sequence.c_str());
+  }
   // In pixels of the frames as they are stored, where it was guessed from them.
   const std::string guess = GuessText(estimated ? estimated->calibration : calibration);
   if (!guess.empty()) console::Warn(kRunCommand, "%s", guess.c_str());

@@ -236,8 +236,8 @@ TEST_F(OutputFolderTest, InputsAreLookedForInTheOutput) {
 }
 
 TEST_F(OutputFolderTest, RenderedAndRecordedSequencesAreKnown) {
-  for (const char* name : {"frames/000012.jpg", "frames/1000000.png", "times.txt", "calib.yaml", "mask.png",
-                           "groundtruth.txt", "events.csv", "revisits.csv"}) {
+  for (const char* name : {"frames/000012.jpg", "frames/1000000.png", "times.txt", "times.recording", "calib.yaml",
+                           "mask.png", "groundtruth.txt", "events.csv", "revisits.csv"}) {
     folder_.Write(std::string("out/") + name, "x");
   }
   EXPECT_TRUE(OutputFolder::Check(out_, kSequenceContent, true).ok());

@@ -14,6 +14,7 @@
 namespace haustra {
 namespace {
 
+using capture::internal::CheckFolder;
 using capture::internal::HasVideoExtension;
 using capture::internal::IsFile;
 using capture::internal::IsFolder;
@@ -24,6 +25,7 @@ Result<SequenceListing> ListFolder(const std::string& folder, const SequenceOpti
   if (LooksLikeTum(folder)) return ListTum(folder, options);
   if (LooksLikeC3vd(folder)) return ListC3vd(folder, options);
   if (LooksLikeSequenceFolder(folder)) return ListSequenceFolder(folder, options);
+  HAUSTRA_TRY(CheckFolder(folder));
   return InvalidArgument(
       folder +
       ": not a sequence that is known here; looked for frames/ with calib.yaml (haustra), N_color.png "
@@ -50,7 +52,8 @@ Result<std::unique_ptr<FrameSource>> OpenSequence(const std::string& path, const
     if (HasVideoExtension(path)) return OpenVideo(path, options);
     return InvalidArgument(path + ": a sequence is a folder or a recording (.mov, .mp4, .avi, .mkv)");
   }
-  return NotFound(path + ": no such file or folder");
+  const Status status = CheckFolder(path);
+  return status.code() == StatusCode::kUnavailable ? status : NotFound(path + ": no such file or folder");
 }
 
 }  // namespace haustra

@@ -58,11 +58,19 @@ std::string Extension(const std::string& path) {
   return extension;
 }
 
-Result<std::vector<std::string>> FileNames(const std::string& folder) {
+Status CheckFolder(const std::string& folder) {
   std::error_code error;
   const fs::file_status status = fs::status(folder, error);
-  if (!fs::exists(status)) return NotFound(folder + ": no such folder");
+  if (status.type() == fs::file_type::not_found) return NotFound(folder + ": no such folder");
+  if (!fs::status_known(status)) return Unavailable(folder + ": cannot be reached: " + error.message());
   if (!fs::is_directory(status)) return InvalidArgument(folder + ": not a folder");
+  const fs::directory_iterator entries(folder, error);
+  return error ? Unavailable(folder + ": cannot be read: " + error.message()) : Status::Ok();
+}
+
+Result<std::vector<std::string>> FileNames(const std::string& folder) {
+  HAUSTRA_TRY(CheckFolder(folder));
+  std::error_code error;
   std::vector<std::string> names;
   fs::directory_iterator entry(folder, error);
   for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {

@@ -17,8 +17,11 @@ std::string Joined(const std::string& folder, std::string_view name);
 std::string FileName(const std::string& path);
 std::string Extension(const std::string& path);
 
-// Names of the files (not folders) directly inside, hidden ones left out, in natural order. kNotFound, kInvalidArgument
-// (not a folder), kUnavailable.
+// Whether its entries can be listed. kNotFound, kInvalidArgument (not a folder), kUnavailable (rights, I/O).
+Status CheckFolder(const std::string& folder);
+
+// Names of the files (not folders) directly inside, hidden ones left out, in natural order. Errors of
+// CheckFolder.
 Result<std::vector<std::string>> FileNames(const std::string& folder);
 
 // Compares names as people count: runs of digits by their value, so that 2_color.png comes before 10_color.png.

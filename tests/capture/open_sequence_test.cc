@@ -3,6 +3,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
 
 #include "tests/capture/temp_folder.h"
 
@@ -72,6 +75,15 @@ TEST_F(OpenSequenceTest, CutRecordingHasTheTimesThatWereStoredWhateverTheRate) {
   EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, folder_.path()), HasSubstr("000009.png"));
   folder_.Write("times.recording", "");
   EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, folder_.path()), HasSubstr("cut before its first frame"));
+}
+
+TEST_F(OpenSequenceTest, FolderThatMayNotBeReadIsUnavailable) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may read everything";
+  WriteFlat("closed/below/000000.png", 7);
+  std::filesystem::permissions(folder_.Path("closed"), std::filesystem::perms::none);
+  EXPECT_THAT(OpenError(StatusCode::kUnavailable, folder_.Path("closed")), HasSubstr("Permission denied"));
+  EXPECT_THAT(OpenError(StatusCode::kUnavailable, folder_.Path("closed/below")), HasSubstr("Permission denied"));
+  std::filesystem::permissions(folder_.Path("closed"), std::filesystem::perms::owner_all);
 }
 
 TEST_F(OpenSequenceTest, ImagesInTheFolderItselfAreFound) {

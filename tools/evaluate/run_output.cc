@@ -245,7 +245,11 @@ std::optional<std::int64_t> DetailOf(const RunEventRow& event, std::string_view 
 
 Result<RunOutput> ReadRunOutput(const std::string& folder) {
   std::error_code error;
-  if (!fs::is_directory(folder, error)) return NotFound(folder + ": no such folder");
+  if (!fs::is_directory(folder, error)) {
+    const bool is_gone = !error || error == std::errc::no_such_file_or_directory || error == std::errc::not_a_directory;
+    return is_gone ? NotFound(folder + ": no such folder")
+                   : Unavailable(folder + ": cannot be reached: " + error.message());
+  }
   const auto path = [&](const char* name) { return (fs::path(folder) / name).string(); };
   RunOutput run;
   run.folder = folder;

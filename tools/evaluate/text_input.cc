@@ -32,10 +32,10 @@ std::optional<T> ParseWhole(std::string_view text) {
 
 Result<std::string> ReadText(const std::string& path) {
   std::error_code error;
-  if (!std::filesystem::exists(path, error)) return NotFound(path + ": no such file");
   if (std::filesystem::is_directory(path, error)) return Unavailable(path + ": is a folder, not a file");
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), &std::fclose);
   if (file == nullptr) {
+    if (errno == ENOENT || errno == ENOTDIR) return NotFound(path + ": no such file");
     return Unavailable(path + ": cannot be opened: " + std::generic_category().message(errno));
   }
   std::string text;

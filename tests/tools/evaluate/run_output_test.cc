@@ -2,6 +2,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
 
 #include "tests/tools/evaluate/run_folder.h"
 
@@ -97,6 +100,17 @@ TEST_F(RunOutputTest, MissingFolderIsNotFound) {
   const Result<RunOutput> run = ReadRunOutput(folder_.At("nowhere"));
   EXPECT_EQ(run.code(), StatusCode::kNotFound);
   EXPECT_THAT(run.status().message(), HasSubstr("nowhere: no such folder"));
+}
+
+TEST_F(RunOutputTest, FolderThatMayNotBeReadIsUnavailable) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may read everything";
+  std::filesystem::permissions(folder_.At("out"), std::filesystem::perms::none);
+  for (const char* name : {"out", "out/below"}) {
+    const Result<RunOutput> run = ReadRunOutput(folder_.At(name));
+    EXPECT_EQ(run.code(), StatusCode::kUnavailable) << name;
+    EXPECT_THAT(run.status().message(), HasSubstr("Permission denied"));
+  }
+  std::filesystem::permissions(folder_.At("out"), std::filesystem::perms::owner_all);
 }
 
 TEST_F(RunOutputTest, MissingFilesAreNamed) {

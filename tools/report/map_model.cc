@@ -90,9 +90,13 @@ Result<MapModel> ReadMapModel(const std::string& folder) {
 
 Result<std::map<int, MapModel>> ReadMapModels(const evaluate::RunOutput& run) {
   std::map<int, MapModel> models;
+  const std::filesystem::path maps = std::filesystem::path(run.folder) / "maps";
+  std::error_code error;
+  if (!run.maps.empty() && !std::filesystem::is_directory(maps, error)) {
+    return NotFound(maps.string() + ": no such folder");
+  }
   for (const auto& [map_id, geometry] : run.geometry) {
-    const std::filesystem::path folder = std::filesystem::path(run.folder) / "maps" / MapFolderName(map_id);
-    HAUSTRA_ASSIGN(models[map_id], ReadMapModel(folder.string()));
+    HAUSTRA_ASSIGN(models[map_id], ReadMapModel((maps / MapFolderName(map_id)).string()));
   }
   return models;
 }

@@ -29,7 +29,8 @@ struct MapModel {
 // kNotFound, kUnavailable: a file; kInvalidArgument with file and line: not what it should be.
 Result<MapModel> ReadMapModel(const std::string& folder);
 
-// Those of all maps that a run has exported, by map id. Errors of ReadMapModel.
+// Those of all maps that a run has exported, by map id. Errors of ReadMapModel; kNotFound: the folder of the maps is
+// gone.
 Result<std::map<int, MapModel>> ReadMapModels(const evaluate::RunOutput& run);
 
 // "map_0007"

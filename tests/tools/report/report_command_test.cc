@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "tests/tools/command/call_command.h"
@@ -61,6 +62,13 @@ TEST_F(ReportCommandTest, PageHoldsTheFiguresThatEvaluateWrites) {
 TEST_F(ReportCommandTest, GroundTruthIsNotNeeded) {
   ASSERT_EQ(Run({"report", At("out"), "--html", At("r.html")}), kExitOk) << err_;
   EXPECT_THAT(folder_.Read("r.html"), HasSubstr("No ground truth was given"));
+}
+
+TEST_F(ReportCommandTest, RunWhoseMapsAreGoneHasNoReport) {
+  std::filesystem::remove_all(At("out/maps"));
+  EXPECT_EQ(Run({"report", At("out"), "--html", At("r.html")}), kExitNoInput);
+  EXPECT_THAT(err_, HasSubstr("out/maps: no such folder"));
+  EXPECT_FALSE(std::filesystem::exists(At("r.html")));
 }
 
 TEST_F(ReportCommandTest, ASurfaceGivesASectionOfItsOwn) {

@@ -41,6 +41,7 @@
 #include "platform/vocabulary_loader.h"
 #include "tools/benchmarks/recorded_views.h"
 #include "tools/benchmarks/view_atlas.h"
+#include "tools/command/number_checks.h"
 #include "tools/evaluate/shared_view.h"
 #include "tools/evaluate/statistics.h"
 #include "tools/exit_codes.h"
@@ -445,7 +446,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   app.add_option("--gap", arguments.gap_s, "Age of a keyframe from which on it is to be found, s")
-      ->check(CLI::Range(0.0, 3600.0))
+      ->check(NumberBetween(0.0, 3600.0))
       ->capture_default_str();
   app.add_option("--branching", arguments.branching, "Of the vocabularies that are trained here")
       ->capture_default_str();

@@ -1,25 +1,28 @@
-// Checks of numbers on the command line whose messages a person can read: those of CLI11 name the smallest and the
-// largest number that there is.
+// Checks of numbers on the command line. Of those of CLI11 the messages name the smallest and the largest number that
+// there is, and CLI::Range takes nan for a number of any range: it is for whole numbers only.
 #pragma once
 
 #include <CLI/CLI.hpp>
 #include <charconv>
 #include <cmath>
 #include <concepts>
+#include <functional>
 #include <limits>
+#include <sstream>
 #include <string>
 #include <system_error>
+#include <utility>
 
 namespace haustra {
 
-inline CLI::Validator NumberCheck(const char* name, const char* what, bool (*is_good)(double)) {
+inline CLI::Validator NumberCheck(std::string name, std::string what, std::function<bool(double)> is_good) {
   return CLI::Validator(
-      [what, is_good](std::string& text) {
+      [what = std::move(what), is_good = std::move(is_good)](std::string& text) {
         double value = 0.0;
         const bool is_number = CLI::detail::lexical_cast(text, value);
         return is_number && std::isfinite(value) && is_good(value) ? std::string() : "'" + text + "' is not " + what;
       },
-      name);
+      std::move(name));
 }
 
 // From 0 to what a T holds; CLI11 takes the largest one for what is larger.
@@ -38,6 +41,14 @@ CLI::Validator WholeNumber() {
 
 inline CLI::Validator PositiveNumber() {
   return NumberCheck("POSITIVE", "a number above 0", [](double value) { return value > 0.0; });
+}
+
+// Both ends included.
+inline CLI::Validator NumberBetween(double least, double most) {
+  std::ostringstream name, what;
+  name << "in [" << least << " - " << most << "]";
+  what << "a number from " << least << " to " << most;
+  return NumberCheck(name.str(), what.str(), [least, most](double value) { return value >= least && value <= most; });
 }
 
 }  // namespace haustra

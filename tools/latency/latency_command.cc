@@ -22,6 +22,7 @@
 #include "tools/command/configuration_options.h"
 #include "tools/command/console.h"
 #include "tools/command/missing_calibration.h"
+#include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/command/progress_line.h"
 #include "tools/command/stop_signal.h"
@@ -303,18 +304,18 @@ void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
   }
   command->add_option("--require", arguments->require, keys);
   command->add_option("--seconds", arguments->seconds, "How long; default: as --require needs, else 60")
-      ->check(CLI::Range(0.1, 86400.0));
+      ->check(NumberBetween(0.1, 86400.0));
   command->add_option("--rate", arguments->rate, "Pace relative to the camera")
-      ->check(CLI::Range(0.01, 100.0))
+      ->check(NumberBetween(0.01, 100.0))
       ->capture_default_str();
   command->add_option("--warm-up", arguments->warm_up_s, "Seconds at the start that do not count")
-      ->check(CLI::Range(0.0, 600.0))
+      ->check(NumberBetween(0.0, 600.0))
       ->capture_default_str();
   command->add_option("--loop", arguments->loop_s, "Seconds of the sequence that are held in memory and played")
-      ->check(CLI::Range(0.2, 600.0))
+      ->check(NumberBetween(0.2, 600.0))
       ->capture_default_str();
   command->add_option("--trace", arguments->trace_s, "Seconds at the end that trace.json shows")
-      ->check(CLI::Range(0.0, 600.0))
+      ->check(NumberBetween(0.0, 600.0))
       ->capture_default_str();
   command->add_flag("--stress", arguments->stress, "Load on all cores, the memory, and the GPU where it is used");
   command->add_option("--stress-cpu", arguments->stress_cpu, "Threads of arithmetic")->check(CLI::Range(0, 1024));

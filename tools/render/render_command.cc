@@ -131,9 +131,9 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("OUT", arguments->out, "Folder to write the sequence to")->required();
   command->add_option("--preset", arguments->preset, presets)->capture_default_str();
   command->add_option("--seconds", arguments->seconds, "Length; by default the preset's")
-      ->check(CLI::Range(0.2, 3600.0));
+      ->check(NumberBetween(0.2, 3600.0));
   command->add_option("--rate", arguments->rate_hz, "Frames a second; by default the preset's")
-      ->check(CLI::Range(1.0, 120.0));
+      ->check(NumberBetween(1.0, 120.0));
   command->add_option("--size", arguments->size, "Picture size, like 720x540; by default the preset's");
   command->add_option("--seed", arguments->seed, "Colon, mucosa and path")
       ->capture_default_str()
@@ -154,54 +154,54 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command
       ->add_option("--breathing", arguments->breathing_percent,
                    "How much the radius swells with the breath, %; by default the preset's")
-      ->check(CLI::Range(0.0, 15.0));
+      ->check(NumberBetween(0.0, 15.0));
   command
       ->add_option("--contraction", arguments->contraction_percent,
                    "Depth of the travelling contraction, % of the radius; by default the preset's")
-      ->check(CLI::Range(0.0, 15.0));
+      ->check(NumberBetween(0.0, 15.0));
   command
       ->add_option("--tangential", arguments->tangential_percent,
                    "How far the wall slides along and about the lumen, % of the radius; by default 0")
-      ->check(CLI::Range(0.0, 15.0));
+      ->check(NumberBetween(0.0, 15.0));
   command
       ->add_option("--remodel", arguments->remodel_percent,
                    "The same colon another day: its radius differs by up to this from place to place, %; "
                    "drawn from --path-seed; by default 0")
-      ->check(CLI::Range(0.0, 15.0));
+      ->check(NumberBetween(0.0, 15.0));
   command
       ->add_option("--collapse", arguments->collapse_percent,
                    "The lumen closes as air is lost and is insufflated again, % of the radius; by default 0")
-      ->check(CLI::Range(0.0, 40.0));
+      ->check(NumberBetween(0.0, 40.0));
   command
       ->add_option("--collapse-period", arguments->collapse_period_s,
                    "From one insufflation to the next, s; by default 12")
-      ->check(CLI::Range(2.0, 3600.0));
+      ->check(NumberBetween(2.0, 3600.0));
   command->add_option("--stool", arguments->stool_percent, "Film of stool, % of the wall; by default 0")
-      ->check(CLI::Range(0.0, 100.0));
+      ->check(NumberBetween(0.0, 100.0));
   command->add_option("--blood", arguments->blood_percent, "Blood, % of the wall in the end; by default 0")
-      ->check(CLI::Range(0.0, 100.0));
+      ->check(NumberBetween(0.0, 100.0));
   command
       ->add_option("--blood-spread", arguments->blood_s,
                    "Until blood has spread over its share, s; 0: from the start; by default 10")
-      ->check(CLI::Range(0.0, 3600.0));
+      ->check(NumberBetween(0.0, 3600.0));
   command->add_option("--lens-drops", arguments->lens_drops, "Drops that stay on the lens, at a time; by default 0")
       ->check(CLI::Range(0, 40));
   command
       ->add_option("--drop-size", arguments->drop_size_percent,
                    "Mean diameter of the drops, % of the picture's height; by default 12")
-      ->check(CLI::Range(2.0, 40.0));
+      ->check(NumberBetween(2.0, 40.0));
   command
       ->add_option("--exposure", arguments->shutter.exposure,
                    "Exposure of each row, share of the frame period; at least 1/500 s")
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(NumberBetween(0.0, 1.0));
   command
       ->add_option("--readout", arguments->shutter.readout,
                    "Rolling shutter: from the first row to the last, share of the frame period")
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(NumberBetween(0.0, 1.0));
   command
       ->add_option("--field-lag", arguments->shutter.field_lag,
                    "Odd rows are later by this share of the frame period; 0.5: interlaced video")
-      ->check(CLI::Range(0.0, 0.5));
+      ->check(NumberBetween(0.0, 0.5));
   command->add_option(
       "--calibration-error", arguments->calibration_error,
       "F[,CX,CY,K1]: calib.yaml is wrong by F % of the focal length, CX and CY pixels of the centre, K1 "
@@ -213,7 +213,7 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command
       ->add_option("--tilt", arguments->tilt_deg,
                    "A bent tip that looks so far from straight ahead, degrees; by default the preset's")
-      ->check(CLI::Range(0.0, 90.0));
+      ->check(NumberBetween(0.0, 90.0));
   AddOverwriteFlag(*command, arguments->overwrite);
   command->callback([arguments, &action] { action = [arguments] { return RunRender(*arguments); }; });
 }

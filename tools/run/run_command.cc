@@ -402,8 +402,7 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::IsMember({"sequential", "realtime"}))
       ->capture_default_str();
   command->add_option("--rate", arguments->rate, "Pace of real-time mode relative to the camera (0.5: half as fast)")
-      ->check(PositiveNumber())
-      ->check(CLI::Range(0.01, 100.0))
+      ->check(NumberBetween(0.01, 100.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
       ->check(WholeNumber<std::uint64_t>());

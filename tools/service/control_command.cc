@@ -6,6 +6,7 @@
 
 #include "platform/control/control_client.h"
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/exit_codes.h"
 #include "tools/service/runtime_folder.h"
 
@@ -57,7 +58,7 @@ void AddControlCommand(CLI::App& app, std::function<int()>& action) {
       ->required();
   command->add_option("--folder", arguments->folder, "Runtime folder of the daemon")->capture_default_str();
   command->add_option("--timeout", arguments->timeout_s, "Seconds to wait for the answer")
-      ->check(CLI::Range(0.1, 3600.0))
+      ->check(NumberBetween(0.1, 3600.0))
       ->capture_default_str();
   command->callback([arguments, &action] { action = [arguments] { return Control(*arguments); }; });
 }

@@ -245,20 +245,20 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("sequence", arguments->sequence, "As for run; image files can be played back and forth");
   command->add_flag("--rendered", arguments->rendered, "Play a colon rendered for the purpose instead");
   command->add_option("--minutes", arguments->minutes, "Time of video")
-      ->check(CLI::Range(0.01, 100000.0))
+      ->check(NumberBetween(0.01, 100000.0))
       ->capture_default_str();
   command
       ->add_option(
           "--procedure", arguments->procedure_minutes,
           "Minutes of video, about, after which the procedure ends and another begins with an empty engine; 0: "
           "one procedure")
-      ->check(CLI::Range(0.0, 100000.0))
+      ->check(NumberBetween(0.0, 100000.0))
       ->capture_default_str();
   command->add_option("--interval", arguments->interval_s, "Seconds of video between two samples")
-      ->check(CLI::Range(0.1, 3600.0))
+      ->check(NumberBetween(0.1, 3600.0))
       ->capture_default_str();
   command->add_option("--warm-up", arguments->warm_up_s, "Seconds of each procedure before anything is judged")
-      ->check(CLI::Range(0.0, 100000.0))
+      ->check(NumberBetween(0.0, 100000.0))
       ->capture_default_str();
   command->add_option("--csv", arguments->csv, "File for the samples: memory, pools, latency, faults");
   AddOverwriteFlag(*command, arguments->overwrite);
@@ -266,7 +266,7 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::IsMember({"sequential", "realtime"}))
       ->capture_default_str();
   command->add_option("--rate", arguments->rate, "Pace of real-time mode relative to the camera")
-      ->check(CLI::Range(0.01, 100.0))
+      ->check(NumberBetween(0.01, 100.0))
       ->capture_default_str();
   command
       ->add_option("--loop", arguments->loop,
@@ -274,15 +274,15 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::IsMember({"back-and-forth", "restart"}))
       ->capture_default_str();
   command->add_option("--max-growth-mb", arguments->max_growth_mb, "Allowed growth after the warm-up")
-      ->check(CLI::Range(0.0, 100000.0))
+      ->check(NumberBetween(0.0, 100000.0))
       ->capture_default_str();
   command->add_option("--max-latency-ratio", arguments->max_latency_ratio, "Allowed drift of the median latency")
-      ->check(CLI::Range(1.0, 1000.0))
+      ->check(NumberBetween(1.0, 1000.0))
       ->capture_default_str();
   command
       ->add_option("--max-pool-ratio", arguments->max_pool_ratio,
                    "Allowed growth of what procedures use of a pool, from the first ones to the last ones")
-      ->check(CLI::Range(1.0, 1000.0))
+      ->check(NumberBetween(1.0, 1000.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
       ->check(WholeNumber<std::uint64_t>());

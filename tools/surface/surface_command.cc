@@ -120,7 +120,7 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
   command
       ->add_option("--voxel", request.surface.voxel_share,
                    "Side of a voxel, share of the median depth of the map, 0.002 to 0.2")
-      ->check(CLI::Range(0.002, 0.2))
+      ->check(NumberBetween(0.002, 0.2))
       ->capture_default_str();
   command
       ->add_option("--max-blocks", request.surface.max_blocks,
@@ -130,17 +130,17 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
   command
       ->add_option("--max-range", request.coverage.max_range_radii,
                    "From farther away the wall is not seen well, mean radii of the lumen, 0.5 to 6")
-      ->check(CLI::Range(0.5, 6.0))
+      ->check(NumberBetween(0.5, 6.0))
       ->capture_default_str();
   command
       ->add_option("--max-slant", request.coverage.max_slant_deg,
                    "Nor at more of a slant, degrees from the wall's normal, 10 to 89")
-      ->check(CLI::Range(10.0, 89.0))
+      ->check(NumberBetween(10.0, 89.0))
       ->capture_default_str();
   command
       ->add_option("--segment", request.coverage.segment_radii,
                    "Length of the segments that coverage is given for, radii, 0.5 to 100")
-      ->check(CLI::Range(0.5, 100.0))
+      ->check(NumberBetween(0.5, 100.0))
       ->capture_default_str();
   command
       ->add_option("--threads", request.surface.num_threads, "Threads; 0: all cores. The result does not depend on it")

@@ -84,6 +84,10 @@ TEST_F(CommandLineTest, NumbersThatAreNotAllowedAreNamedWithWhatIs) {
               std::string("--seconds: '") + bad + "' is not a number above 0");
   }
   EXPECT_EQ(answer({"2.5", "--seconds", "cam", "capture"}), "accepted");
+  for (const char* bad : {"0", "-0.02", "nan", "inf", "thick"}) {
+    EXPECT_EQ(answer({bad, "--voxel", "o", "--out", "a", "surface"}),
+              std::string("--voxel: '") + bad + "' is not a number from 0.002 to 0.2");
+  }
 }
 
 TEST_F(CommandLineTest, DeviceIsChosenUnlessItIsNamed) {
@@ -104,6 +108,28 @@ TEST_F(CommandLineTest, DeinterlaceTakesItsThreeWordsAndNamesAnyOther) {
   } catch (const CLI::ParseError& error) {
     EXPECT_THAT(error.what(), AllOf(HasSubstr("--deinterlace"), HasSubstr("bob")));
   }
+}
+
+// CLI::Range lets nan through, and an option without a check takes inf, too.
+TEST_F(CommandLineTest, EveryOptionThatTakesANumberRefusesWhatIsNone) {
+  int num_options = 0;
+  std::vector<CLI::App*> commands = Commands();
+  for (std::size_t i = 0; i < commands.size(); ++i) {
+    for (CLI::App* below : commands[i]->get_subcommands([](const CLI::App*) { return true; })) {
+      commands.push_back(below);
+    }
+    for (CLI::Option* option : commands[i]->get_options([](const CLI::Option*) { return true; })) {
+      if (option->get_type_name().find("FLOAT") == std::string::npos) continue;
+      ++num_options;
+      for (const std::string bad : {"nan", "-nan", "inf", "-inf"}) {
+        option->clear();
+        option->add_result(bad);
+        EXPECT_THROW(option->run_callback(), CLI::ValidationError)
+            << commands[i]->get_name() << " " << option->get_name() << " takes " << bad;
+      }
+    }
+  }
+  EXPECT_GE(num_options, 40);
 }
 
 // What somebody reads who has typed that.

@@ -15,7 +15,6 @@ namespace haustra {
 namespace {
 
 using capture::internal::CheckFolder;
-using capture::internal::HasVideoExtension;
 using capture::internal::IsFile;
 using capture::internal::IsFolder;
 using capture::internal::Joined;
@@ -48,10 +47,7 @@ Result<std::unique_ptr<FrameSource>> OpenSequence(const std::string& path, const
   HAUSTRA_TRY(options.Validate());
   if (IsV4l2Spec(path)) return OpenV4l2(path, options);
   if (IsFolder(path)) return OpenFolder(path, options);
-  if (IsFile(path)) {
-    if (HasVideoExtension(path)) return OpenVideo(path, options);
-    return InvalidArgument(path + ": a sequence is a folder or a recording (.mov, .mp4, .avi, .mkv)");
-  }
+  if (IsFile(path)) return OpenVideo(path, options);
   const Status status = CheckFolder(path);
   return status.code() == StatusCode::kUnavailable ? status : NotFound(path + ": no such file or folder");
 }

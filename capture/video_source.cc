@@ -8,6 +8,7 @@ extern "C" {
 #include <libswscale/swscale.h>
 }
 
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <utility>
@@ -28,7 +29,7 @@ using capture::internal::VideoCompanions;
 
 // The containers that are read. libav knows many more; some of them are lists that name other files and addresses to
 // open.
-constexpr const char* kContainers = "mov,mp4,avi,matroska";
+constexpr const char* kContainers = "mov,mp4,avi,matroska,mpeg,mpegts,asf";
 
 struct FormatCloser {
   void operator()(AVFormatContext* format) const { avformat_close_input(&format); }
@@ -68,14 +69,11 @@ class VideoSource final : public FrameSource {
   Result<Frame> Next(TimePoint deadline) override;
 
  private:
-  VideoSource(std::string path, const SequenceOptions& options, VideoCompanions companions)
-      : path_(std::move(path)),
-        options_(options),
-        companions_(std::move(companions)),
-        calibration_(options.halve ? Halved(companions_.calibration) : companions_.calibration),
-        deinterlacer_(options.deinterlace) {}
+  VideoSource(std::string path, const SequenceOptions& options)
+      : path_(std::move(path)), options_(options), deinterlacer_(options.deinterlace) {}
 
-  Status OpenStream();
+  Status OpenContainer();
+  Status OpenDecoder();
   void CountFrames();
   // Decodes the next picture into picture_; `why` says what is wrong with a lost one.
   Decoded Decode(std::string* why);
@@ -109,15 +107,16 @@ class VideoSource final : public FrameSource {
 Result<std::unique_ptr<FrameSource>> VideoSource::Open(const std::string& path, const SequenceOptions& options) {
   HAUSTRA_TRY(options.Validate());
   if (!capture::internal::IsFile(path)) return NotFound(path + ": no such file");
-  HAUSTRA_ASSIGN(VideoCompanions companions, capture::internal::FindVideoCompanions(path, options));
-  std::unique_ptr<VideoSource> source(new VideoSource(path, options, std::move(companions)));
-  HAUSTRA_TRY(source->OpenStream());
+  std::unique_ptr<VideoSource> source(new VideoSource(path, options));
+  HAUSTRA_TRY(source->OpenContainer());
+  HAUSTRA_ASSIGN(source->companions_, capture::internal::FindVideoCompanions(path, options));
+  HAUSTRA_TRY(source->OpenDecoder());
   HAUSTRA_ASSIGN(source->mask_, capture::internal::ReadStaticMask(source->companions_.mask_path,
                                                                   source->companions_.calibration, options.halve));
   return std::unique_ptr<FrameSource>(std::move(source));
 }
 
-Status VideoSource::OpenStream() {
+Status VideoSource::OpenContainer() {
   // libav writes to stderr on its own, in the middle of the caller's output; what matters is in the statuses.
   av_log_set_level(AV_LOG_QUIET);
   AVDictionary* options = nullptr;
@@ -127,7 +126,8 @@ Status VideoSource::OpenStream() {
   const int open_error = avformat_open_input(&format, path_.c_str(), nullptr, &options);
   av_dict_free(&options);
   if (open_error < 0) {
-    return DataLoss(path_ + ": cannot be opened as a video (mov, mp4, avi, mkv): " + ErrorText(open_error));
+    return DataLoss(path_ +
+                    ": cannot be opened as a video (mov, mp4, avi, mkv, webm, mpg, ts, wmv): " + ErrorText(open_error));
   }
   format_.reset(format);
   if (const int error = avformat_find_stream_info(format, nullptr); error < 0) {
@@ -136,6 +136,10 @@ Status VideoSource::OpenStream() {
   const int stream_idx = av_find_best_stream(format, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
   if (stream_idx < 0) return InvalidArgument(path_ + ": no video stream");
   stream_ = format->streams[stream_idx];
+  return Status::Ok();
+}
+
+Status VideoSource::OpenDecoder() {
   const AVCodec* decoder = avcodec_find_decoder(stream_->codecpar->codec_id);
   if (decoder == nullptr) {
     return InvalidArgument(path_ + ": no decoder for codec " + avcodec_get_name(stream_->codecpar->codec_id));
@@ -144,8 +148,8 @@ Status VideoSource::OpenStream() {
   if (stored.width_px == 0) {
     stored.width_px = stream_->codecpar->width;
     stored.height_px = stream_->codecpar->height;
-    calibration_ = options_.halve ? Halved(stored) : stored;
   }
+  calibration_ = options_.halve ? Halved(stored) : stored;
   if (stream_->codecpar->width != stored.width_px || stream_->codecpar->height != stored.height_px) {
     return InvalidArgument(path_ + ": the video is " + SizeText(stream_->codecpar->width, stream_->codecpar->height) +
                            ", the calibration (" + companions_.calibration_path + ") is for " +
@@ -209,10 +213,16 @@ Decoded VideoSource::Decode(std::string* why) {
 }
 
 std::optional<std::int64_t> VideoSource::TakeStamp() {
+  constexpr AVRational kNanosecond{1, 1'000'000'000};
   const std::int64_t pts = picture_->best_effort_timestamp;
-  if (pts == AV_NOPTS_VALUE) return std::nullopt;
+  if (pts == AV_NOPTS_VALUE) {
+    // MPEG streams need not stamp every picture: one without follows at the rate of the stream.
+    const AVRational rate = stream_->avg_frame_rate;
+    if (last_stamp_ns_ < 0 || rate.num <= 0 || rate.den <= 0) return std::nullopt;
+    return last_stamp_ns_ += av_rescale_q(1, av_inv_q(rate), kNanosecond);
+  }
   if (!first_pts_) first_pts_ = stream_->start_time != AV_NOPTS_VALUE ? std::min(stream_->start_time, pts) : pts;
-  const std::int64_t stamp_ns = av_rescale_q(pts - *first_pts_, stream_->time_base, AVRational{1, 1'000'000'000});
+  const std::int64_t stamp_ns = av_rescale_q(pts - *first_pts_, stream_->time_base, kNanosecond);
   if (stamp_ns <= last_stamp_ns_) return std::nullopt;
   last_stamp_ns_ = stamp_ns;
   return stamp_ns;

@@ -1,5 +1,5 @@
-// Frames from recorded video (mp4, mov, avi, mkv) through FFmpeg's libraries. They are an optional component of the
-// build; without them everything here answers kUnavailable.
+// Frames from recorded video (mp4, mov, avi, mkv, webm, MPEG program and transport streams, wmv) through FFmpeg's
+// libraries. They are an optional component of the build; without them everything here answers kUnavailable.
 #pragma once
 
 #include <memory>
@@ -13,7 +13,8 @@ namespace haustra {
 // Whether this build can read video.
 bool HasVideoSupport();
 
-// Opens the first video stream. The calibration is that of the options, or else <name>_geometrical.xml, the only
+// Opens the first video stream; which container it is the content says, not the name. The calibration is that of the
+// options, or else <name>_geometrical.xml, the only
 // *_geometrical.xml in the video's folder, <name>.yaml or calib.yaml there; the mask that of the options or mask.png
 // there. Frame times are those of the recording, from 0 at its first frame.
 //

@@ -211,7 +211,27 @@ TEST_F(VideoSourceTest, ListOfOtherFilesIsNoVideo) {
   for (const std::string& path : {concat, playlist}) {
     const Result<std::unique_ptr<FrameSource>> source = OpenVideo(path, {});
     EXPECT_EQ(source.code(), StatusCode::kDataLoss);
-    EXPECT_THAT(source.status().message(), HasSubstr("cannot be opened as a video (mov, mp4, avi, mkv)"));
+    EXPECT_THAT(source.status().message(), HasSubstr("cannot be opened as a video (mov, mp4, avi, mkv"));
+  }
+}
+
+// Recorders write these, too, and people rename files.
+TEST_F(VideoSourceTest, TheContentSaysWhichContainerItIs) {
+  for (const auto& [name, codec] : {std::pair<std::string_view, std::string>{"a.mpg", "mpeg2video"},
+                                    {"a.vob", "mpeg2video"},
+                                    {"a.ts", "mpeg2video"},
+                                    {"a.wmv", "mpeg4"}}) {
+    std::filesystem::rename(WriteLevels(name, codec), folder_.Path("clip"));
+    Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.Path("clip"), {});
+    ASSERT_TRUE(source.ok()) << name << ": " << source.status().ToString();
+    for (std::uint32_t i = 0; i < kNumFrames; ++i) {
+      const Result<Frame> frame = (*source)->Next(kNoDeadline);
+      ASSERT_TRUE(frame.ok()) << name << ": " << frame.status().ToString();
+      EXPECT_EQ(frame->index, i);
+      EXPECT_EQ(frame->timestamp.time_since_epoch().count(), 40'000'000 * i) << name;
+      EXPECT_NEAR(frame->image.row(24)[3 * 32], Expanded(LevelOf(i)), 5.0) << name;
+    }
+    EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
   }
 }
 

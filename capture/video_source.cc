@@ -10,6 +10,7 @@ extern "C" {
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -51,6 +52,17 @@ std::string ErrorText(int error) {
   std::array<char, AV_ERROR_MAX_STRING_SIZE> text{};
   av_strerror(error, text.data(), text.size());
   return text.data();
+}
+
+// How many frames the container states, or else its duration lets expect; 0: it says neither. To count them the whole
+// recording would have to be read.
+std::int64_t NumStored(const AVFormatContext& format, const AVStream& stream) {
+  if (stream.nb_frames > 0) return stream.nb_frames;
+  if (format.duration_estimation_method == AVFMT_DURATION_FROM_BITRATE) return 0;  // wild for what varies
+  if (stream.avg_frame_rate.num <= 0 || stream.avg_frame_rate.den <= 0) return 0;
+  const AVRational period = av_inv_q(stream.avg_frame_rate);
+  if (stream.duration != AV_NOPTS_VALUE) return av_rescale_q(stream.duration, stream.time_base, period);
+  return format.duration != AV_NOPTS_VALUE ? av_rescale_q(format.duration, AV_TIME_BASE_Q, period) : 0;
 }
 
 // What libav makes of one picture of the stream.
@@ -173,8 +185,8 @@ Status VideoSource::OpenDecoder() {
 }
 
 void VideoSource::CountFrames() {
-  const std::int64_t num_stored = stream_->nb_frames;
-  if (num_stored <= options_.first_frame) return;
+  const std::int64_t num_stored = NumStored(*format_, *stream_);
+  if (num_stored <= options_.first_frame || num_stored > std::numeric_limits<std::uint32_t>::max()) return;
   const std::int64_t last = std::min<std::int64_t>(options_.last_frame, num_stored - 1);
   num_frames_ = static_cast<std::uint32_t>((last - options_.first_frame) / options_.every_nth + 1);
 }

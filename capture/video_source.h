@@ -20,7 +20,8 @@ bool HasVideoSupport();
 //
 // The source decodes on demand, on the reader's thread. A picture that does not decode, that the decoder marks as
 // corrupt, or whose time is not after that of the one before is a lost frame: kDataLoss, and Next goes on after it.
-// num_frames is 0 when the container does not say. kNotFound: no such file, no calibration. kDataLoss: not a video, or
+// num_frames is what the container states, or else its duration times its mean rate, which may be off; 0 when it says
+// neither. kNotFound: no such file, no calibration. kDataLoss: not a video, or
 // damaged from the start. kInvalidArgument: no video stream, a codec that is not built in, the size is not that of the
 // calibration. kUnavailable: built without video support.
 Result<std::unique_ptr<FrameSource>> OpenVideo(const std::string& path, const SequenceOptions& options);

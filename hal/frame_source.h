@@ -31,7 +31,7 @@ class FrameSource {
 
   // What the frames look like; constant over the life of the source.
   virtual const CameraCalibration& calibration() const = 0;
-  // Number of frames, or 0 when it is not known (live camera).
+  // Number of frames, or 0 when it is not known (live camera). Of a recording it is what its container lets expect.
   virtual std::uint32_t num_frames() const = 0;
   // Whether a camera takes the frames as they are read: then their time stamps are of the machine's monotonic clock,
   // and the age of a frame is known.

@@ -92,6 +92,17 @@ TEST_F(VideoSourceTest, MovStatesItsNumberOfFrames) {
   EXPECT_EQ(OpenVideo(path, {.first_frame = 2, .last_frame = 4}).value()->num_frames(), 3u);
 }
 
+// Matroska and MPEG streams state a duration and no number.
+TEST_F(VideoSourceTest, NumberOfFramesIsExpectedFromTheDuration) {
+  for (const auto& [name, codec] :
+       {std::pair<std::string_view, std::string>{"a.mkv", "mpeg4"}, {"a.ts", "mpeg2video"}}) {
+    const std::string path = WriteLevels(name, codec);
+    EXPECT_EQ(OpenVideo(path, {}).value()->num_frames(), 12u) << name;
+    EXPECT_EQ(OpenVideo(path, {.first_frame = 2, .every_nth = 5}).value()->num_frames(), 2u) << name;
+    EXPECT_EQ(OpenVideo(path, {.first_frame = 40}).value()->num_frames(), 0u) << name;
+  }
+}
+
 TEST_F(VideoSourceTest, OptionsChooseAPartAndHalve) {
   const std::string path = WriteLevels("a.mov", "mpeg4");
   const SequenceOptions options = {.first_frame = 2, .last_frame = 7, .every_nth = 3, .halve = true};

@@ -45,7 +45,10 @@ int RunCalibrate(CalibrateArguments arguments) {
   }
   ProgressLine line;
   request.on_frame = [&line](std::uint32_t frame, std::uint32_t num_frames) {
-    line.Update([&] { return "looking at frame " + std::to_string(frame + 1) + " of " + std::to_string(num_frames); });
+    line.Update([&] {
+      return "looking at frame " + std::to_string(frame + 1) +
+             (num_frames > 0 ? " of " + std::to_string(num_frames) : std::string());
+    });
   };
   const Result<ClipCalibration> result = CalibrateFromClip(request);
   line.Leave();

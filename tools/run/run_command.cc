@@ -291,14 +291,15 @@ int Run(const RunArguments& arguments) {
   if (const Status status = MakeResultFolders(arguments.out); !status.ok()) {
     return console::FailWriting(kRunCommand, status);
   }
-  console::Note(kRunCommand, "%s, %u frames %dx%d, %s mode, device %s", arguments.sequence.c_str(),
-                (*source)->num_frames(), calibration.width_px, calibration.height_px, arguments.mode.c_str(),
-                DeviceText(**device, num_threads).c_str());
+  const std::uint32_t num_frames = (*source)->num_frames();
+  console::Note(kRunCommand, "%s, %s frames %dx%d, %s mode, device %s", arguments.sequence.c_str(),
+                (num_frames > 0 ? std::to_string(num_frames) : "an unknown number of").c_str(), calibration.width_px,
+                calibration.height_px, arguments.mode.c_str(), DeviceText(**device, num_threads).c_str());
 
   const std::atomic<bool>& stop_requested = CatchStopSignals();
-  Progress progress((*source)->num_frames());
+  Progress progress(num_frames);
   RunRecord record([&progress](const RunRecord& r) { progress.Update(r); }, thread_watch);
-  record.ExpectFrames((*source)->num_frames());
+  record.ExpectFrames(num_frames);
   RealTimeOptions options;
   options.rate = arguments.rate;
   options.rt = config.rt;
@@ -328,8 +329,8 @@ int Run(const RunArguments& arguments) {
   const std::vector<FinalPose> poses = ResolveAll(record, engine);
   // What a container says about its length is a guess: a sequence that was seen to its end is as long as that.
   const bool is_aborted = !session.ok() || stop_requested;
-  RunSummary summary = Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{},
-                                 is_aborted ? (*source)->num_frames() : 0);
+  RunSummary summary =
+      Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{}, is_aborted ? num_frames : 0);
   SummariseMarks(marks, engine, &summary);
   summary.mode = arguments.mode;
   summary.device = arguments.device;

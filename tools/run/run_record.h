@@ -1,6 +1,7 @@
 // Everything that is remembered of a run: the answer to every frame and what happened to the maps. thread-bound(main).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <optional>
@@ -28,10 +29,12 @@ class RunRecord : public SessionObserver {
   explicit RunRecord(std::function<void(const RunRecord&)> on_progress, const ThreadWatch* thread_watch = nullptr)
       : on_progress_(std::move(on_progress)), thread_watch_(thread_watch) {}
 
-  // Room for what so many frames and their keyframes leave, taken now and not in the middle of the run.
+  // Room for what so many frames and their keyframes leave, taken now and not in the middle of the run. What a damaged
+  // container says of its length may be anything: for half a day at most.
   void ExpectFrames(std::size_t num_frames) {
-    frames_.reserve(num_frames);
-    mapping_times_.reserve(num_frames);
+    constexpr std::size_t kMostFrames = std::size_t{1} << 20;
+    frames_.reserve(std::min(num_frames, kMostFrames));
+    mapping_times_.reserve(std::min(num_frames, kMostFrames));
   }
 
   void OnStart(const RealTimeReport& report) override;

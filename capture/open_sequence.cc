@@ -45,7 +45,10 @@ Result<std::unique_ptr<FrameSource>> OpenFolder(const std::string& folder, const
 
 Result<std::unique_ptr<FrameSource>> OpenSequence(const std::string& path, const SequenceOptions& options) {
   HAUSTRA_TRY(options.Validate());
-  if (IsV4l2Spec(path)) return OpenV4l2(path, options);
+  if (IsV4l2Spec(path)) {
+    HAUSTRA_TRY(options.RefuseFrameRate(path));
+    return OpenV4l2(path, options);
+  }
   if (IsFolder(path)) return OpenFolder(path, options);
   if (IsFile(path)) return OpenVideo(path, options);
   const Status status = CheckFolder(path);

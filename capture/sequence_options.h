@@ -28,6 +28,9 @@ struct SequenceOptions {
   // Halves the frames by averaging 2x2 pixels; calibration and mask follow.
   bool halve = false;
   ChannelChoice channels = ChannelChoice::kAsStored;
+  // Of image files whose times nothing states, instead of the rate of the calibration; 0: that one. Refused for what
+  // has times of its own.
+  double frame_rate_hz = 0.0;
   // Used instead of the calibration that the sequence carries; empty: that one.
   std::string calibration_path = {};
   // Of the stored frames; used instead of any file, which then need not exist. With a width of 0 it takes the size of
@@ -35,6 +38,14 @@ struct SequenceOptions {
   std::optional<CameraCalibration> calibration = {};
   // Used instead of the mask that the sequence carries; empty: that one, or none.
   std::string mask_path = {};
+
+  // The frame with this index, counted as it is stored; not when it is read backwards.
+  std::int64_t StoredFrame(std::int64_t index) const { return first_frame + index * every_nth; }
+  // The other way; nothing: that one is not read.
+  std::optional<std::uint32_t> IndexOf(std::uint32_t stored_frame) const;
+
+  // For what states the times of its frames itself: kInvalidArgument when the options state a frame rate.
+  Status RefuseFrameRate(const std::string& path) const;
 
   // kInvalidArgument, naming what is wrong.
   Status Validate() const;

@@ -299,6 +299,7 @@ Result<Frame> VideoSource::Next(TimePoint) {
 bool HasVideoSupport() { return true; }
 
 Result<std::unique_ptr<FrameSource>> OpenVideo(const std::string& path, const SequenceOptions& options) {
+  HAUSTRA_TRY(options.RefuseFrameRate(path));
   if (options.reversed) return InvalidArgument(path + ": a recording cannot be read backwards, only image files can");
   return VideoSource::Open(path, options);
 }

@@ -34,6 +34,7 @@ bool LooksLikeC3vd(const std::string& folder) {
 }
 
 Result<SequenceListing> ListC3vd(const std::string& folder, const SequenceOptions& options) {
+  HAUSTRA_TRY(options.RefuseFrameRate(folder));
   SequenceListing listing;
   listing.folder = folder;
   HAUSTRA_ASSIGN(const std::vector<std::string> names, FileNames(folder));

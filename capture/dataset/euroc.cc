@@ -42,6 +42,7 @@ Status ReadImageList(const std::string& camera_folder, SequenceListing* listing)
 bool LooksLikeEuroc(const std::string& folder) { return IsFile(Joined(CameraFolder(folder), "data.csv")); }
 
 Result<SequenceListing> ListEuroc(const std::string& folder, const SequenceOptions& options) {
+  HAUSTRA_TRY(options.RefuseFrameRate(folder));
   const std::string camera_folder = CameraFolder(folder);
   SequenceListing listing;
   listing.folder = folder;

@@ -69,19 +69,25 @@ Status KeepRecorded(SequenceListing* listing) {
   return Status::Ok();
 }
 
-Status AddTimes(SequenceListing* listing) {
+Status AddTimes(const SequenceOptions& options, SequenceListing* listing) {
   const std::size_t num_images = listing->image_paths.size();
-  if (IsCutRecording(listing->folder)) return KeepRecorded(listing);
+  if (IsCutRecording(listing->folder)) {
+    HAUSTRA_TRY(options.RefuseFrameRate(Joined(listing->folder, kRecordedTimesName)));
+    return KeepRecorded(listing);
+  }
   const std::string path = Joined(listing->folder, "times.txt");
   if (IsFile(path)) {
+    HAUSTRA_TRY(options.RefuseFrameRate(path));
     HAUSTRA_ASSIGN(listing->timestamps_ns, ReadTimes(path));
     if (listing->timestamps_ns.size() == num_images) return Status::Ok();
     return InvalidArgument(path + ": " + std::to_string(listing->timestamps_ns.size()) + " time stamps for " +
                            std::to_string(num_images) + " images in " + ImageFolder(listing->folder));
   }
+  if (options.frame_rate_hz > 0.0) listing->calibration.rate_hz = options.frame_rate_hz;
   if (listing->calibration.rate_hz <= 0.0) {
-    return NotFound(path + ": no such file, and " + listing->calibration_path +
-                    " states no frame rate to count the times from");
+    return NotFound(path +
+                    ": no such file, and the calibration states no frame rate to count the times from; give "
+                    "--frame-rate");
   }
   std::vector<std::int64_t> numbers(num_images);
   std::iota(numbers.begin(), numbers.end(), std::int64_t{0});
@@ -109,7 +115,7 @@ Result<SequenceListing> ListSequenceFolder(const std::string& folder, const Sequ
   HAUSTRA_TRY(AddCalibration(options, Joined(folder, "calib.yaml"), "put a calib.yaml there or name a calibration file",
                              &listing));
   AddMask(options, &listing);
-  HAUSTRA_TRY(AddTimes(&listing));
+  HAUSTRA_TRY(AddTimes(options, &listing));
   return listing;
 }
 

@@ -28,7 +28,7 @@ struct SequenceListing {
 
 // `frames/` with PNG or JPEG files in natural order of their names (or the images in the folder itself), `calib.yaml`,
 // optional `mask.png`, and `times.txt` with one capture time in seconds a line. Without times.txt, image k (from 0, as
-// stored) has the time k / rate of the calibration, which then must state its rate.
+// stored) has the time k / rate: that of the options, or else of the calibration; one of them must state it.
 //
 // Of a recording that was cut (IsCutRecording) it lists the frames whose times are there.
 Result<SequenceListing> ListSequenceFolder(const std::string& folder, const SequenceOptions& options);

@@ -34,6 +34,7 @@ Status ReadImageList(SequenceListing* listing) {
 bool LooksLikeTum(const std::string& folder) { return IsFile(Joined(folder, "rgb.txt")); }
 
 Result<SequenceListing> ListTum(const std::string& folder, const SequenceOptions& options) {
+  HAUSTRA_TRY(options.RefuseFrameRate(folder));
   SequenceListing listing;
   listing.folder = folder;
   HAUSTRA_TRY(ReadImageList(&listing));

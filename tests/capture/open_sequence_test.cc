@@ -7,6 +7,8 @@
 
 #include <filesystem>
 
+#include <cmath>
+
 #include "tests/capture/temp_folder.h"
 
 namespace haustra {
@@ -96,6 +98,54 @@ TEST_F(OpenSequenceTest, ImagesInTheFolderItselfAreFound) {
   const ReadFrames seen = ReadSequence(source->get());
   EXPECT_THAT(seen.values, ElementsAre(2, 10));
   EXPECT_THAT(seen.timestamps_ns, ElementsAre(0, 40'000'000));
+}
+
+// A folder as other programs leave it: no times, no calibration, something else beside the pictures.
+TEST_F(OpenSequenceTest, BarePicturesAreReadAtTheFrameRateThatIsNamed) {
+  for (const int i : {9, 10, 100}) WriteFlat("shot " + std::to_string(i) + ".png", static_cast<std::uint8_t>(i));
+  folder_.Write("notes.txt", "not read");
+  SequenceOptions options;
+  options.calibration = CameraCalibration{};
+  const Status without = OpenSequence(folder_.path(), options).status();
+  EXPECT_EQ(without.code(), StatusCode::kNotFound);
+  EXPECT_THAT(without.message(), AllOf(HasSubstr("times.txt: no such file"), HasSubstr("give --frame-rate")));
+  options.frame_rate_hz = 12.5;
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.path(), options);
+  ASSERT_TRUE(source.ok()) << source.status().ToString();
+  EXPECT_EQ((*source)->calibration().rate_hz, 12.5);
+  const ReadFrames seen = ReadSequence(source->get());
+  EXPECT_THAT(seen.values, ElementsAre(9, 10, 100));
+  EXPECT_THAT(seen.timestamps_ns, ElementsAre(0, 80'000'000, 160'000'000));
+}
+
+TEST_F(OpenSequenceTest, FrameRateGoesBeforeThatOfTheCalibrationAndNotBeforeTimes) {
+  for (const int i : {0, 1}) WriteFlat(std::to_string(i) + ".png", static_cast<std::uint8_t>(i));
+  folder_.Write("calib.yaml", kSmallCalibration);
+  SequenceOptions options;
+  options.frame_rate_hz = 50.0;
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.path(), options);
+  ASSERT_TRUE(source.ok()) << source.status().ToString();
+  EXPECT_THAT(ReadSequence(source->get()).timestamps_ns, ElementsAre(0, 20'000'000));
+  folder_.Write("times.txt", "0\n1\n");
+  const Status timed = OpenSequence(folder_.path(), options).status();
+  EXPECT_EQ(timed.code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(timed.message(), HasSubstr("times.txt: states the times of its frames"));
+  WriteFlat("0_color.png", 0);
+  EXPECT_EQ(OpenSequence(folder_.path(), options).code(), StatusCode::kInvalidArgument) << "C3VD";
+  EXPECT_EQ(OpenSequence("v4l2:/dev/video0", options).code(), StatusCode::kInvalidArgument);
+  for (const double bad : {-1.0, std::nan("")}) {
+    options.frame_rate_hz = bad;
+    EXPECT_THAT(options.Validate().message(), HasSubstr("the frame rate is"));
+  }
+}
+
+TEST(SequenceOptions, IndexOfAFrameIsFoundAgain) {
+  const SequenceOptions part = {.first_frame = 10, .last_frame = 20, .every_nth = 3};
+  EXPECT_EQ(part.StoredFrame(2), 16u);
+  EXPECT_EQ(part.IndexOf(16), 2u);
+  EXPECT_EQ(part.IndexOf(10), 0u);
+  for (const std::uint32_t not_read : {0u, 7u, 9u, 11u, 17u, 22u}) EXPECT_EQ(part.IndexOf(not_read), std::nullopt);
+  EXPECT_EQ(SequenceOptions{}.IndexOf(5), 5u);
 }
 
 TEST_F(OpenSequenceTest, C3vdIsFoundAndOrderedByNumber) {

@@ -244,6 +244,15 @@ TEST_F(VideoSourceTest, TheContentSaysWhichContainerItIs) {
     }
     EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
   }
+  const Result<std::unique_ptr<FrameSource>> text = OpenSequence(folder_.Write("notes.txt", "not a video"), {});
+  EXPECT_EQ(text.code(), StatusCode::kDataLoss);
+  EXPECT_THAT(text.status().message(), HasSubstr("notes.txt: cannot be opened as a video"));
+}
+
+TEST_F(VideoSourceTest, FrameRateIsRefused) {
+  const Status status = OpenVideo(WriteLevels("a.mov", "mpeg4"), {.frame_rate_hz = 25.0}).status();
+  EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(status.message(), HasSubstr("a.mov: states the times of its frames"));
 }
 
 TEST_F(VideoSourceTest, RecordingThatBreaksOffGivesWhatIsThere) {

@@ -1,6 +1,7 @@
 // A recording as a user has one: a file without a calibration, whose length nobody knows before it has been read.
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -58,6 +59,39 @@ TEST_F(Video, PartThatIsEmptyIsRefusedAndNothingIsLost) {
   const std::string before = ReadBytes(out_ + "/frames.csv");
   EXPECT_EQ(Run({"--first-frame", "70", "--overwrite"}).exit_code, kExitBadData);
   EXPECT_EQ(ReadBytes(out_ + "/frames.csv"), before);
+}
+
+// A folder of pictures from elsewhere states neither times nor a camera. What is made of the run later needs neither
+// once more.
+TEST(FolderOfPictures, IsRunAtTheFrameRateThatIsNamed) {
+  const std::string scratch = ScratchFolder(), pictures = scratch + "/pictures", out = scratch + "/out";
+  std::filesystem::create_directories(pictures);
+  for (int i = 0; i < 30; ++i) {
+    std::filesystem::copy_file(FramePath(SequenceFolder("standard"), i),
+                               pictures + "/" + std::to_string(i + 85) + ".jpg");
+  }
+  std::vector<std::string> arguments = {
+      "run",           pictures, "--out",       out, "--calibration", scratch + "/camera.yaml",
+      "--first-frame", "5",      "--every-nth", "2"};
+  std::string camera = ReadBytes(SequenceFolder("standard") + "/calib.yaml");
+  const std::size_t rate = camera.find("Camera.fps:");
+  ASSERT_NE(rate, std::string::npos) << camera;
+  WriteBytes(scratch + "/camera.yaml", camera.erase(rate, camera.find('\n', rate) + 1 - rate));
+  const CommandResult without = HaustraOnCpu(arguments);
+  EXPECT_EQ(without.exit_code, kExitNoInput) << without.ToString();
+  EXPECT_NE(without.err.find("give --frame-rate"), std::string::npos) << without.err;
+  arguments.insert(arguments.end(), {"--frame-rate", "12.5"});
+  const CommandResult run = HaustraOnCpu(arguments);
+  ASSERT_EQ(run.exit_code, kExitOk) << run.ToString();
+  const CsvRows frames = ReadCsv(out + "/frames.csv");
+  ASSERT_EQ(frames.size(), 13u);
+  EXPECT_EQ(frames[0].at("timestamp_ns"), "400000000");
+  EXPECT_EQ(frames[12].at("timestamp_ns"), "2320000000");
+  const CommandResult report = Haustra({"report", out, "--sequence", pictures, "--html", scratch + "/page.html"});
+  EXPECT_EQ(report.exit_code, kExitOk) << report.ToString();
+  const CommandResult surface = Haustra({"surface", out, "--sequence", pictures, "--out", scratch + "/surface"});
+  EXPECT_EQ(surface.err.find("frame rate"), std::string::npos) << surface.ToString();
+  EXPECT_EQ(surface.err.find("not the sequence"), std::string::npos) << surface.ToString();
 }
 
 }  // namespace

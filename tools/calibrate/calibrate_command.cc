@@ -87,11 +87,10 @@ void AddCalibrateCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--picture", arguments->picture, "PNG file for a picture of the residuals");
   AddOverwriteFlag(*command, arguments->overwrite);
   AddFrameRangeOptions(*command, request.options);
+  AddFrameRateOption(*command, request.options.frame_rate_hz);
   AddDeinterlaceOption(*command, request.options.deinterlace);
   command->add_option("--mask", request.options.mask_path,
                       "Static mask to use instead of the sequence's own (255 inside)");
-  command->add_option("--rate", request.rate_hz, "Frames a second, for a folder of images that does not say")
-      ->check(NumberBetween(0.1, 1000.0));
   command->add_option("--seed", request.seed, "Seed of all random sampling")
       ->check(WholeNumber<std::uint64_t>())
       ->capture_default_str();

@@ -74,7 +74,6 @@ Result<ClipCalibration> CalibrateFromClip(const ClipCalibrationRequest& request)
   options.halve = false;
   options.calibration_path.clear();
   options.calibration = CameraCalibration{};
-  options.calibration->rate_hz = request.rate_hz;
   HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(request.sequence, options));
   ClipCalibration result;
   result.width_px = source->calibration().width_px;

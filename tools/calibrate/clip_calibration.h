@@ -18,7 +18,6 @@ namespace haustra {
 struct ClipCalibrationRequest {
   std::string sequence;         // as for OpenSequence; not a live camera
   SequenceOptions options;      // part, mask, deinterlace; its calibrations and halve are not used
-  double rate_hz = 0.0;         // of the frames, where neither times nor the recording say it; 0: unknown
   std::string device = "auto";  // as the command line has it; "cpu" or "cuda" when it is used
   int threads = 0;
   std::uint64_t seed = 1;

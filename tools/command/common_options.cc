@@ -24,6 +24,13 @@ void AddFrameRangeOptions(CLI::App& command, SequenceOptions& options) {
       ->capture_default_str();
 }
 
+void AddFrameRateOption(CLI::App& command, double& frame_rate_hz) {
+  command
+      .add_option("--frame-rate", frame_rate_hz,
+                  "Frames a second of a folder of pictures without times.txt (default: that of the calibration)")
+      ->check(NumberBetween(0.1, 1000.0));
+}
+
 void AddDeinterlaceOption(CLI::App& command, DeinterlaceChoice& choice) {
   command
       .add_option_function<std::string>(

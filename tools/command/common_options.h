@@ -13,6 +13,9 @@ void AddOverwriteFlag(CLI::App& command, bool& overwrite);
 // --first-frame, --last-frame and --every-nth: the part of a sequence.
 void AddFrameRangeOptions(CLI::App& command, SequenceOptions& options);
 
+// --frame-rate: of a folder of pictures that states no times.
+void AddFrameRateOption(CLI::App& command, double& frame_rate_hz);
+
 // --deinterlace: "auto", "off" or "on" (capture/deinterlace.h).
 void AddDeinterlaceOption(CLI::App& command, DeinterlaceChoice& choice);
 

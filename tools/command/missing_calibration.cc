@@ -1,5 +1,6 @@
 #include "tools/command/missing_calibration.h"
 
+#include <cstdio>
 #include <filesystem>
 #include <system_error>
 
@@ -21,7 +22,9 @@ Status WithCalibrationAdvice(const Status& error, const std::string& sequence, c
   namespace fs = std::filesystem;
   std::error_code ignored;
   const fs::path folder = fs::is_directory(sequence, ignored) ? fs::path(sequence) : fs::path(sequence).parent_path();
-  return Status(error.code(), error.message() + "; 'haustra calibrate " + sequence + " --out " +
+  char rate[40] = "";
+  if (options.frame_rate_hz > 0.0) std::snprintf(rate, sizeof(rate), " --frame-rate %g", options.frame_rate_hz);
+  return Status(error.code(), error.message() + "; 'haustra calibrate " + sequence + rate + " --out " +
                                   (folder / "calib.yaml").string() + "' estimates one");
 }
 

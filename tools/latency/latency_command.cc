@@ -59,17 +59,13 @@ struct LatencyArguments : ConfigurationOptions {
   int stress_memory = 0;
   bool stress_gpu = false;
   bool stress_process = false;
-  std::string occupy;  // WIDTHxHEIGHT, in the second process
-  bool halve = false;
-  DeinterlaceChoice deinterlace = DeinterlaceChoice::kAuto;
+  std::string occupy;    // WIDTHxHEIGHT, in the second process
+  SequenceOptions part;  // of the sequence: how it is read
   bool overwrite = false;
 };
 
 // The frames to play: of the sequence, or rendered for the purpose.
 Result<std::unique_ptr<LoopedSource>> LoadFrames(const LatencyArguments& arguments) {
-  SequenceOptions options;
-  options.halve = arguments.halve;
-  options.deinterlace = arguments.deinterlace;
   std::string sequence = arguments.sequence;
   const TemporaryFolder folder("latency");
   if (arguments.rendered) {
@@ -84,8 +80,8 @@ Result<std::unique_ptr<LoopedSource>> LoadFrames(const LatencyArguments& argumen
     sequence = folder.path() + "/sequence";
     HAUSTRA_TRY(render::RenderSequence(sequence, rendering, {}));
   }
-  const Result<std::unique_ptr<FrameSource>> source = OpenSequence(sequence, options);
-  if (!source.ok()) return WithCalibrationAdvice(source.status(), sequence, options);
+  const Result<std::unique_ptr<FrameSource>> source = OpenSequence(sequence, arguments.part);
+  if (!source.ok()) return WithCalibrationAdvice(source.status(), sequence, arguments.part);
   const double rate_hz = (*source)->calibration().rate_hz > 0 ? (*source)->calibration().rate_hz : 25.0;
   return LoopedSource::Load(**source, std::max(2, static_cast<int>(std::lround(arguments.loop_s * rate_hz))));
 }
@@ -326,8 +322,9 @@ void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
                     "The same in a process of its own, as a compositor or an encoder has");
   command->add_option("--occupy", arguments->occupy, "Be that process: WIDTHxHEIGHT")->group("");
   AddConfigurationOptions(*command, *arguments);
-  AddDeinterlaceOption(*command, arguments->deinterlace);
-  command->add_flag("--halve", arguments->halve, "Halve the resolution by averaging 2x2 pixels");
+  AddFrameRateOption(*command, arguments->part.frame_rate_hz);
+  AddDeinterlaceOption(*command, arguments->part.deinterlace);
+  command->add_flag("--halve", arguments->part.halve, "Halve the resolution by averaging 2x2 pixels");
   command->callback([arguments, &action] { action = [arguments] { return Measure(*arguments); }; });
 }
 

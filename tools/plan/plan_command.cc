@@ -9,6 +9,7 @@
 #include "capture/open_sequence.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/memory_plan.h"
+#include "tools/command/common_options.h"
 #include "tools/command/configuration_options.h"
 #include "tools/command/console.h"
 #include "tools/command/missing_calibration.h"
@@ -25,14 +26,15 @@ struct PlanArguments : ConfigurationOptions {
   std::string calibration;
   int width_px = 1440;
   int height_px = 1080;
+  SequenceOptions part;  // of the sequence: how it is read
   bool json = false;
 };
 
 Result<CameraCalibration> CameraOf(const PlanArguments& arguments) {
   if (!arguments.calibration.empty()) return ReadCalibration(arguments.calibration);
   if (!arguments.sequence.empty()) {
-    const Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, {});
-    if (!source.ok()) return WithCalibrationAdvice(source.status(), arguments.sequence, {});
+    const Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, arguments.part);
+    if (!source.ok()) return WithCalibrationAdvice(source.status(), arguments.sequence, arguments.part);
     return (*source)->calibration();
   }
   CameraCalibration camera;
@@ -73,6 +75,7 @@ void AddPlanCommand(CLI::App& app, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("plan", "Print what a configuration takes in memory, pool by pool");
   AddConfigurationOptions(*command, *arguments);
   auto* sequence = command->add_option("--sequence", arguments->sequence, "Sequence whose images are planned for");
+  AddFrameRateOption(*command, arguments->part.frame_rate_hz);
   auto* calibration = command->add_option("--calibration", arguments->calibration,
                                           "Camera calibration whose image size is planned for");
   calibration->excludes(sequence);

@@ -122,10 +122,8 @@ Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::
   console::Note(kRunCommand, "%s; estimating it from the clip itself", error.message().c_str());
   ClipCalibrationRequest request;
   request.sequence = arguments.sequence;
-  request.options.first_frame = arguments.part.first_frame;
-  request.options.last_frame = arguments.part.last_frame;
-  request.options.mask_path = arguments.part.mask_path;
-  request.options.deinterlace = arguments.part.deinterlace;
+  request.options = arguments.part;
+  request.options.every_nth = 1;
   request.device = arguments.device;
   request.threads = arguments.threads;
   request.seed = seed;
@@ -383,7 +381,7 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("run", "Map a sequence: folder of frames, data set or video");
   // Both are required, but not to print the configuration.
   command->add_option("sequence", arguments->sequence,
-                      "Folder with frames/, times.txt, calib.yaml; C3VD, EuRoC, TUM; video; a camera: "
+                      "Folder with frames/, times.txt, calib.yaml, or of pictures; C3VD, EuRoC, TUM; video; a camera: "
                       "v4l2:/dev/video0[,size=1440x1080,...] (haustra capture lists cameras and options)");
   command->add_option("--out", arguments->out, "Folder for the results (made when missing)");
   AddOverwriteFlag(*command, arguments->overwrite);
@@ -409,6 +407,7 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
       ->check(WholeNumber<std::uint64_t>());
   AddConfigurationOptions(*command, *arguments);
   AddFrameRangeOptions(*command, arguments->part);
+  AddFrameRateOption(*command, arguments->part.frame_rate_hz);
   command->add_option("--calibration", arguments->part.calibration_path,
                       "Camera calibration to use instead of the sequence's own (see config/cameras)");
   command->add_option("--mask", arguments->part.mask_path,

@@ -47,6 +47,7 @@ struct SoakArguments : ConfigurationOptions {
   bool overwrite = false;
   std::string mode = "realtime";
   double rate = 1.0;
+  double frame_rate_hz = 0.0;
   std::string loop = "back-and-forth";
   double max_growth_mb = SoakOptions{}.max_growth_mb;
   double max_latency_ratio = SoakOptions{}.max_latency_ratio;
@@ -171,6 +172,7 @@ int Soak(const SoakArguments& arguments) {
   const auto open = [&](bool reversed) {
     SequenceOptions options;
     options.reversed = reversed;
+    options.frame_rate_hz = arguments.frame_rate_hz;
     Result<std::unique_ptr<FrameSource>> source = OpenSequence(sequence, options);
     if (!source.ok()) source = WithCalibrationAdvice(source.status(), sequence, options);
     return source;
@@ -286,6 +288,7 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
       ->check(WholeNumber<std::uint64_t>());
+  AddFrameRateOption(*command, arguments->frame_rate_hz);
   AddConfigurationOptions(*command, *arguments);
   command->callback([arguments, &action] { action = [arguments] { return Soak(*arguments); }; });
 }

@@ -45,6 +45,9 @@ Status TrainingSample::AddPicture(ImageView picture) {
 Status TrainingSample::AddSequence(const std::string& path, int every_nth) {
   SequenceOptions options;
   options.every_nth = static_cast<std::uint32_t>(every_nth);
+  // Words are of pictures alone: any camera will do, and any times.
+  options.calibration = CameraCalibration{};
+  options.calibration->rate_hz = 25.0;
   HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(path, options));
   HAUSTRA_TRY(BeginSource(source->calibration(), source->static_mask()));
   while (true) {

@@ -15,7 +15,7 @@ double Percent(std::size_t part, std::size_t whole) {
 
 std::vector<EvaluatedFrame> JoinWithReference(const RunOutput& run, const Reference& reference) {
   const std::vector<std::optional<SE3>> truth = Associate(run.frames, reference.poses);
-  const std::vector<bool> is_clear = FindClearFrames(run.frames, reference);
+  const std::vector<bool> is_clear = FindClearFrames(run.frames, run.figures.part, reference);
   std::vector<EvaluatedFrame> frames;
   frames.reserve(run.frames.size());
   for (std::size_t i = 0; i < run.frames.size(); ++i) {
@@ -84,7 +84,7 @@ void CountFrames(const RunOutput& run, const Reference& reference, const std::ve
     num_clear_live += is_live ? 1 : 0;
   }
   const std::vector<RunFrame> unanswered = FindUnansweredFrames(run, reference);
-  const std::vector<bool> is_unanswered_clear = FindClearFrames(unanswered, reference);
+  const std::vector<bool> is_unanswered_clear = FindClearFrames(unanswered, run.figures.part, reference);
   num_clear += static_cast<std::size_t>(std::count(is_unanswered_clear.begin(), is_unanswered_clear.end(), true));
   evaluation->unanswered_frames = unanswered.size();
   evaluation->frames = frames.size() + unanswered.size();

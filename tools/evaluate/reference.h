@@ -42,7 +42,9 @@ std::int64_t FramePeriodNs(const std::vector<RunFrame>& frames);
 std::vector<std::optional<SE3>> Associate(const std::vector<RunFrame>& frames,
                                           const std::vector<GroundTruthPose>& poses);
 
-// For each frame of the run whether the scene can be seen. All ones when the events are not known.
-std::vector<bool> FindClearFrames(const std::vector<RunFrame>& frames, const Reference& reference);
+// For each of these frames of a run whether the scene can be seen. `part` is what the run read of the sequence, whose
+// frames the events name; where the times of these are known they go before it. All ones when the events are not known.
+std::vector<bool> FindClearFrames(const std::vector<RunFrame>& frames, const SequenceOptions& part,
+                                  const Reference& reference);
 
 }  // namespace haustra::evaluate

@@ -206,6 +206,11 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
     figures->calibration_note = TextAt(*found, "note");
   }
   figures->seed = NumberAt<std::int64_t>(json, "seed");
+  figures->part.first_frame = NumberAt<std::uint32_t>(json, "first_frame").value_or(0);
+  figures->part.every_nth = NumberAt<std::uint32_t>(json, "every_nth").value_or(1);
+  if (const Status status = figures->part.Validate(); !status.ok()) {
+    return InvalidArgument(path + ": " + status.message());
+  }
   figures->frames = NumberAt<std::int64_t>(json, "frames");
   figures->sequence_frames = NumberAt<std::int64_t>(json, "sequence_frames");
   figures->dropped = NumberAt<std::int64_t>(json, "dropped");

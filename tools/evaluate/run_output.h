@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "capture/sequence_options.h"
 #include "engine/geometry/se3.h"
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
@@ -75,6 +76,7 @@ struct RunFigures {
   std::string device;
   std::string calibration_note;  // what a reader must know of the calibration; empty: nothing
   std::optional<std::int64_t> seed;
+  SequenceOptions part;  // of the sequence, as far as frames are counted: first_frame and every_nth
   std::optional<std::int64_t> frames;
   std::optional<std::int64_t> sequence_frames;  // that an aborted run would have come to, too
   std::optional<Percentiles> frame_ms;

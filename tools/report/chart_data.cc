@@ -74,7 +74,7 @@ int LiveValue(const RunFrame& frame) {
 Json CoverageOf(const RunOutput& run, const Reference& reference, double period_s) {
   Json rows = Json::array();
   if (reference.events) {
-    const std::vector<bool> is_clear = FindClearFrames(run.frames, reference);
+    const std::vector<bool> is_clear = FindClearFrames(run.frames, run.figures.part, reference);
     rows.push_back({{"name", "scene hidden"}, {"segments", Segments(run, period_s, [&](std::size_t i) {
                                                  return is_clear[i] ? kLost : kHidden;
                                                })}});

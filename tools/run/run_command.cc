@@ -333,6 +333,8 @@ int Run(const RunArguments& arguments) {
   summary.mode = arguments.mode;
   summary.device = arguments.device;
   summary.seed = config.seed;
+  summary.first_frame = arguments.part.first_frame;
+  summary.every_nth = arguments.part.every_nth;
   summary.rate = arguments.rate;
   if (estimated) {
     summary.calibration_json = CalibrationJson(*estimated).dump();

@@ -282,6 +282,8 @@ std::string ToJson(const RunSummary& s) {
   json["calibration"] = s.calibration_json.empty() ? nlohmann::ordered_json{{"source", "given"}}
                                                    : nlohmann::ordered_json::parse(s.calibration_json);
   json["seed"] = s.seed;
+  json["first_frame"] = s.first_frame;
+  json["every_nth"] = s.every_nth;
   json["frames"] = s.frames;
   json["sequence_frames"] = s.sequence_frames;
   json["live_localised"] = s.live_localised;

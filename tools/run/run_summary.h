@@ -76,8 +76,9 @@ struct RunSummary {
   std::string device;
   std::string calibration_json;  // how it was estimated from the clip; empty: it was given
   std::uint64_t seed = 0;
-  std::size_t frames = 0;           // that were answered
-  std::size_t sequence_frames = 0;  // those that an aborted run did not come to among them
+  std::uint32_t first_frame = 0, every_nth = 1;  // the part of the sequence, as SequenceOptions have it
+  std::size_t frames = 0;                        // that were answered
+  std::size_t sequence_frames = 0;               // those that an aborted run did not come to among them
   // Answered at the time with a pose in a map that exists at the end, be it in one that it was merged into.
   std::size_t live_localised = 0;
   double live_coverage = 0.0;  // percent of the sequence

@@ -215,18 +215,23 @@ TEST(EvaluateRun, StampsOfAnotherClockGiveAWarning) {
   EXPECT_THAT(e.warnings[0], HasSubstr("time stamps"));
 }
 
-TEST(EvaluateRun, EventsOfTheSequenceAreFoundByTimeWhenTheRunUsedEverySecondFrame) {
+TEST(EvaluateRun, EventsOfTheSequenceAreFoundWhenTheRunUsedEverySecondFrame) {
   RunOutput run;
   for (std::int64_t i = 0; i < 50; ++i) {
     run.frames.push_back(MakeRunFrame(i, -1, -1, SE3()));
     run.frames.back().timestamp_ns = 2 * i * kPeriodNs;
   }
   Reference reference = TrueReference(100);
-  reference.events = std::vector<SequenceEvent>{{60, 79, "redout", false}};
+  reference.events = std::vector<SequenceEvent>{{60, 79, "redout", false}, {160, 179, "redout", false}};
   for (std::int64_t i = 0; i < 100; ++i) reference.frame_stamps_ns.push_back(i * kPeriodNs);
   EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 40u);
+  // Of a video nobody knows them, but the run says which frames it has read.
   reference.frame_stamps_ns.clear();
-  EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 50u);
+  run.figures.part.every_nth = 2;
+  EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 40u);
+  run.figures.part.first_frame = 50;
+  run.figures.sequence_frames = 60;  // the last ten of which it did not reach: frames 150 and on
+  EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 45u);
 }
 
 TEST(EvaluateRun, LatencyOfARealTimeRunComesFromItsFrames) {

@@ -68,12 +68,22 @@ TEST_F(RunOutputTest, EverythingComesBack) {
   EXPECT_TRUE(run->warnings.empty());
 }
 
+TEST_F(RunOutputTest, PartOfTheSequenceIsRead) {
+  Edit("summary.json", "\"frames\": 30", "\"first_frame\": 100, \"every_nth\": 2, \"frames\": 30");
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  EXPECT_EQ(run->figures.part.StoredFrame(3), 106);
+  Edit("summary.json", "\"every_nth\": 2", "\"every_nth\": 0");
+  EXPECT_THAT(Read().status().message(), HasSubstr("summary.json: every_nth is 0"));
+}
+
 TEST_F(RunOutputTest, LengthOfTheSequenceAndWhatMapsWereMergedIntoAreRead) {
   Edit("summary.json", "\"frames\": 30", "\"frames\": 30, \"sequence_frames\": 45");
   Edit("maps.csv", "1,stored,-1", "1,merged,2");
   const Result<RunOutput> run = Read();
   ASSERT_TRUE(run.ok()) << run.status().ToString();
   EXPECT_EQ(run->figures.sequence_frames, 45);
+  EXPECT_EQ(run->figures.part.StoredFrame(3), 3);
   EXPECT_EQ(run->maps[0].merged_into, 2);
   EXPECT_TRUE(run->warnings.empty());
 }

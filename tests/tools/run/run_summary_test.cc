@@ -207,6 +207,8 @@ TEST(RunSummary, JsonHasTheTermsOfTheEvaluation) {
   summary.mode = "sequential";
   summary.device = "cpu";
   summary.seed = 18446744073709551615u;
+  summary.first_frame = 100;
+  summary.every_nth = 2;
   summary.frames = 8;
   summary.localised = 6;
   summary.coverage = 75.0;
@@ -218,6 +220,8 @@ TEST(RunSummary, JsonHasTheTermsOfTheEvaluation) {
     EXPECT_TRUE(json.contains(key)) << key;
   }
   EXPECT_EQ(json["seed"].get<std::uint64_t>(), 18446744073709551615u);
+  EXPECT_EQ(json["first_frame"], 100);
+  EXPECT_EQ(json["every_nth"], 2);
   EXPECT_EQ(json["frame_ms"], (nlohmann::json{{"p50", 1.0}, {"p99", 2.0}, {"p999", 3.0}, {"max", 4.0}}));
 }
 

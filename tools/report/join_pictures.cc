@@ -1,7 +1,6 @@
 #include "tools/report/join_pictures.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -16,6 +15,7 @@
 #include "capture/image_transform.h"
 #include "capture/open_sequence.h"
 #include "tools/evaluate/number_text.h"
+#include "tools/evaluate/sequence_of_run.h"
 #include "tools/report/base64.h"
 #include "tools/report/html_text.h"
 
@@ -30,7 +30,6 @@ constexpr int kMaxWidthPx = 800;  // larger frames are halved
 constexpr int kQuality = 80;
 constexpr int kGapPx = 8;
 constexpr std::size_t kMaxLines = 120;
-constexpr std::int64_t kSameStampNs = 1000;
 
 struct Picture {
   std::string data;  // base64 of a JPEG
@@ -38,23 +37,10 @@ struct Picture {
   int height_px = 0;
 };
 
-// As the sequence counts them.
-std::uint32_t StoredFrame(std::int64_t frame_idx, const PictureOptions& options) {
-  return options.options.first_frame + static_cast<std::uint32_t>(frame_idx) * options.options.every_nth;
-}
-
 // A frame of the sequence, small enough for a page.
 Result<Picture> MakePicture(const RunOutput& run, const Frame& frame, std::int64_t frame_idx,
                             const PictureOptions& options) {
-  const auto row = std::lower_bound(run.frames.begin(), run.frames.end(), frame_idx,
-                                    [](const evaluate::RunFrame& f, std::int64_t idx) { return f.frame_idx < idx; });
-  const std::int64_t stamp_ns = frame.timestamp.time_since_epoch().count();
-  if (row != run.frames.end() && row->frame_idx == frame_idx && std::abs(row->timestamp_ns - stamp_ns) > kSameStampNs) {
-    return InvalidArgument(options.sequence + ": frame " + std::to_string(StoredFrame(frame_idx, options)) +
-                           " has the time " + Fixed(static_cast<double>(stamp_ns) * 1e-9, 6) + " s, the run says " +
-                           Fixed(static_cast<double>(row->timestamp_ns) * 1e-9, 6) +
-                           " s: not the sequence of this run, or run with another --first-frame or --every-nth");
-  }
+  HAUSTRA_TRY(evaluate::CheckIsOfRun(run, frame_idx, frame.timestamp, options.sequence));
   Image image, half;
   CopyImage(frame.image, &image);
   while (image.width() > kMaxWidthPx) {
@@ -70,8 +56,8 @@ Result<Picture> MakePicture(const RunOutput& run, const Frame& frame, std::int64
 Result<std::map<std::int64_t, Picture>> ReadPictures(const RunOutput& run, const std::set<std::int64_t>& frames,
                                                      const PictureOptions& options) {
   std::map<std::int64_t, Picture> pictures;
-  SequenceOptions choice = options.options;
-  choice.halve = false;
+  SequenceOptions choice = evaluate::OptionsForPictures(run);
+  choice.deinterlace = options.deinterlace;
   if (frames.empty()) {
     // A name that is wrong is said here, too, and not when a run has joins.
     HAUSTRA_TRY(OpenSequence(options.sequence, choice).status());
@@ -80,7 +66,7 @@ Result<std::map<std::int64_t, Picture>> ReadPictures(const RunOutput& run, const
   std::error_code error;
   if (std::filesystem::is_directory(options.sequence, error) && !LooksLikeEndomapper(options.sequence)) {
     for (const std::int64_t frame_idx : frames) {
-      choice.first_frame = choice.last_frame = StoredFrame(frame_idx, options);
+      choice.first_frame = choice.last_frame = static_cast<std::uint32_t>(run.figures.part.StoredFrame(frame_idx));
       HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(options.sequence, choice));
       HAUSTRA_ASSIGN(const Frame frame, source->Next(kNoDeadline));
       HAUSTRA_ASSIGN(pictures[frame_idx], MakePicture(run, frame, frame_idx, options));

@@ -5,7 +5,7 @@
 #include <map>
 #include <string>
 
-#include "capture/sequence_options.h"
+#include "capture/deinterlace.h"
 #include "hal/core/status.h"
 #include "tools/evaluate/evaluation.h"
 #include "tools/evaluate/run_output.h"
@@ -14,9 +14,9 @@
 namespace haustra::report {
 
 struct PictureOptions {
-  std::string sequence;        // folder or video that the run was made from
-  SequenceOptions options;     // as in the run: part of the sequence, calibration
-  std::size_t max_joins = 12;  // evenly chosen when there are more
+  std::string sequence;                                      // folder or video that the run was made from
+  DeinterlaceChoice deinterlace = DeinterlaceChoice::kAuto;  // as in the run
+  std::size_t max_joins = 12;                                // evenly chosen when there are more
 };
 
 // HTML, with the pictures as JPEG inside. Errors of OpenSequence; kInvalidArgument when a frame of the sequence does

@@ -57,14 +57,6 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
   CLI::Option* sequence =
       command->add_option("--sequence", request.pictures.sequence,
                           "The sequence of the run, for pictures of the frames where maps were joined");
-  command->add_option("--first-frame", request.pictures.options.first_frame, "As in the run")
-      ->check(WholeNumber<std::uint32_t>())
-      ->needs(sequence);
-  command->add_option("--every-nth", request.pictures.options.every_nth, "As in the run: it used only every n-th frame")
-      ->check(CLI::Range(1u, 1000u))
-      ->needs(sequence)
-      ->capture_default_str();
-  command->add_option("--calibration", request.pictures.options.calibration_path, "As in the run")->needs(sequence);
   command->add_option("--max-pictures", request.pictures.max_joins, "Merges and loops shown with pictures")
       ->check(CLI::Range(1u, 1000u))
       ->needs(sequence)

@@ -174,12 +174,12 @@ Status WriteSurface(const RunArguments& arguments, const Engine& engine, const s
 }
 
 // The page beside the results; empty, and a warning, when there is none. The results are good without it.
-std::string WriteReport(const RunArguments& arguments, const SequenceOptions& sequence_options) {
+std::string WriteReport(const RunArguments& arguments) {
   report::ReportRequest request;
   request.run = arguments.out;
   if (!IsV4l2Spec(arguments.sequence)) {
     request.pictures.sequence = arguments.sequence;
-    request.pictures.options = sequence_options;
+    request.pictures.deinterlace = arguments.part.deinterlace;
   }
   Result<std::string> page = report::MakeRunReport(request);
   if (!page.ok() && !request.pictures.sequence.empty()) {
@@ -362,7 +362,7 @@ int Run(const RunArguments& arguments) {
   // What ended the session, as that of a camera ends, does not end this, too.
   const std::atomic<bool>& stop_surface = stop_requested ? SecondStopSignal() : stop_requested;
   const Status surface = WriteSurface(arguments, engine, stop_surface, &summary);
-  const std::string page = arguments.report == "on" ? WriteReport(arguments, sequence_options) : std::string();
+  const std::string page = arguments.report == "on" ? WriteReport(arguments) : std::string();
   console::Tell("%s\n%s  results in    %s\n", arguments.sequence.c_str(), ToText(summary).c_str(),
                 arguments.out.c_str());
   if (!page.empty()) console::Tell("  report        %s\n", page.c_str());

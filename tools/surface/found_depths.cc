@@ -107,8 +107,7 @@ Result<FoundDepths> SearchDepths(const SurfaceMap& map, const KeyframePictures& 
   return found;
 }
 
-Result<FoundDepths> ReadKeptDepths(const evaluate::RunOutput& run, const SurfaceMap& map, std::int64_t first_frame,
-                                   int every_nth) {
+Result<FoundDepths> ReadKeptDepths(const evaluate::RunOutput& run, const SurfaceMap& map) {
   const std::string path = FileOf(run, map);
   HAUSTRA_ASSIGN(const std::vector<std::uint8_t> bytes, ReadWholeFile(path));
   Result<DepthFile> file = ReadDepthFile(bytes);
@@ -133,7 +132,7 @@ Result<FoundDepths> ReadKeptDepths(const evaluate::RunOutput& run, const Surface
     FoundDepth& depth = found.depths.emplace_back();
     depth.keyframe = &keyframe;
     depth.frame_idx = saved->frame_index;
-    depth.stored_frame = first_frame + depth.frame_idx * every_nth;
+    depth.stored_frame = run.figures.part.StoredFrame(depth.frame_idx);
     for (const int s : SelectSources(views, i, DepthOptions().max_sources, kMinSourceScore)) {
       depth.compared_to.push_back(map.keyframes[s].keyframe_id);
     }

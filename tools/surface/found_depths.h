@@ -38,11 +38,10 @@ struct FoundDepths {
 Result<FoundDepths> SearchDepths(const SurfaceMap& map, const KeyframePictures& pictures, const DepthOptions& options,
                                  const std::string& device, int num_threads);
 
-// What `haustra run` with depth.enabled has written beside the map. first_frame and every_nth are those of the run.
+// What `haustra run` with depth.enabled has written beside the map.
 // kNotFound: the run kept no depth. kDataLoss and others of ReadDepthFile, with the file's name. kInvalidArgument: not
 // of this camera.
-Result<FoundDepths> ReadKeptDepths(const evaluate::RunOutput& run, const SurfaceMap& map, std::int64_t first_frame,
-                                   int every_nth);
+Result<FoundDepths> ReadKeptDepths(const evaluate::RunOutput& run, const SurfaceMap& map);
 
 // Whether the run kept the depth of any of these maps.
 bool HasKeptDepths(const evaluate::RunOutput& run, const std::vector<SurfaceMap>& maps);

@@ -6,8 +6,8 @@
 #include <set>
 #include <string>
 
+#include "capture/deinterlace.h"
 #include "capture/image.h"
-#include "capture/sequence_options.h"
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
 #include "tools/evaluate/run_output.h"
@@ -26,11 +26,11 @@ struct KeyframePictures {
   Image mask;  // 255 where the scene is shown; empty: everywhere
 };
 
-// names: of the wanted frames, '_' for a blank. camera: of the run; a sequence whose frames have twice its size is
-// halved, as the run did. Frames that the sequence does not have are left out. Errors of OpenSequence; kInvalidArgument
-// when frames have another size, or another time than the run gives them.
+// names: of the wanted frames, '_' for a blank. camera: of the run, for its size; a sequence whose frames have twice
+// its size is halved, as the run did. Frames that the sequence does not have are left out. Errors of OpenSequence;
+// kInvalidArgument when frames have another size, or another time than the run gives them.
 Result<KeyframePictures> ReadKeyframePictures(const evaluate::RunOutput& run, const std::set<std::string>& names,
                                               const CameraCalibration& camera, const std::string& sequence,
-                                              const SequenceOptions& options);
+                                              DeinterlaceChoice deinterlace);
 
 }  // namespace haustra::surface

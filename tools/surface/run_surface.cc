@@ -39,8 +39,7 @@ Result<std::vector<FoundDepths>> FindDepths(const SurfaceRequest& request, const
       }
     }
     for (const SurfaceMap& map : maps) {
-      Result<FoundDepths> kept =
-          ReadKeptDepths(run, map, request.part.first_frame, static_cast<int>(request.part.every_nth));
+      Result<FoundDepths> kept = ReadKeptDepths(run, map);
       // A map that this run has not seen, but loaded, has none.
       if (kept.code() == StatusCode::kNotFound) {
         kept = FoundDepths{};
@@ -56,7 +55,7 @@ Result<std::vector<FoundDepths>> FindDepths(const SurfaceRequest& request, const
     for (const SurfaceKeyframe& keyframe : map.keyframes) names.insert(keyframe.image_name);
   }
   HAUSTRA_ASSIGN(KeyframePictures pictures,
-                 ReadKeyframePictures(run, names, maps.front().camera, request.sequence, request.part));
+                 ReadKeyframePictures(run, names, maps.front().camera, request.sequence, request.deinterlace));
   for (const SurfaceMap& map : maps) {
     HAUSTRA_ASSIGN(FoundDepths depths, SearchDepths(map, pictures, request.depth, request.device, num_threads));
     found.push_back(std::move(depths));

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "capture/sequence_options.h"
+#include "capture/deinterlace.h"
 #include "engine/coverage/coverage_options.h"
 #include "hal/core/status.h"
 #include "hal/depth_options.h"
@@ -18,11 +18,11 @@
 namespace haustra::surface {
 
 struct SurfaceRequest {
-  std::string sequence;        // of the run: depth is searched in it; empty: the depth that the run kept is taken
-  SequenceOptions part;        // of the sequence, as in the run
-  DepthOptions depth;          // how it is searched
-  std::string device = "cpu";  // where it is searched: "cpu" or "cuda"
-  SurfaceOptions surface;      // with 0 threads: all cores
+  std::string sequence;  // of the run: depth is searched in it; empty: the depth that the run kept is taken
+  DeinterlaceChoice deinterlace = DeinterlaceChoice::kAuto;  // as in the run
+  DepthOptions depth;                                        // how it is searched
+  std::string device = "cpu";                                // where it is searched: "cpu" or "cuda"
+  SurfaceOptions surface;                                    // with 0 threads: all cores
   CoverageOptions coverage;
 };
 

@@ -107,11 +107,7 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
       "run kept is taken (depth.enabled)");
   command->add_option("--out", output.folder, "Folder for the meshes: map_NNNN.ply and map_NNNN.glb for each map")
       ->required();
-  command->add_option("--first-frame", request.part.first_frame, "As in the run")->check(WholeNumber<std::uint32_t>());
-  command->add_option("--every-nth", request.part.every_nth, "As in the run: it used only every n-th frame")
-      ->check(CLI::Range(1u, 1000u))
-      ->capture_default_str();
-  AddDeinterlaceOption(*command, request.part.deinterlace);
+  AddDeinterlaceOption(*command, request.deinterlace);
   command->add_option("--groundtruth", arguments->groundtruth,
                       "True poses of a rendered sequence. Says how good the depth is, where depth/ lies beside them "
                       "(haustra render --depth), and the coverage, where seen_wall.csv does (--seen-wall)");

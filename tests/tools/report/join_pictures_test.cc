@@ -97,6 +97,26 @@ TEST_F(JoinPicturesTest, JoinsWithoutAPictureDoNotShiftTheOthers) {
   EXPECT_EQ(Count(*html, "<figure>"), 1u);
 }
 
+// The run may have guessed its calibration, and had the rate from the command line.
+TEST_F(JoinPicturesTest, SequenceNeedsNeitherCalibrationNorTimes) {
+  folder_.Remove("seq/calib.yaml");
+  ASSERT_TRUE(Html().ok()) << Html().status().ToString();
+  folder_.Remove("seq/times.txt");
+  for (evaluate::RunFrame& frame : run_.frames) frame.timestamp_ns -= 1000000000;
+  const Result<std::string> html = Html();
+  ASSERT_TRUE(html.ok()) << html.status().ToString();
+  EXPECT_EQ(Count(*html, "data:image"), 2u);
+}
+
+TEST_F(JoinPicturesTest, PartThatTheRunHasReadIsThatOfTheRun) {
+  run_.figures.part.first_frame = 10;
+  EXPECT_THAT(Html().status().message(), HasSubstr("frame 16 has the time 1.640000 s, the run says 1.240000 s"));
+  for (evaluate::RunFrame& frame : run_.frames) frame.timestamp_ns += 400000000;
+  const Result<std::string> html = Html();
+  ASSERT_TRUE(html.ok()) << html.status().ToString();
+  EXPECT_EQ(Count(*html, "data:image"), 2u);
+}
+
 TEST_F(JoinPicturesTest, AnotherSequenceIsRefused) {
   run_.frames[49].timestamp_ns += 20000000;
   const Result<std::string> html = Html();

@@ -8,8 +8,8 @@ CameraCalibration Halved(const CameraCalibration& calibration) {
   half.height_px = calibration.height_px / 2;
   half.fx = calibration.fx / 2;
   half.fy = calibration.fy / 2;
-  half.cx = (calibration.cx + 0.5) / 2 - 0.5;
-  half.cy = (calibration.cy + 0.5) / 2 - 0.5;
+  half.cx = HalvedPixel(calibration.cx);
+  half.cy = HalvedPixel(calibration.cy);
   if (calibration.kind == CameraModelKind::kOcamCalib) {
     // z'(rho') = z(2 rho') / 2.
     half.coefficients[0] = calibration.coefficients[0] / 2;

@@ -25,8 +25,10 @@ struct CameraCalibration {
   double focal_guess_sigma = 0;   // the focal length is a guess, with this relative standard deviation; 0: it is not
 };
 
-// The calibration of the image halved by averaging 2x2 pixels: x' = (x + 0.5) / 2 - 0.5; focal lengths and, for
-// OCamCalib, the polynomial follow.
+// Where a pixel lies in the image halved by averaging 2x2 pixels, in x or in y.
+constexpr double HalvedPixel(double px) { return (px + 0.5) / 2 - 0.5; }
+
+// The calibration of that image: the centre is such a pixel; focal lengths and, for OCamCalib, the polynomial follow.
 CameraCalibration Halved(const CameraCalibration& calibration);
 
 }  // namespace haustra

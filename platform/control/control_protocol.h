@@ -7,8 +7,11 @@
 //   resume             goes on with the procedure that a crash or power cut interrupted
 //   end [keep|wipe]    ends the procedure; what becomes of its data, if not what the configuration says
 //   save NAME          all maps into NAME.atlas in the folder for saved maps
-//   mark X Y LABEL [FRAME]   marks the place on the wall that this pixel of this frame shows (default: the newest
-//   frame) marks              lists the marks, a line each unmark LABEL       removes one
+//   mark X Y LABEL [FRAME]
+//                      marks the place on the wall that this pixel of this frame shows (default: the newest); both as
+//                      the pose ring counts them, after source.every_nth and source.halve
+//   marks              lists the marks, a line each
+//   unmark LABEL       removes one
 //
 // Labels and names: 1 to 64 letters, digits, '.', '_' or '-', the first a letter or digit, so that a name can never
 // be a path; those of marks 1 to 31. reentrant.

@@ -1,4 +1,5 @@
-// Marks that are to be set during a run: a table `frame,u,v,label`, a line each, with a header of these words.
+// Marks that are to be set during a run: a table `frame,u,v,label`, a line each, with a header of these words. Frames
+// and pixels are those of the recording, whatever part of it the run reads, and whether it halves them.
 #pragma once
 
 #include <string>

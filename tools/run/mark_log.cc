@@ -8,8 +8,16 @@ constexpr std::size_t kMaxUnreadFrames = 512;
 
 }  // namespace
 
-MarkLog::MarkLog(Engine& engine, std::vector<MarkRequest> requests)
-    : engine_(engine), requests_(std::move(requests)), frames_(kMaxUnreadFrames) {}
+MarkLog::MarkLog(Engine& engine, std::vector<MarkRequest> requests, const SequenceOptions& part)
+    : engine_(engine), part_(part), frames_(kMaxUnreadFrames) {
+  for (const MarkRequest& request : requests) {
+    if (part_.IndexOf(request.frame_index)) {
+      requests_.push_back(request);
+    } else {
+      refused_.push_back({request, "the run does not read its frame"});
+    }
+  }
+}
 
 void MarkLog::OnTracked(const FrameOutcome& outcome) {
   const MarkSightings& sightings = engine_.mark_sightings();
@@ -25,8 +33,12 @@ void MarkLog::OnTracked(const FrameOutcome& outcome) {
 
 void MarkLog::BetweenMapSteps() {
   const std::int64_t newest = newest_frame_.load(std::memory_order_acquire);
-  for (; next_request_ < requests_.size() && requests_[next_request_].frame_index <= newest; ++next_request_) {
-    const Result<MarkId> id = engine_.SetMark(requests_[next_request_]);
+  for (; next_request_ < requests_.size(); ++next_request_) {
+    MarkRequest request = requests_[next_request_];
+    request.frame_index = *part_.IndexOf(request.frame_index);
+    if (request.frame_index > newest) break;
+    if (part_.halve) request.pixel = {HalvedPixel(request.pixel.x()), HalvedPixel(request.pixel.y())};
+    const Result<MarkId> id = engine_.SetMark(request);
     if (!id.ok()) refused_.push_back({requests_[next_request_], id.status().message()});
   }
   for (const SeenFrame* frame = frames_.Front(); frame != nullptr; frame = frames_.Front()) {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/sequence_options.h"
 #include "engine/engine.h"
 #include "hal/core/spsc_ring.h"
 #include "platform/session/session.h"
@@ -21,12 +22,13 @@ class MarkLog final : public SessionHooks {
     MarkSighting sighting;
   };
   struct Refused {
-    MarkRequest request;
+    MarkRequest request;  // as it was given
     std::string reason;
   };
 
-  // `requests` in the order of their frames. The engine outlives it.
-  MarkLog(Engine& engine, std::vector<MarkRequest> requests);
+  // `requests` in the order of their frames; frames and pixels are those of the recording, of which `part` is read. The
+  // engine outlives it.
+  MarkLog(Engine& engine, std::vector<MarkRequest> requests, const SequenceOptions& part);
 
   // Tracking thread: a frame whose marks find no room in the ring is missing in the log, and counted.
   void OnTracked(const FrameOutcome& outcome) override;
@@ -46,7 +48,8 @@ class MarkLog final : public SessionHooks {
   };
 
   Engine& engine_;
-  std::vector<MarkRequest> requests_;
+  SequenceOptions part_;
+  std::vector<MarkRequest> requests_;  // whose frames are read
   std::size_t next_request_ = 0;
   SpscRing<SeenFrame> frames_;                  // tracking to mapping
   std::atomic<std::int64_t> newest_frame_{-1};  // that was tracked

@@ -301,7 +301,7 @@ int Run(const RunArguments& arguments) {
   RealTimeOptions options;
   options.rate = arguments.rate;
   options.rt = config.rt;
-  MarkLog marks(engine, std::move(mark_requests));
+  MarkLog marks(engine, std::move(mark_requests), arguments.part);
   options.hooks = &marks;
   const Result<SessionSummary> session = is_realtime
                                              ? RunRealTime(**source, engine, clock, options, record, stop_requested)
@@ -417,7 +417,8 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--load-atlas", arguments->load_atlas,
                       "Maps of an earlier run with the same camera, to be recognised and joined");
   command->add_option("--marks", arguments->marks,
-                      "Places to mark, a table frame,u,v,label; where they are seen goes to OUT/marks.csv");
+                      "Places to mark, a table frame,u,v,label, as the recording has frames and pixels; where they are "
+                      "seen goes to OUT/marks.csv");
   command->add_option("--save-atlas", arguments->save_atlas, "File for all maps at the end of the run");
   command
       ->add_option("--trap-allocations", arguments->trap_allocations,

@@ -23,6 +23,8 @@ Status MakeOf(const std::string& run_folder, const std::string& surface_folder, 
   surface::SurfaceRequest request;
   request.surface = options;
   HAUSTRA_ASSIGN(const surface::RunSurface made, surface::MakeRunSurface(run, request));
+  figures->why_not = surface::WhatIsMissing(made);
+  if (!figures->why_not.empty()) return Status::Ok();
   HAUSTRA_TRY(surface::WriteRunSurface({surface_folder}, made, {}));
   nlohmann::ordered_json maps = surface::ToJson(made.maps, made.coverages);
   for (std::size_t i = 0; i < made.maps.size(); ++i) {

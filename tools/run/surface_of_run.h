@@ -10,10 +10,10 @@
 namespace haustra {
 
 // With options.num_threads 0 on all cores. Makes FOLDER/surface of the files of a finished run, with what `haustra
-// surface FOLDER --out FOLDER/surface` writes. A run without a map has none, and that is no error. Errors of
-// evaluate::ReadRunOutput, surface::MakeRunSurface and WriteRunSurface: nothing of a surface is left, and the files of
-// the run are as they were. kFailedPrecondition: one was there before, which stays. kCancelled: options.stop. `figures`
-// also says why there is none.
+// surface FOLDER --out FOLDER/surface` writes. A run without a map, or without a depth that keyframes agree on, has
+// none, and that is no error. Errors of evaluate::ReadRunOutput, surface::MakeRunSurface and WriteRunSurface: nothing
+// of a surface is left, and the files of the run are as they were. kFailedPrecondition: one was there before, which
+// stays. kCancelled: options.stop. `figures` also says why there is none.
 Status MakeSurfaceOfRun(const std::string& folder, const surface::SurfaceOptions& options, SurfaceFigures* figures);
 
 }  // namespace haustra

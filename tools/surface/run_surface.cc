@@ -64,6 +64,16 @@ Result<std::vector<FoundDepths>> FindDepths(const SurfaceRequest& request, const
   return found;
 }
 
+std::string WhatIsMissing(const SurfaceMap& map, const MapSurface& surface) {
+  if (map.depth_mu <= 0.0) return "it has no points";
+  if (!surface.depths.empty()) {
+    return "its " + std::to_string(surface.depths.size()) + " keyframes with depth agree on no wall";
+  }
+  return "none of its " + std::to_string(map.keyframes.size()) +
+         " keyframes has a depth: " + std::to_string(surface.num_without_picture) + " without a picture, " +
+         std::to_string(surface.num_without_depth) + " with too few points that another one sees";
+}
+
 Status WriteMap(const SurfaceOutput& output, int map_id, const MapSurface& made, const MapCoverage& coverage) {
   const std::string stem = output.folder + "/" + report::MapFolderName(map_id);
   StringSink ply;
@@ -105,6 +115,16 @@ Result<RunSurface> MakeRunSurface(const evaluate::RunOutput& run, const SurfaceR
     made.coverages.push_back(std::move(coverage));
   }
   return made;
+}
+
+std::string WhatIsMissing(const RunSurface& made) {
+  std::string text;
+  for (std::size_t i = 0; i < made.maps.size(); ++i) {
+    if (!made.surfaces[i].mesh.triangles.empty()) return {};
+    text += (i > 0 ? "; map " : "map ") + std::to_string(made.maps[i].map_id) + ": " +
+            WhatIsMissing(made.maps[i], made.surfaces[i]);
+  }
+  return text;
 }
 
 Status WriteRunSurface(const SurfaceOutput& output, const RunSurface& made, const SurfaceScore& score) {

@@ -40,6 +40,9 @@ struct RunSurface {
 // MakeMapCoverage. kFailedPrecondition: without a sequence, and the run kept no depth.
 Result<RunSurface> MakeRunSurface(const evaluate::RunOutput& run, const SurfaceRequest& request);
 
+// Why there is no surface, of each map, where none has a triangle; empty: one has.
+std::string WhatIsMissing(const RunSurface& made);
+
 struct SurfaceOutput {
   std::string folder;
   bool with_depth_maps = false;

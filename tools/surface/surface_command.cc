@@ -72,6 +72,9 @@ int Surface(const SurfaceArguments& arguments) {
   if (!run.ok()) return console::Fail(kSurfaceCommand, run.status());
   const Result<RunSurface> made = surface::MakeRunSurface(*run, arguments.request);
   if (!made.ok()) return console::Fail(kSurfaceCommand, made.status());
+  if (const std::string missing = surface::WhatIsMissing(*made); !missing.empty()) {
+    return console::Fail(kSurfaceCommand, FailedPrecondition(arguments.run + ": there is no surface: " + missing));
+  }
   const Result<surface::SurfaceScore> score = Judge(arguments, *run, *made);
   if (!score.ok()) return console::Fail(kSurfaceCommand, score.status());
   if (const Status status = surface::WriteRunSurface(output, *made, *score); !status.ok()) {

@@ -14,9 +14,11 @@
 #include "capture/codec/image_codec.h"
 #include "capture/image.h"
 #include "engine/depth/depth_file.h"
+#include "engine/surface/depth_map.h"
 #include "tests/tools/command/call_command.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tests/tools/report/small_report.h"
+#include "tools/evaluate/colmap_reader.h"
 #include "tools/exit_codes.h"
 #include "tools/run/surface_of_run.h"
 #include "tools/surface/surface_text.h"
@@ -51,9 +53,49 @@ class SurfaceCommandTest : public ::testing::Test {
     }
     folder_.Write(name + "/times.txt", times);
   }
+  // A wall across the tube, two keyframes that look at it from places apart, and the depth that the run kept of both.
+  void KeepWall() const {
+    constexpr double kRange = 2.0, kApart = 0.28;
+    constexpr int kStep = 2, kWidth = 32, kHeight = 24;
+    const CameraModel camera =
+        *CameraModel::Create(evaluate::ReadColmapGeometry(folder_.At("out/maps/map_0000"))->camera);
+    std::string points;
+    std::string seen[2];
+    for (int id = 0; id < 16; ++id) {
+      const Eigen::Vector3d point(-0.2 + 0.1 * (id % 4), -0.2 + 0.1 * (id / 4), kRange);
+      points += std::to_string(id) + " " + std::to_string(point.x()) + " " + std::to_string(point.y()) +
+                " 2 9 9 9 0.5 2 " + std::to_string(id) + " 3 " + std::to_string(id) + "\n";
+      for (int k = 0; k < 2; ++k) {
+        Eigen::Vector2d pixel;
+        ASSERT_TRUE(camera.Project(point - Eigen::Vector3d(k * kApart, 0, 0), &pixel));
+        seen[k] +=
+            std::to_string(pixel.x() + 0.5) + " " + std::to_string(pixel.y() + 0.5) + " " + std::to_string(id) + " ";
+      }
+    }
+    folder_.Write("out/maps/map_0000/points3D.txt", points);
+    folder_.Write("out/maps/map_0000/images.txt",
+                  "2 1 0 0 0 0 0 0 1 000006.jpg\n" + seen[0] + "\n3 1 0 0 0 -0.28 0 0 1 000009.jpg\n" + seen[1] + "\n");
+    DepthMap depth(kWidth, kHeight);
+    depth.Clear(0.1);
+    for (int cell = 0; cell < depth.num_cells(); ++cell) {
+      Eigen::Vector3d bearing;
+      if (!camera.Unproject({CellCentrePx(cell % kWidth, kStep), CellCentrePx(cell / kWidth, kStep)}, &bearing))
+        continue;
+      if (bearing.z() > 0.3) depth.Set(cell, bearing.z() / kRange, 200);
+    }
+    const std::vector<std::uint8_t> bgr(std::size_t{3} * kWidth * kHeight, 120);
+    StringSink sink;
+    DepthFileWriter writer(sink);
+    ASSERT_TRUE(writer.Begin({kStep, kWidth, kHeight}, 2).ok());
+    ASSERT_TRUE(writer.Add(1, 6, depth, bgr).ok());
+    ASSERT_TRUE(writer.Add(2, 9, depth, bgr).ok());
+    ASSERT_TRUE(writer.End().ok());
+    folder_.Write("out/maps/map_0000/depth.bin", sink.bytes());
+  }
+  // Without a sequence: of the depth that the run kept.
   int Surface(const std::string& sequence, const std::vector<std::string>& more = {}) {
-    std::vector<std::string> arguments{"surface", folder_.At("out"), "--sequence", folder_.At(sequence),
-                                       "--out",   folder_.At("to")};
+    std::vector<std::string> arguments{"surface", folder_.At("out"), "--out", folder_.At("to")};
+    if (!sequence.empty()) arguments.insert(arguments.end(), {"--sequence", folder_.At(sequence)});
     arguments.insert(arguments.end(), more.begin(), more.end());
     const CommandAnswer answer = CallCommand({AddSurfaceCommand}, arguments);
     out_ = answer.out;
@@ -67,44 +109,65 @@ class SurfaceCommandTest : public ::testing::Test {
   std::string out_, err_;
 };
 
-TEST_F(SurfaceCommandTest, AMapWithoutDepthGivesAnEmptyMeshAndSaysWhy) {
-  ASSERT_EQ(Surface("seq"), kExitOk) << err_;
-  EXPECT_THAT(out_, HasSubstr("map 0: 0 keyframes with depth"));
-  EXPECT_THAT(out_, HasSubstr("1 keyframes without a picture, 1 without depth"));
-  EXPECT_THAT(folder_.Read("to/map_0000.ply"), HasSubstr("element vertex 0\n"));
+TEST_F(SurfaceCommandTest, OfWhatHasNoDepthThereIsNoneAndItSaysWhatIsMissing) {
+  EXPECT_EQ(Surface("seq"), kExitConfig);
+  EXPECT_THAT(err_, HasSubstr("out: there is no surface: map 0: none of its 2 keyframes has a depth: 1 without a "
+                              "picture, 1 with too few points that another one sees"));
+  EXPECT_FALSE(IsThere("to"));
+}
+
+TEST_F(SurfaceCommandTest, OfDepthsThatAgreeOnNoWallThereIsNone) {
+  KeepWall();
+  // The same depths, seen as if from another place.
+  std::string images = folder_.Read("out/maps/map_0000/images.txt");
+  images.replace(images.find("-0.28 0 0"), 9, "-0.28 0 1");
+  folder_.Write("out/maps/map_0000/images.txt", images);
+  EXPECT_EQ(Surface(""), kExitConfig);
+  EXPECT_THAT(err_, HasSubstr("map 0: its 2 keyframes with depth agree on no wall"));
+  EXPECT_FALSE(IsThere("to"));
+  SurfaceFigures figures;
+  EXPECT_TRUE(MakeSurfaceOfRun(folder_.At("out"), {}, &figures).ok()) << "the run is good without one";
+  EXPECT_THAT(figures.why_not, HasSubstr("agree on no wall"));
+  EXPECT_FALSE(IsThere("out/surface"));
+}
+
+TEST_F(SurfaceCommandTest, AWallWithoutALumenIsAMesh) {
+  KeepWall();
+  ASSERT_EQ(Surface(""), kExitOk) << err_;
+  EXPECT_THAT(out_, HasSubstr("map 0: 2 keyframes with depth"));
   EXPECT_TRUE(folder_.Read("to/map_0000.glb").starts_with("glTF"));
   const nlohmann::json json = nlohmann::json::parse(folder_.Read("to/surface.json"));
-  EXPECT_EQ(json["maps"][0]["triangles"], 0);
-  EXPECT_EQ(json["maps"][0]["keyframes_without_picture"], 1);
+  EXPECT_GT(json["maps"][0]["triangles"], 100);
   EXPECT_FALSE(json.contains("depth"));
-  // Nor is there a wall to unroll.
-  EXPECT_THAT(out_, HasSubstr("map 0: no lumen found: only 0 points of the wall are known"));
+  EXPECT_THAT(out_, HasSubstr("map 0: no lumen found"));
   EXPECT_EQ(json["maps"][0]["lumen"]["found"], false);
   EXPECT_FALSE(IsThere("to/map_0000_wall.png"));
 }
 
 TEST_F(SurfaceCommandTest, AnEarlierSurfaceIsKept) {
-  ASSERT_EQ(Surface("seq"), kExitOk) << err_;
+  KeepWall();
+  ASSERT_EQ(Surface(""), kExitOk) << err_;
   folder_.Write("to/map_0000.ply", "mine");
-  EXPECT_EQ(Surface("seq"), kExitInTheWay);
+  EXPECT_EQ(Surface(""), kExitInTheWay);
   EXPECT_EQ(folder_.Read("to/map_0000.ply"), "mine");
-  EXPECT_EQ(Surface("seq", {"--overwrite"}), kExitOk) << err_;
+  EXPECT_EQ(Surface("", {"--overwrite"}), kExitOk) << err_;
   EXPECT_NE(folder_.Read("to/map_0000.ply"), "mine");
 }
 
 TEST_F(SurfaceCommandTest, ADamagedTruthOfTheWallIsNamedWithItsLine) {
+  KeepWall();
   folder_.Write("truth/groundtruth.txt", "0.0 0 0 0 0 0 0 1\n0.04 0 0 1 0 0 0 1\n");
   folder_.Write("truth/seen_wall.csv", "row,column,x_mm,y_mm,z_mm,seen\n0,0,1,2,3,maybe\n");
-  EXPECT_NE(Surface("seq", {"--groundtruth", folder_.At("truth/groundtruth.txt")}), kExitOk);
+  EXPECT_NE(Surface("", {"--groundtruth", folder_.At("truth/groundtruth.txt")}), kExitOk);
   EXPECT_THAT(err_, HasSubstr("seen_wall.csv:2: seen is 'maybe'"));
   EXPECT_FALSE(IsThere("to"));
 }
 
 TEST_F(SurfaceCommandTest, CoverageByOtherLimitsThanThoseOfTheTruthIsNotJudged) {
+  KeepWall();
   folder_.Write("truth/groundtruth.txt", "0.0 0 0 0 0 0 0 1\n0.04 0 0 1 0 0 0 1\n");
   folder_.Write("truth/seen_wall.csv", "row,column,x_mm,y_mm,z_mm,seen\n0,0,1,2,3,well\n");
-  ASSERT_EQ(Surface("seq", {"--groundtruth", folder_.At("truth/groundtruth.txt"), "--max-slant", "60"}), kExitOk)
-      << err_;
+  ASSERT_EQ(Surface("", {"--groundtruth", folder_.At("truth/groundtruth.txt"), "--max-slant", "60"}), kExitOk) << err_;
   EXPECT_THAT(err_, HasSubstr("coverage is not judged: --max-range and --max-slant"));
 }
 
@@ -121,7 +184,8 @@ TEST_F(SurfaceCommandTest, AnotherSequenceIsRefused) {
 
 TEST_F(SurfaceCommandTest, TwiceTheSizeIsHalvedAsTheRunDid) {
   WriteSequence("double", 128, 96, 0);
-  EXPECT_EQ(Surface("double"), kExitOk) << err_;
+  EXPECT_EQ(Surface("double"), kExitConfig) << "there is no depth in it";
+  EXPECT_THAT(err_, HasSubstr("none of its 2 keyframes has a depth: 1 without a picture"));
 }
 
 TEST_F(SurfaceCommandTest, ADamagedModelIsNamedWithItsLine) {
@@ -146,25 +210,13 @@ TEST_F(SurfaceCommandTest, OptionsOutOfRangeAreRefused) {
 // What `haustra run` makes of the depth that it has kept.
 class SurfaceOfRunTest : public SurfaceCommandTest {
  protected:
-  void KeepDepth() const {
-    DepthMap depth(8, 6);
-    depth.Clear(0.1);
-    for (int cell = 0; cell < depth.num_cells(); ++cell) depth.Set(cell, 0.5, 200);
-    const std::vector<std::uint8_t> bgr(3 * 8 * 6, 120);
-    StringSink sink;
-    DepthFileWriter writer(sink);
-    ASSERT_TRUE(writer.Begin({8, 8, 6}, 1).ok());
-    ASSERT_TRUE(writer.Add(1, 6, depth, bgr).ok());
-    ASSERT_TRUE(writer.End().ok());
-    folder_.Write("out/maps/map_0000/depth.bin", sink.bytes());
-  }
   Status Make(SurfaceFigures* figures) const { return MakeSurfaceOfRun(folder_.At("out"), options_, figures); }
 
   surface::SurfaceOptions options_;
 };
 
 TEST_F(SurfaceOfRunTest, IsThatOfTheCommandAndSaysHowMuchWasSeen) {
-  KeepDepth();
+  KeepWall();
   SurfaceFigures figures;
   ASSERT_EQ(Make(&figures).message(), "");
   const CommandAnswer answer =
@@ -176,7 +228,7 @@ TEST_F(SurfaceOfRunTest, IsThatOfTheCommandAndSaysHowMuchWasSeen) {
   }
   const nlohmann::json maps = nlohmann::json::parse(figures.maps_json);
   const nlohmann::json written = nlohmann::json::parse(folder_.Read("to/surface.json"))["maps"];
-  EXPECT_EQ(written[0]["keyframes_with_depth"], 1);
+  EXPECT_EQ(written[0]["keyframes_with_depth"], 2);
   ASSERT_EQ(maps.size(), 1u);
   EXPECT_EQ(maps[0]["map_id"], 0);
   EXPECT_EQ(maps[0]["lumen"], written[0]["lumen"]);
@@ -194,7 +246,7 @@ TEST(SurfaceText, AFullVolumeIsSaid) {
 }
 
 TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatFails) {
-  KeepDepth();
+  KeepWall();
   const std::string summary = folder_.Read("out/summary.json");
   folder_.Write("out/maps/map_0000/depth.bin", "no depth");
   SurfaceFigures figures;
@@ -202,7 +254,7 @@ TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatFails) {
   EXPECT_THAT(figures.why_not, HasSubstr("depth.bin: "));
   EXPECT_FALSE(IsThere("out/surface"));
   // The disk is full: nothing can be written that has more than some bytes.
-  KeepDepth();
+  KeepWall();
   rlimit usual{};
   ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &usual), 0);
   const auto handler = std::signal(SIGXFSZ, SIG_IGN);
@@ -218,7 +270,7 @@ TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatFails) {
 }
 
 TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatIsStopped) {
-  KeepDepth();
+  KeepWall();
   const std::atomic<bool> stop{true};
   options_.stop = &stop;
   SurfaceFigures figures;
@@ -228,7 +280,7 @@ TEST_F(SurfaceOfRunTest, NothingIsLeftOfOneThatIsStopped) {
 }
 
 TEST_F(SurfaceOfRunTest, AnEarlierOneIsKept) {
-  KeepDepth();
+  KeepWall();
   folder_.Write("out/surface/map_0000.ply", "mine");
   SurfaceFigures figures;
   EXPECT_EQ(Make(&figures).code(), StatusCode::kFailedPrecondition);

@@ -36,7 +36,7 @@ Status Extract(ImageView image, const CameraModel& camera, VisionDevice& extract
                               std::span(*descriptors).first(num * kDescriptorBytes));
 }
 
-Status AddTruth(const std::string& path, RecordedSequence* sequence) {
+Status AddTruth(const std::string& path, const SequenceOptions& part, RecordedSequence* sequence) {
   HAUSTRA_ASSIGN(const evaluate::Reference reference, evaluate::ReadReference(path, ""));
   std::vector<evaluate::RunFrame> frames(sequence->views.size());
   for (std::size_t i = 0; i < frames.size(); ++i) {
@@ -44,7 +44,7 @@ Status AddTruth(const std::string& path, RecordedSequence* sequence) {
     frames[i].timestamp_ns = sequence->views[i].timestamp.time_since_epoch().count();
   }
   const std::vector<std::optional<SE3>> truth = evaluate::Associate(frames, reference.poses);
-  const std::vector<bool> is_clear = evaluate::FindClearFrames(frames, reference);
+  const std::vector<bool> is_clear = evaluate::FindClearFrames(frames, part, reference);
   for (std::size_t i = 0; i < frames.size(); ++i) {
     sequence->views[i].world_from_cam = truth[i];
     sequence->views[i].is_clear = is_clear[i];
@@ -82,7 +82,7 @@ Result<RecordedSequence> ReadViews(const std::string& path, int every_nth, const
   }
   const std::string truth = (std::filesystem::path(path) / "groundtruth.txt").string();
   std::error_code error;
-  if (std::filesystem::is_regular_file(truth, error)) HAUSTRA_TRY(AddTruth(truth, &sequence));
+  if (std::filesystem::is_regular_file(truth, error)) HAUSTRA_TRY(AddTruth(truth, options, &sequence));
   return sequence;
 }
 

@@ -446,7 +446,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   app.add_option("--gap", arguments.gap_s, "Age of a keyframe from which on it is to be found, s")
-      ->check(NumberBetween(0.0, 3600.0))
+      ->check(haustra::NumberBetween(0.0, 3600.0))
       ->capture_default_str();
   app.add_option("--branching", arguments.branching, "Of the vocabularies that are trained here")
       ->capture_default_str();

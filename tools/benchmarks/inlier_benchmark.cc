@@ -367,10 +367,10 @@ int main(int argc, char** argv) {
   app.add_option("--first", arguments.first, "First frame that is read");
   app.add_option("--last", arguments.last, "Last frame that is read");
   app.add_option("--focal", arguments.focal_share, "Of the nominal camera, in widths of the picture")
-      ->check(NumberBetween(0.2, 3.0))
+      ->check(haustra::NumberBetween(0.2, 3.0))
       ->capture_default_str();
   app.add_option("--roll", arguments.roll_deg, "The later picture is turned by so much, degrees")
-      ->check(NumberBetween(-180.0, 180.0))
+      ->check(haustra::NumberBetween(-180.0, 180.0))
       ->capture_default_str();
   app.add_option("--csv", arguments.csv, "A row for each pair goes there");
   app.add_flag("--opencv", arguments.with_opencv, "OpenCV's SIFT beside it");

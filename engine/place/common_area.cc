@@ -117,8 +117,7 @@ CommonAreaVerdict CommonAreaVerifier::Run(const Sides& sides, Rng& rng, CommonAr
   const double min_visible_share = is_by_group_ ? options_.min_group_visible_share : options_.min_visible_share;
   if (counts.num_inliers < min_visible_share * counts.num_visible) return CommonAreaVerdict::kLowVisibleShare;
   counts.spread = Spread(sides);
-  const double min_spread = is_by_group_ ? options_.min_group_spread : options_.min_spread;
-  if (counts.spread < min_spread) return CommonAreaVerdict::kLowSpread;
+  if (counts.spread < options_.min_spread) return CommonAreaVerdict::kLowSpread;
   if (const auto verdict = CheckView(sides, result, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
   if (const auto verdict = CheckNeighbours(sides, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
   return CheckDrift(sides, out);

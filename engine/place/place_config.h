@@ -30,13 +30,14 @@ struct CommonAreaConfig {
   int min_inliers = 30;            // of points, after guided matching and the last refinement [4, 8000]
   double min_inlier_share = 0.6;   // of the guided matches that agree with the refined similarity [0, 1]
   double min_visible_share = 0.1;  // of the points that should be seen from both sides, those that are found [0, 1]
-  double min_spread = 0.08;        // image share of the ellipse around the inliers, in both keyframes [0, 1]
+  // Image share of the ellipse around the inliers, in both keyframes [0, 1]. A compact patch far away leaves open
+  // whether the scope was turned or moved aside: at 0.05 joins were off by 1 to 3 degrees, with covariances of 0.3
+  // (decisions/2026-11-26-a-patch-tells-no-similarity.md).
+  double min_spread = 0.08;
   // Where not one keyframe but the poses of several tell the similarity (group_similarity.h). They bear witness for
-  // each other, so that a compact piece of wall will do as long as it holds all seven degrees of freedom: on living
-  // tissue two views a second apart have a patch in common, and 4 to 8 % of what should be visible is found.
+  // each other: on living tissue 4 to 8 % of what should be visible is found.
   int min_group_poses = 3;                // keyframes that find a pose; all where there are fewer [1, 41]
   double min_group_visible_share = 0.04;  // in the place of min_visible_share [0, 1]
-  double min_group_spread = 0.02;         // in the place of min_spread [0, 1]
   // Starts from different keyframes must end in one similarity: what they differ by, over the three uncertainties
   // below. They did by 0.2 at most in true joins of tissue and of rendered walls, and by 1 where a young map had bent
   // and the join was false [0.01, 100].

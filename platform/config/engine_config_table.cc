@@ -251,7 +251,6 @@ void AddCommonArea(Fields* out) {
   out->push_back(Area<&C::min_group_poses>("min_group_poses", {1, 41}, "keyframes",
                                            "that find a pose where several tell the similarity"));
   out->push_back(Area<&C::min_group_visible_share>("min_group_visible_share", {0, 1}, "", "min_visible_share, there"));
-  out->push_back(Area<&C::min_group_spread>("min_group_spread", {0, 1}, "", "min_spread, there"));
   out->push_back(
       Area<&C::max_group_disagreement>("max_group_disagreement", {0.01, 100}, "",
                                        "of the similarities that different keyframes lead to, over max_..._sigma"));

@@ -80,6 +80,28 @@ TEST_F(CommonAreaTest, PosesOfSeveralKeyframesTellWhatRoughPointsDoNot) {
   EXPECT_LT(error.scale, 0.1);
 }
 
+// A patch leaves open whether the scope was turned or moved aside, however many keyframes agree on it.
+TEST_F(CommonAreaTest, PosesOfSeveralKeyframesNeedMoreThanAPatch) {
+  RecordProperty("req", "MRG-001");
+  colon_.AddWall(0.0, 9.0, 6000);
+  colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, map_from_world_).first;
+  const MapHandle young_map = atlas_.keyframe(colon_.frames()[first].keyframe).map;
+  for (const KeyframeHandle handle : atlas_.map(young_map).keyframes) {
+    const Keyframe& keyframe = atlas_.keyframe(handle);
+    for (int i = 0; i < keyframe.features.num; ++i) {
+      const bool is_near = (keyframe.features.pixel(i) - Eigen::Vector2d(200.0, 268.0)).norm() < 75.0;
+      if (keyframe.points[i] && !is_near) atlas_.RemoveObservation(keyframe.points[i], handle);
+    }
+  }
+  options_.ransac_iterations = 0;  // three pairs of points tell nothing
+  EXPECT_FALSE(Verify(first + 2, 11));
+  EXPECT_EQ(verdict(), "low_spread");
+  EXPECT_EQ(area_.counts.num_ransac_inliers, 0);
+  options_.min_spread = 0.02;
+  EXPECT_TRUE(Verify(first + 2, 11)) << verdict() << ": it is refused for another reason, too";
+}
+
 // A young map that has bent: keyframes from `first` on, with the points that they made, stand elsewhere.
 void Bend(const Sim3& bent_from_map, KeyframeId first, MapHandle map, Atlas* atlas) {
   atlas->points().ForEach([&](MapPointHandle handle, const MapPoint& point) {

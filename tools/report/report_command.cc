@@ -24,9 +24,8 @@ struct ReportArguments {
 
 int RunReport(const ReportArguments& arguments) {
   const report::ReportRequest& request = arguments.request;
-  const Status checked = CheckOutputFile(
-      arguments.html, arguments.overwrite,
-      {request.groundtruth, request.events, request.pictures.sequence});
+  const Status checked = CheckOutputFile(arguments.html, arguments.overwrite,
+                                         {request.groundtruth, request.events, request.pictures.sequence});
   if (!checked.ok()) return console::FailWriting(kReportCommand, checked);
   const Result<std::string> page = report::MakeRunReport(request);
   if (!page.ok()) return console::Fail(kReportCommand, page.status());

@@ -382,7 +382,6 @@ TEST_F(BadInput, MissingCalibrationOfAMeasurementNamesTheCommandThatEstimatesOne
     ExpectOutcome(HaustraOnCpu({command, sequence_}), kExitNoInput, {advice});
   }
   ExpectOutcome(Haustra({"plan", "--sequence", sequence_}), kExitNoInput, {advice});
-  ExpectOutcome(Haustra({"vocabulary", sequence_, "--out", out_}), kExitNoInput, {advice});
 }
 
 TEST_F(BadInput, FileThatIsNoAtlasIsNamed) {

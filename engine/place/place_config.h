@@ -31,8 +31,8 @@ struct CommonAreaConfig {
   double min_inlier_share = 0.6;   // of the guided matches that agree with the refined similarity [0, 1]
   double min_visible_share = 0.1;  // of the points that should be seen from both sides, those that are found [0, 1]
   // Image share of the ellipse around the inliers, in both keyframes [0, 1]. A compact patch far away leaves open
-  // whether the scope was turned or moved aside: at 0.05 joins were off by 1 to 3 degrees, with covariances of 0.3
-  // (decisions/2026-11-26-a-patch-tells-no-similarity.md).
+  // whether the scope was turned or moved aside: at 0.05 similarities were off by 1.5 to 2.9 degrees, where their
+  // covariance said 0.3 to 0.4 (decisions/2026-11-26-a-patch-tells-no-similarity.md).
   double min_spread = 0.08;
   // Where not one keyframe but the poses of several tell the similarity (group_similarity.h). They bear witness for
   // each other: on living tissue 4 to 8 % of what should be visible is found.

@@ -116,31 +116,6 @@ double Percent(std::size_t part, std::size_t whole) {
   return whole == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
 }
 
-}  // namespace
-
-std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine) {
-  std::vector<FinalPose> poses(record.frames().size());
-  std::map<std::uint32_t, std::size_t> position;
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    const FrameResult& result = record.frames()[i].result;
-    position[result.frame_index] = i;
-    poses[i].is_localised = engine.Resolve(result, &poses[i].pose);
-    if (poses[i].is_localised) poses[i].keyframe = result.reference_keyframe;
-  }
-  const Atlas& atlas = engine.atlas();
-  for (KeyframeId id = 0; id < atlas.num_keyframe_ids(); ++id) {
-    if (!atlas.IsOfThisSession(id)) continue;
-    const auto it = position.find(atlas.FrameOfKeyframe(id));
-    if (it == position.end() || poses[it->second].is_localised) continue;
-    FinalPose& pose = poses[it->second];
-    pose.is_localised = atlas.Resolve(id, SE3{}, atlas.ScaleOfKeyframe(id), &pose.pose);
-    if (pose.is_localised) pose.keyframe = id;
-  }
-  return poses;
-}
-
-namespace {
-
 MemoryPlan PlanOf(const Engine& engine) {
   return Engine::PlanMemory(engine.config(), engine.camera().width_px(), engine.camera().height_px());
 }

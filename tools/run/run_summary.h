@@ -7,17 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "tools/run/final_poses.h"
 #include "tools/run/mark_log.h"
 #include "tools/run/run_record.h"
 
 namespace haustra {
-
-// Final pose of one frame, or that it has none.
-struct FinalPose {
-  bool is_localised = false;
-  ResolvedPose pose;
-  KeyframeId keyframe = kNoId;  // that it was tracked against, or that it is
-};
 
 struct LatencyFigures {
   double p50 = 0.0, p99 = 0.0, p999 = 0.0, max = 0.0;  // ms
@@ -120,10 +114,6 @@ struct RunSummary {
   std::array<std::size_t, kNumRungs> on_rung{};
   double heap_growth_mb = 0.0;  // beyond what was set aside at the start
 };
-
-// Final poses of all frames of the record, also of those that became keyframes of a map after their live answer was
-// given.
-std::vector<FinalPose> ResolveAll(const RunRecord& record, const Engine& engine);
 
 // `sequence_frames`: how many the sequence has; 0: not known, those that were answered.
 RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& poses, Engine& engine,

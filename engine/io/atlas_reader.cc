@@ -355,7 +355,7 @@ Status RestoreAtlas(const SavedAtlas& saved, const CameraModel& camera, bool roo
     std::copy(keyframe.keypoints.begin(), keyframe.keypoints.end(), features.keypoints.begin());
     for (int k = 0; k < features.num; ++k) {
       Eigen::Vector3d bearing;
-      // As the tracker has it: a zero bearing agrees with no geometry.
+      // As the tracker has it.
       if (!camera.Unproject(features.pixel(k), &bearing)) bearing.setZero();
       features.bearings[k] = {static_cast<float>(bearing.x()), static_cast<float>(bearing.y()),
                               static_cast<float>(bearing.z())};

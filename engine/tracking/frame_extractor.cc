@@ -54,7 +54,7 @@ bool FrameExtractor::Extract(const ImageView& image) {
   if (!has_fewer) parts_.chain.Advance(followed_to_);
   for (int i = 0; i < features.num; ++i) {
     Eigen::Vector3d bearing;
-    // A zero bearing agrees with no geometry, so a point outside the model is never used.
+    // Zero: outside of the model. Foundings and searches leave it out.
     if (!parts_.camera.Unproject(features.pixel(i), &bearing)) bearing.setZero();
     features.bearings[i] = {static_cast<float>(bearing.x()), static_cast<float>(bearing.y()),
                             static_cast<float>(bearing.z())};

@@ -14,6 +14,15 @@ namespace {
 // A triangulated point whose rays are nearer to parallel than this says nothing about depth.
 constexpr double kMinPointParallax = 0.15 * kDegree;
 
+// Overlays, and what the camera model does not reach: a zero bearing would agree with every motion. Returns how many
+// are left, in their order.
+int DropWithoutBearing(const FrameFeatures& before, const FrameFeatures& now, std::span<Match> matches) {
+  const auto has_none = [&](const Match& match) {
+    return before.bearing(match.query).isZero() || now.bearing(match.train).isZero();
+  };
+  return static_cast<int>(std::remove_if(matches.begin(), matches.end(), has_none) - matches.begin());
+}
+
 }  // namespace
 
 Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, LaneWait& lane,
@@ -161,6 +170,8 @@ TrackingReason Initialiser::Compare(const ProposedView& earlier, const ProposedV
   num_matches_ =
       overlay_.Sift(earlier.features, view.features, std::span(matches_).first(static_cast<std::size_t>(num_matches_)),
                     earlier.timestamp, view.timestamp);
+  num_matches_ = DropWithoutBearing(earlier.features, view.features,
+                                    std::span(matches_).first(static_cast<std::size_t>(num_matches_)));
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
   if (ToMilliseconds(view.timestamp - earlier.timestamp) < options.min_gap_ms) {
     return TrackingReason::kLowParallax;

@@ -126,6 +126,22 @@ TEST_F(InitialiserTest, DeviceIsNotWaitedForBeyondTheFrame) {
   initialiser.Reset();
 }
 
+// Overlays, and what the camera model does not reach, agree with every motion.
+TEST_F(InitialiserTest, FeaturesWithoutABearingTellNothingOfTheMotion) {
+  ProposedView reference = See(1);
+  ProposedView view = See(12);
+  const auto blank_half = [](FrameFeatures* features) {
+    for (int i = 0; i < features->num; ++i) {
+      const Keypoint& at = features->keypoints[i];
+      if ((std::lround(at.x_px / 180.0F) + std::lround(at.y_px / 180.0F)) % 2 != 0) features->bearings[i] = Bearing{};
+    }
+  };
+  blank_half(&reference.features);
+  blank_half(&view.features);
+  initialiser_.Keep(reference);
+  EXPECT_EQ(Try(view, Duration{0}), TrackingReason::kMapProposed);
+}
+
 // The same two views: of a wall that stands still, and of one that has moved by itself meanwhile.
 TEST_F(InitialiserTest, FoundingIsRefusedWhereTheMatchesLeaveTheDirectionOpen) {
   double& limit_deg = colon_.config().initialisation.max_direction_sigma_deg;

@@ -3,7 +3,7 @@
 // the rest. service_state.h says what follows what; here is the input and the output.
 //
 // Threads: the service thread (this class) and one for what may wait for the disk. The service thread waits for neither
-// disk nor worker.
+// disk nor worker, and for the starter of workers (worker_starter.h) a second at most.
 #pragma once
 
 #include <array>

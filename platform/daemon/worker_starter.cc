@@ -10,8 +10,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstdint>
 #include <cstring>
 #include <system_error>
@@ -22,12 +24,17 @@
 namespace haustra {
 namespace {
 
-constexpr int kPatience_ms = 5000;
+// Less than the service manager waits for a sign of life of the thread that asks.
+constexpr std::chrono::milliseconds kStarterPatience{1000};
 
-// One byte and the channel go down, a number comes up: that of the process, or -errno.
-bool SendChannel(int socket, int channel) {
-  char byte = 1;
-  iovec part{&byte, 1};
+// The number of a request and the channel go down, the number and this come up.
+struct Answer {
+  std::uint32_t request = 0;
+  std::int32_t pid = 0;  // of the process, or -errno
+};
+
+bool SendChannel(int socket, std::uint32_t request, int channel) {
+  iovec part{&request, sizeof request};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
   msghdr message{};
   message.msg_iov = &part;
@@ -39,13 +46,12 @@ bool SendChannel(int socket, int channel) {
   header->cmsg_type = SCM_RIGHTS;
   header->cmsg_len = CMSG_LEN(sizeof(int));
   std::memcpy(CMSG_DATA(header), &channel, sizeof channel);
-  return ::sendmsg(socket, &message, MSG_NOSIGNAL) == 1;
+  return ::sendmsg(socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT) == sizeof request;
 }
 
 // -1: none came. `is_over`: nobody will ask any more.
-int ReceiveChannel(int socket, bool* is_over) {
-  char byte = 0;
-  iovec part{&byte, 1};
+int ReceiveChannel(int socket, std::uint32_t* request, bool* is_over) {
+  iovec part{request, sizeof *request};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
   msghdr message{};
   message.msg_iov = &part;
@@ -54,7 +60,7 @@ int ReceiveChannel(int socket, bool* is_over) {
   message.msg_controllen = control.size();
   const ssize_t count = ::recvmsg(socket, &message, MSG_CMSG_CLOEXEC);
   *is_over = count == 0 || (count < 0 && errno != EINTR);
-  const cmsghdr* header = count == 1 ? CMSG_FIRSTHDR(&message) : nullptr;
+  const cmsghdr* header = count == sizeof *request ? CMSG_FIRSTHDR(&message) : nullptr;
   if (header == nullptr || header->cmsg_type != SCM_RIGHTS || header->cmsg_len != CMSG_LEN(sizeof(int))) return -1;
   int channel = -1;
   std::memcpy(&channel, CMSG_DATA(header), sizeof channel);
@@ -77,12 +83,13 @@ int ReceiveChannel(int socket, bool* is_over) {
   for (const std::string& argument : arguments) words.push_back(const_cast<char*>(argument.c_str()));
   words.push_back(nullptr);
   for (bool is_over = false; !is_over;) {
-    const int channel = ReceiveChannel(socket, &is_over);
+    Answer answer;
+    const int channel = ReceiveChannel(socket, &answer.request, &is_over);
     if (channel < 0) continue;
     // A child of the supervisor, which reaps it and with which it ends.
     const long pid = ::syscall(SYS_clone, CLONE_PARENT | SIGCHLD, 0, 0, 0, 0);  // NOLINT(google-runtime-int)
     if (pid == 0) BecomeProgram(channel, words.data());
-    const std::int32_t answer = pid > 0 ? static_cast<std::int32_t>(pid) : -errno;
+    answer.pid = pid > 0 ? static_cast<std::int32_t>(pid) : -errno;
     ::close(channel);
     (void)::send(socket, &answer, sizeof answer, MSG_NOSIGNAL);
   }
@@ -116,16 +123,23 @@ ForkedStarter::~ForkedStarter() {
   }
 }
 
-Result<pid_t> ForkedStarter::Start(int channel) const {
-  if (!SendChannel(socket_, channel)) return Unavailable("the starter of workers has gone");
-  pollfd answered{socket_, POLLIN, 0};
-  std::int32_t answer = 0;
-  if (::poll(&answered, 1, kPatience_ms) != 1 ||
-      ::recv(socket_, &answer, sizeof answer, MSG_DONTWAIT) != static_cast<ssize_t>(sizeof answer)) {
-    return Unavailable("the starter of workers does not answer");
+Result<pid_t> ForkedStarter::Start(int channel) {
+  ++request_;
+  if (!SendChannel(socket_, request_, channel)) return Unavailable("the starter of workers has gone");
+  const auto end = std::chrono::steady_clock::now() + kStarterPatience;
+  Answer answer;
+  // What it answers to an earlier request, when that has been given up, is of a worker that ends with its channel.
+  while (answer.request != request_) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+    pollfd answered{socket_, POLLIN, 0};
+    const int count = ::poll(&answered, 1, static_cast<int>(std::max<std::int64_t>(left.count(), 0)));
+    if (count < 0 && errno == EINTR) continue;
+    if (count != 1 || ::recv(socket_, &answer, sizeof answer, MSG_DONTWAIT) != static_cast<ssize_t>(sizeof answer)) {
+      return Unavailable("the starter of workers does not answer");
+    }
   }
-  if (answer <= 0) return Unavailable("no worker can be started: " + std::generic_category().message(-answer));
-  return static_cast<pid_t>(answer);
+  if (answer.pid <= 0) return Unavailable("no worker can be started: " + std::generic_category().message(-answer.pid));
+  return static_cast<pid_t>(answer.pid);
 }
 
 }  // namespace haustra

@@ -5,6 +5,7 @@
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -23,14 +24,15 @@ class ForkedStarter {
   ForkedStarter& operator=(const ForkedStarter&) = delete;
 
   // As WorkerStarter (worker_process.h): the worker is a child of this process, not of the starter. Waits for the
-  // starter, which has nothing else to do, for a few seconds at most. kUnavailable.
-  Result<pid_t> Start(int channel) const;
+  // starter, which has nothing else to do, for a second at most. kUnavailable.
+  Result<pid_t> Start(int channel);
 
  private:
   ForkedStarter(pid_t pid, int socket) : pid_(pid), socket_(socket) {}
 
   pid_t pid_;
   int socket_;
+  std::uint32_t request_ = 0;  // the last one
 };
 
 }  // namespace haustra

@@ -141,7 +141,8 @@ def encode(sequence, crf):
     """Replaces the pictures of a sequence by what H.264 video leaves of them. Nothing, or the reason why it failed."""
     if not shutil.which("ffmpeg"):
         return "the curve h264 needs ffmpeg"
-    frames, film = sequence / "frames", sequence / "film.mp4"
+    # Beside the sequence: what a broken sweep leaves in it `haustra render --overwrite` would refuse to delete.
+    frames, film = sequence / "frames", sequence.parent / "film.mp4"
     before = sorted(frames.glob("*.jpg"))
     ffmpeg = ["ffmpeg", "-loglevel", "error", "-y", "-threads", "1"]
     commands = [[*ffmpeg, "-framerate", "25", "-i", frames / "%06d.jpg", "-c:v", "libx264", "-crf", crf, "-pix_fmt", "yuv420p", film],

@@ -14,11 +14,13 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <regex>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "platform/control/control_protocol.h"
+#include "platform/daemon/log.h"
 #include "platform/file_sink.h"
 #include "platform/wipe_file.h"
 
@@ -55,7 +57,12 @@ std::optional<std::string> ReadSmallFile(const std::string& path) {
 
 std::string_view WordFor(RecordedState state) { return state == RecordedState::kRunning ? "running" : "stopped"; }
 
-bool IsHalfWritten(const fs::path& path) { return path.filename().string().find(".partial-") != std::string::npos; }
+// Whether FileSink gave the name, to one of the files of this folder: NAME.partial-PROCESS-COUNT. Labels have dots and
+// dashes, too.
+bool IsHalfWritten(const std::string& name) {
+  static const std::regex kForm(R"((procedure|.+\.atlas)\.partial-[0-9]+-[0-9]+)");
+  return std::regex_match(name, kForm);
+}
 
 }  // namespace
 
@@ -111,7 +118,9 @@ Result<std::unique_ptr<ProcedureStore>> ProcedureStore::Open(const std::string& 
   if (error) return Unavailable(folder + "/saved: cannot be made: " + error.message());
   for (const std::string& place : {folder, folder + "/saved"}) {
     for (const fs::directory_entry& entry : fs::directory_iterator(place, error)) {
-      if (entry.is_regular_file(error) && IsHalfWritten(entry.path())) HAUSTRA_TRY(WipeFile(entry.path().string()));
+      if (!entry.is_regular_file(error) || !IsHalfWritten(entry.path().filename().string())) continue;
+      HAUSTRA_TRY(WipeFile(entry.path().string()));
+      Log(LogLevel::kWarning, "leftover_removed", {{"file", entry.path().string()}});
     }
   }
   if (const std::optional<std::string> text = ReadSmallFile(folder + "/procedure")) {

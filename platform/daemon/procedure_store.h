@@ -42,8 +42,8 @@ Result<ProcedureRecord> ParseProcedureRecord(const std::string& text);
 // thread-safe as long as no two calls concern the same file.
 class ProcedureStore {
  public:
-  // Makes the folder for saved maps and removes what a crash left half written. kNotFound: no such folder;
-  // kUnavailable: no right to use it; kFailedPrecondition: another daemon does.
+  // Makes the folder for saved maps and removes what a crash left half written, with a line in the log for each file.
+  // kNotFound: no such folder; kUnavailable: no right to use it; kFailedPrecondition: another daemon does.
   static Result<std::unique_ptr<ProcedureStore>> Open(const std::string& folder);
   ~ProcedureStore();
   ProcedureStore(const ProcedureStore&) = delete;

@@ -22,6 +22,7 @@
 #include "platform/daemon/procedure_store.h"
 #include "platform/daemon/status_text.h"
 #include "platform/daemon/supervised_source.h"
+#include "platform/file_sink.h"
 #include "platform/wipe_file.h"
 
 namespace haustra {
@@ -221,17 +222,40 @@ TEST(ProcedureStore, OnlyAYoungProcedureOfThisBootMayGoOnByItself) {
   EXPECT_FALSE(OpenStore(folder)->MayResume(seconds(800)));
 }
 
+// What a crash leaves while `path` is written; its name.
+std::string LeaveHalfWritten(const std::string& path) {
+  std::string left;
+  {
+    Result<FileSink> sink = FileSink::Create(path);
+    EXPECT_TRUE(sink.ok()) << sink.status().ToString();
+    for (const auto& entry : fs::directory_iterator(fs::path(path).parent_path())) {
+      if (entry.path().string().starts_with(path + ".partial-")) left = entry.path().string();
+    }
+  }
+  EXPECT_FALSE(left.empty()) << path;
+  Write(left, "half");
+  return left;
+}
+
 TEST(ProcedureStore, LeftoversOfACrashAreRemoved) {
   RecordProperty("req", "DMN-006");
   const StateFolder folder;
   OpenStore(folder);
-  Write(folder / "checkpoint.atlas.partial-4711", "half");
-  Write(folder / "saved/a.atlas.partial-4711", "half");
+  const std::vector<std::string> leftovers = {LeaveHalfWritten(folder / "checkpoint.atlas"),
+                                              LeaveHalfWritten(folder / "procedure"),
+                                              LeaveHalfWritten(folder / "saved/a.atlas")};
   Write(folder / "saved/b.atlas", "whole");
+  // Labels may look like such a name.
+  const std::vector<std::string> lookalikes = {"x.partial-1", "x.partial-1-2", "x.atlas.partial-1-2"};
+  for (const std::string& name : lookalikes) {
+    Write(folder / ("saved/" + name + ".atlas"), "whole");
+  }
   Write(folder / "checkpoint.atlas", "of nobody");
   const auto store = OpenStore(folder);
-  EXPECT_FALSE(fs::exists(folder / "checkpoint.atlas.partial-4711"));
-  EXPECT_FALSE(fs::exists(folder / "saved/a.atlas.partial-4711"));
+  for (const std::string& path : leftovers) EXPECT_FALSE(fs::exists(path)) << path;
+  for (const std::string& name : lookalikes) {
+    EXPECT_TRUE(store->has_saved(name)) << name;
+  }
   EXPECT_FALSE(store->has_checkpoint());
   EXPECT_TRUE(store->has_saved("b"));
 }

@@ -46,13 +46,27 @@ std::string BootId() {
   return id;
 }
 
-std::optional<std::string> ReadSmallFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return std::nullopt;
+// Its first 4096 bytes. kNotFound: there is none; kUnavailable: it cannot be read.
+Result<std::string> ReadSmallFile(const std::string& path) {
+  const int descriptor = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (descriptor < 0) {
+    const int error = errno;
+    return error == ENOENT ? NotFound(path + ": is not there")
+                           : Unavailable(path + ": cannot be read: " + ErrorText(error));
+  }
   std::string text(4096, '\0');
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(file.gcount()));
+  const ssize_t count = ::read(descriptor, text.data(), text.size());
+  const int error = errno;
+  ::close(descriptor);
+  if (count < 0) return Unavailable(path + ": cannot be read: " + ErrorText(error));
+  text.resize(static_cast<std::size_t>(count));
   return text;
+}
+
+// kNotFound: there is none; kUnavailable, kDataLoss: it cannot be read.
+Result<ProcedureRecord> ReadRecord(const std::string& path) {
+  HAUSTRA_ASSIGN(const std::string text, ReadSmallFile(path));
+  return ParseProcedureRecord(text);
 }
 
 std::string_view WordFor(RecordedState state) { return state == RecordedState::kRunning ? "running" : "stopped"; }
@@ -123,8 +137,9 @@ Result<std::unique_ptr<ProcedureStore>> ProcedureStore::Open(const std::string& 
       Log(LogLevel::kWarning, "leftover_removed", {{"file", entry.path().string()}});
     }
   }
-  if (const std::optional<std::string> text = ReadSmallFile(folder + "/procedure")) {
-    const Result<ProcedureRecord> record = ParseProcedureRecord(*text);
+  const Result<ProcedureRecord> record = ReadRecord(store->record_path());
+  if (record.code() != StatusCode::kNotFound) {
+    if (!record.ok()) Log(LogLevel::kError, "record_cannot_be_read", {{"what", record.status().message()}});
     store->interrupted_ = record.ok() ? *record : ProcedureRecord{};
   } else if (store->has_checkpoint()) {
     HAUSTRA_TRY(WipeFile(store->checkpoint_path()));
@@ -153,16 +168,16 @@ bool ProcedureStore::MayResume(Duration limit) const {
 }
 
 Status ProcedureStore::WriteOpen(const std::string& label, RecordedState state) const {
-  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(folder_ + "/procedure", FormerFile::kWiped));
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(record_path(), FormerFile::kWiped));
   HAUSTRA_TRY(sink.Write(ToText(ProcedureRecord{label, BootId(), BootTime(), state})));
   return sink.Commit();
 }
 
 Status ProcedureStore::Close() const {
   Status first;
-  for (const std::string& path : {checkpoint_path(), folder_ + "/procedure"}) {
+  for (const std::string& path : {checkpoint_path(), record_path()}) {
     std::error_code error;
-    if (!fs::exists(path, error)) continue;
+    if (!fs::exists(fs::symlink_status(path, error))) continue;
     if (const Status status = WipeFile(path); !status.ok() && first.ok()) first = status;
   }
   return first;

@@ -71,6 +71,7 @@ class ProcedureStore {
 
  private:
   ProcedureStore(std::string folder, int lock);
+  std::string record_path() const { return folder_ + "/procedure"; }
 
   std::string folder_;
   int lock_;

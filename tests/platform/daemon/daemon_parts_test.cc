@@ -260,6 +260,26 @@ TEST(ProcedureStore, LeftoversOfACrashAreRemoved) {
   EXPECT_TRUE(store->has_saved("b"));
 }
 
+TEST(ProcedureStore, RecordThatCannotBeOpenedIsOneOfAnOpenProcedure) {
+  RecordProperty("req", "DMN-005,DATA-003");
+  for (const bool is_link : {true, false}) {
+    const StateFolder folder;
+    Write(folder / "checkpoint.atlas", "maps");
+    if (is_link) {
+      // It leads to itself: nobody can open it, not even the superuser.
+      fs::create_symlink("procedure", folder / "procedure");
+    } else {
+      fs::create_directory(folder / "procedure");
+    }
+    const auto store = OpenStore(folder);
+    ASSERT_NE(store, nullptr);
+    ASSERT_TRUE(store->interrupted()) << is_link;
+    EXPECT_EQ(store->interrupted()->label, "");
+    EXPECT_FALSE(store->MayResume(seconds(800)));
+    EXPECT_EQ(Read(store->checkpoint_path()), "maps");
+  }
+}
+
 TEST(ProcedureStore, OneDaemonAFolder) {
   const StateFolder folder;
   const auto store = OpenStore(folder);

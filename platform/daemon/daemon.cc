@@ -404,8 +404,12 @@ Status Daemon::Refusal(const ControlRequest& request) const {
       if (is_open()) return FailedPrecondition("a procedure is open: end it first");
       if (is_resume && !is_interrupted()) return FailedPrecondition("no procedure was interrupted");
       if (!is_resume && is_interrupted()) {
-        return FailedPrecondition("an interrupted procedure" + (label_.empty() ? "" : " '" + label_ + "'") +
-                                  " is on the disk: resume or end it first");
+        const std::string name = label_.empty() ? "" : " '" + label_ + "'";
+        if (!wiped_.ok()) {
+          return FailedPrecondition("the procedure" + name + " was not wiped: end it again first (" + wiped_.message() +
+                                    ")");
+        }
+        return FailedPrecondition("an interrupted procedure" + name + " is on the disk: resume or end it first");
       }
       if (state_.phase == ServicePhase::kWaiting) return Unavailable("there is no camera: " + trouble_);
       return Status::Ok();

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <csignal>
 #include <cstdint>
 #include <deque>
@@ -169,7 +170,7 @@ class Daemon {
   std::optional<ControlServer::ClientId> asker_;  // of what is under way
   ControlRequest asked_;
   Status failure_;  // why it failed
-  Status wiped_;
+  Status wiped_;    // the last `end`
   std::string kept_as_;
   std::string kept_from_;  // the checkpoint, where maps that are newer could not be kept; empty: nothing is missing
 
@@ -184,6 +185,9 @@ class Daemon {
   std::optional<TimePoint> last_checkpoint_;
   std::string checkpoint_error_;
   std::string final_checkpoint_ = "an earlier one stands";
+  // This procedure wrote the checkpoint, or was resumed from it. Set by the job that puts it into place, so that who
+  // finds the file knows.
+  std::atomic<bool> has_own_checkpoint_{false};
   bool is_checkpoint_under_way_ = false;
   bool must_save_ = false;               // a checkpoint did not come to the disk
   std::map<std::uint64_t, Save> saves_;  // that the worker writes

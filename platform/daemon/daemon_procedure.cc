@@ -202,7 +202,8 @@ void Daemon::WatchWorker(TimePoint now) {
 
 void Daemon::LoadCheckpoint() {
   is_resumed_ = true;
-  if (!store_->has_checkpoint()) return Tell(ServiceEventKind::kLoaded);
+  if (state_.purpose == ServicePurpose::kResume) has_own_checkpoint_ = true;
+  if (!has_own_checkpoint_ || !store_->has_checkpoint()) return Tell(ServiceEventKind::kLoaded);
   const std::string path = store_->checkpoint_path();
   const Descriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
   if (file.value < 0) {
@@ -213,7 +214,9 @@ void Daemon::LoadCheckpoint() {
 }
 
 void Daemon::RecordOpen() {
-  if (asked_.command == ControlCommand::kBegin && state_.purpose == ServicePurpose::kBegin) is_resumed_ = false;
+  if (asked_.command == ControlCommand::kBegin && state_.purpose == ServicePurpose::kBegin) {
+    is_resumed_ = has_own_checkpoint_ = false;
+  }
   DoFile([this, label = label_]() -> std::function<void()> {
     return [this, recorded = store_->WriteOpen(label, RecordedState::kRunning)] {
       // A disk that is full costs what a crash would lose, not the procedure.
@@ -251,9 +254,9 @@ void Daemon::KeepCheckpoint() {
   const std::string base = label_.empty() ? "procedure" : label_;
   kept_as_ = base;
   for (int i = 2; store_->has_saved(kept_as_); ++i) kept_as_ = base + "-" + std::to_string(i);
-  DoFile([this, name = kept_as_]() -> std::function<void()> {
-    const Status status =
-        store_->has_checkpoint() ? store_->KeepCheckpoint(name) : NotFound("there is no checkpoint to keep");
+  DoFile([this, name = kept_as_, is_found = is_interrupted()]() -> std::function<void()> {
+    const bool has_one = (is_found || has_own_checkpoint_) && store_->has_checkpoint();
+    const Status status = has_one ? store_->KeepCheckpoint(name) : NotFound("there is no checkpoint to keep");
     return [this, status] {
       failure_ = status;
       Tell(status.ok() ? ServiceEventKind::kKept : ServiceEventKind::kNotKept);
@@ -269,19 +272,20 @@ void Daemon::Wipe() {
       if (view_ != nullptr) view_->Wipe();
       if (depth_ != nullptr) depth_->Wipe();
       ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number_));
+      if (!wiped.ok()) Log(LogLevel::kError, "procedure_not_wiped", {{"label", label_}, {"what", wiped.message()}});
       Log(LogLevel::kInfo, "procedure_ended",
           {{"procedure", std::to_string(number_)},
            {"label", label_},
            {"kept_as", asked_.keep.value_or(false) ? kept_as_ : ""},
            {"kept_from", asked_.keep.value_or(false) ? kept_from_ : ""}});
-      label_.clear();
+      if (wiped.ok()) label_.clear();
       trouble_ = wiped.message();
       if (wiped.ok() && asked_.keep.value_or(false) && !kept_from_.empty()) {
         trouble_ = "only " + kept_from_ + " could be kept, as " + kept_as_;
       }
       checkpoint_error_.clear();
       last_checkpoint_.reset();
-      Tell(ServiceEventKind::kWiped);
+      Tell(wiped.ok() ? ServiceEventKind::kWiped : ServiceEventKind::kNotWiped);
     };
   });
 }
@@ -300,7 +304,7 @@ void Daemon::Answer(bool is_done) {
     if (is_done) {
       const std::string from = kept_from_.empty() ? "" : " from " + kept_from_;
       answer = *asked_.keep ? "kept as " + kept_as_ + from + "\n" : std::string("wiped\n");
-      if (!wiped_.ok()) answer = Unavailable("the procedure has ended, but " + wiped_.message());
+      if (!wiped_.ok()) answer = Unavailable("nothing runs any more, but " + wiped_.message() + "; end again");
     } else {
       trouble_ = "data not kept: " + failure_.message();
       answer = Unavailable(trouble_ + "; nothing was wiped: end again, or `end wipe`");
@@ -398,6 +402,7 @@ void Daemon::Commit(const WorkerReport& report) {
   DoFile([this, save = std::move(save), written, label = label_]() mutable -> std::function<void()> {
     Status status = written;
     if (status.ok()) status = save.sink->Commit();
+    if (status.ok() && save.path == store_->checkpoint_path()) has_own_checkpoint_ = true;
     save.sink.reset();
     if (status.ok() && save.kind == SaveKind::kCheckpoint) status = store_->WriteOpen(label, RecordedState::kRunning);
     return [this, save, status] { EndSave(save, status); };

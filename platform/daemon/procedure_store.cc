@@ -174,13 +174,11 @@ Status ProcedureStore::WriteOpen(const std::string& label, RecordedState state) 
 }
 
 Status ProcedureStore::Close() const {
-  Status first;
   for (const std::string& path : {checkpoint_path(), record_path()}) {
     std::error_code error;
-    if (!fs::exists(fs::symlink_status(path, error))) continue;
-    if (const Status status = WipeFile(path); !status.ok() && first.ok()) first = status;
+    if (fs::exists(fs::symlink_status(path, error))) HAUSTRA_TRY(WipeFile(path));
   }
-  return first;
+  return Status::Ok();
 }
 
 Status ProcedureStore::KeepCheckpoint(const std::string& name) const {

@@ -64,7 +64,8 @@ class ProcedureStore {
   // Says that a procedure is open, at its begin, after each checkpoint and at the stop. kUnavailable.
   Status WriteOpen(const std::string& label, RecordedState state) const;
   // The procedure has ended: checkpoint and record are overwritten and removed. A power cut between the two leaves a
-  // record without data, which the tower is asked about; never data that nobody knows of. The first error.
+  // record without data, which the tower is asked about; never data that nobody knows of. kUnavailable: the checkpoint
+  // could not be wiped, and the record stays; or the record could not.
   Status Close() const;
   // The checkpoint becomes saved/NAME.atlas.
   Status KeepCheckpoint(const std::string& name) const;

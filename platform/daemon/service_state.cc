@@ -93,7 +93,6 @@ ServiceStep Keep(ServiceState state) {
 ServiceStep End(ServiceState state, Event event) {
   state.purpose = event == Event::kEndKeep ? Purpose::kEndKeep : Purpose::kEndWipe;
   state.owes_answer = true;
-  state.is_kept = false;
   if (state.phase == Phase::kRunning) return To(state, Phase::kStopping, {Action::kStopWorker});
   if (state.phase == Phase::kStopped && event == Event::kEndKeep) return Keep(state);
   return state.has_worker ? Kill(state) : AfterWorker(state);
@@ -164,7 +163,7 @@ ServiceStep InReady(ServiceState state, const ServiceEvent& event) {
       if (state.procedure != ProcedurePhase::kInterrupted) return {state, {}};
       state.purpose = Purpose::kResume;
       state.owes_answer = true;
-      state.has_gone_on = false;
+      state.is_kept = state.has_gone_on = false;
       return To(state, Phase::kLoading, {Action::kLoad});
     case Event::kEndKeep:
     case Event::kEndWipe:
@@ -297,10 +296,16 @@ ServiceStep Next(const ServiceState& state, const ServiceEvent& given) {
     case Phase::kStopped: return InStopped(state, event);
     case Phase::kReaping: return InReaping(state, event);
     case Phase::kWiping: {
-      if (event.kind != Event::kWiped) return {state, {}};
+      if (event.kind != Event::kWiped && event.kind != Event::kNotWiped) return {state, {}};
       ServiceState ended = state;
-      ended.procedure = ProcedurePhase::kNone;
-      ended.is_kept = ended.has_gone_on = false;
+      ended.has_gone_on = false;
+      if (event.kind == Event::kWiped) {
+        ended.procedure = ProcedurePhase::kNone;
+        ended.is_kept = false;
+      } else {
+        // What is left is of this patient: no other procedure begins before an `end` comes through.
+        ended.procedure = ProcedurePhase::kInterrupted;
+      }
       if (ended.exit_code == 0) return Renewed(ended);
       return Answered(To(ended, Phase::kOver, {Action::kLeave}), Action::kSayDone);
     }
@@ -320,28 +325,11 @@ std::string_view ToString(ServicePhase phase) {
 }
 
 std::string_view ToString(ServiceEventKind event) {
-  constexpr std::string_view kNames[] = {"start",
-                                         "worker_waits",
-                                         "worker_ready",
-                                         "worker_fails",
-                                         "loaded",
-                                         "not_loaded",
-                                         "recorded",
-                                         "begun",
-                                         "stopped_with_maps",
-                                         "stopped_without_maps",
-                                         "kept",
-                                         "not_kept",
-                                         "wiped",
-                                         "fault",
-                                         "session_ends",
-                                         "worker_gone",
-                                         "time_up",
-                                         "begin",
-                                         "resume",
-                                         "end_keep",
-                                         "end_wipe",
-                                         "terminate"};
+  constexpr std::string_view kNames[] = {
+      "start",    "worker_waits",      "worker_ready",         "worker_fails", "loaded",   "not_loaded", "recorded",
+      "begun",    "stopped_with_maps", "stopped_without_maps", "kept",         "not_kept", "wiped",      "not_wiped",
+      "fault",    "session_ends",      "worker_gone",          "time_up",      "begin",    "resume",     "end_keep",
+      "end_wipe", "terminate"};
   static_assert(std::size(kNames) == kNumServiceEvents);
   return kNames[static_cast<std::size_t>(event)];
 }

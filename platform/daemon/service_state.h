@@ -45,7 +45,8 @@ enum class ServicePhase : std::uint8_t {
 };
 inline constexpr int kNumServicePhases = 15;
 
-// Interrupted: one of an earlier service lies on the disk, and somebody has to say what becomes of it.
+// Interrupted: one of an earlier service lies on the disk, or one that could not be wiped, and somebody has to say what
+// becomes of it.
 enum class ProcedurePhase : std::uint8_t { kNone, kOpen, kInterrupted };
 
 // What is under way.
@@ -73,7 +74,8 @@ enum class ServiceEventKind : std::uint8_t {
   kStoppedWithoutMaps,
   kKept,
   kNotKept,
-  kWiped,        // as far as that was possible
+  kWiped,
+  kNotWiped,     // something of the procedure may still lie there
   kFault,        // the worker is of no further use: lost device, hang, nonsense
   kSessionEnds,  // by itself, the maps can be read; code: why
   kWorkerGone,   // and reaped
@@ -84,7 +86,7 @@ enum class ServiceEventKind : std::uint8_t {
   kEndWipe,
   kTerminate,
 };
-inline constexpr int kNumServiceEvents = 22;
+inline constexpr int kNumServiceEvents = 23;
 
 struct ServiceEvent {
   ServiceEventKind kind = ServiceEventKind::kStart;

@@ -215,6 +215,52 @@ TEST_F(DaemonDevice, EndComesThroughWhileADriverHangs) {
   EXPECT_EQ(Ask("begin case-2"), "procedure 2\n") << "the next patient has a worker that works";
 }
 
+TEST_F(DaemonDevice, ProcedureThatCannotBeWipedKeepsTheNextOneOut) {
+  RecordProperty("req", "DATA-001,DATA-003");
+  config_.checkpoint.interval_s = 0;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  const std::string checkpoint = folder_ + "/checkpoint.atlas";
+  for (const std::string how : {"wipe", "keep"}) {
+    ASSERT_TRUE(Ask("begin " + how).starts_with("procedure "));
+    ASSERT_TRUE(Until([&] { return StatusValue("maps") == "1"; })) << Ask("status");
+    // No file: it can be neither overwritten nor removed, by anybody.
+    fs::create_directory(checkpoint);
+    const std::string answer = Ask("end " + how);
+    EXPECT_TRUE(answer.starts_with("error: ") && answer.find(checkpoint) != std::string::npos) << answer;
+    EXPECT_EQ(StatusValue("interrupted"), "yes");
+    const std::string refusal = Ask("begin next");
+    EXPECT_NE(refusal.find("'" + how + "' was not wiped: end it again first"), std::string::npos) << refusal;
+    EXPECT_NE(refusal.find(checkpoint), std::string::npos) << refusal;
+    EXPECT_TRUE(Exists("procedure")) << "the next service must know";
+    fs::remove(checkpoint);
+    EXPECT_EQ(Ask("end " + how), how == "wipe" ? "wiped\n" : "kept as keep\n");
+    EXPECT_FALSE(Exists("procedure"));
+  }
+  EXPECT_TRUE(Exists("saved/keep.atlas"));
+  EXPECT_FALSE(Exists("saved/keep-2.atlas"));
+}
+
+TEST_F(DaemonDevice, CheckpointOfAnotherProcedureIsOfNoUse) {
+  RecordProperty("req", "DATA-002");
+  config_.watchdog.stop_limit_ms = 2000;
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  fs::copy(folder_ + "/checkpoint.atlas", folder_ + "/other");
+  // The next worker sees nothing: a map is the other's.
+  script_->is_dark = true;
+  ASSERT_EQ(Ask("end wipe"), "wiped\n");
+  ASSERT_EQ(Ask("begin case-2"), "procedure 2\n");
+  fs::copy(folder_ + "/other", folder_ + "/checkpoint.atlas");
+  script_->is_lost = true;
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "3"; }));
+  EXPECT_FALSE(Until([&] { return StatusValue("maps") == "1"; }, seconds(3))) << Ask("status");
+  // Nor is it kept under a name that is not its own.
+  script_->is_stuck = true;
+  ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
+  const std::string answer = Ask("end keep");
+  EXPECT_NE(answer.find("there is no checkpoint to keep"), std::string::npos) << answer;
+  EXPECT_EQ(Ask("end wipe"), "wiped\n");
+}
+
 TEST_F(DaemonDevice, EndKeepsTheCheckpointWhenTheWorkerHangs) {
   RecordProperty("req", "DMN-005,DMN-010");
   config_.watchdog.stop_limit_ms = 2000;

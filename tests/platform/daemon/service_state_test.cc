@@ -150,6 +150,45 @@ TEST(ServiceState, InterruptedProcedureWaitsForItsWord) {
   EXPECT_EQ(damaged.state().procedure, ProcedurePhase::kNone);
 }
 
+// What is left of it could come into the next patient's procedure.
+TEST(ServiceState, WhatCannotBeWipedKeepsTheNextProcedureOut) {
+  RecordProperty("req", "DATA-001,DATA-003");
+  Walk walk;
+  walk.Running()
+      .Takes(E::kEndWipe, P::kStopping, {A::kStopWorker})
+      .Takes(E::kStoppedWithMaps, P::kReaping, {A::kKillWorker})
+      .Takes(E::kWorkerGone, P::kWiping, {A::kWipe})
+      .Takes(E::kNotWiped, P::kStarting, {A::kStartWorker})
+      .Takes(E::kWorkerReady, P::kReady, {A::kSayDone})
+      .Takes(E::kBegin, P::kReady);
+  EXPECT_EQ(walk.state().procedure, ProcedurePhase::kInterrupted);
+  walk.Takes(E::kEndWipe, P::kReaping, {A::kKillWorker})
+      .Takes(E::kWorkerGone, P::kWiping, {A::kWipe})
+      .Takes(E::kWiped, P::kStarting, {A::kStartWorker})
+      .Takes(E::kWorkerReady, P::kReady, {A::kSayDone})
+      .Takes(E::kBegin, P::kRecording, {A::kRecordOpen});
+}
+
+TEST(ServiceState, WhatWasKeptAndCannotBeWipedIsKeptOnce) {
+  Walk walk;
+  walk.Running()
+      .Takes(E::kEndKeep, P::kStopping, {A::kStopWorker})
+      .Takes(E::kStoppedWithMaps, P::kKeeping, {A::kKeepMaps})
+      .Takes(E::kKept, P::kReaping, {A::kKillWorker})
+      .Takes(E::kWorkerGone, P::kWiping, {A::kWipe})
+      .Takes(E::kNotWiped, P::kStarting, {A::kStartWorker})
+      .Takes(E::kWorkerReady, P::kReady, {A::kSayDone});
+  Walk resumed = walk;
+  walk.Takes(E::kEndKeep, P::kReaping, {A::kKillWorker}).Takes(E::kWorkerGone, P::kWiping, {A::kWipe});
+  // What comes after it went on is to be kept, too.
+  resumed.Takes(E::kResume, P::kLoading, {A::kLoad})
+      .Takes(E::kLoaded, P::kRecording, {A::kRecordOpen})
+      .Takes(E::kRecorded, P::kBeginning, {A::kBeginWorker})
+      .Takes(E::kBegun, P::kRunning, {A::kSayDone})
+      .Takes(E::kEndKeep, P::kStopping, {A::kStopWorker})
+      .Takes(E::kStoppedWithMaps, P::kKeeping, {A::kKeepMaps});
+}
+
 TEST(ServiceState, StopSavesAndSaysSo) {
   RecordProperty("req", "DMN-004");
   Walk walk;

@@ -228,6 +228,7 @@ void Daemon::HandleSignals(int signals) {
         is_to_end_ = true;
         Log(LogLevel::kInfo, "stopping");
         notifier_.Stopping("stopping");
+        if (!TakesTerminate(state_.phase)) Tell(ServiceEventKind::kTerminate);
     }
   }
 }

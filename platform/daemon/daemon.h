@@ -132,6 +132,8 @@ class Daemon {
   std::string OneLine() const;
   ProcedureCounts counts() const;
   haustra_service Service() const;
+  // A stop that was ordered is not forgotten by what is written after it.
+  RecordedState state_to_record() const { return is_to_end_ ? RecordedState::kStopped : RecordedState::kRunning; }
   bool is_open() const { return state_.procedure == ProcedurePhase::kOpen; }
   bool is_interrupted() const { return state_.procedure == ProcedurePhase::kInterrupted; }
 

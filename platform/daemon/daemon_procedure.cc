@@ -217,8 +217,8 @@ void Daemon::RecordOpen() {
   if (asked_.command == ControlCommand::kBegin && state_.purpose == ServicePurpose::kBegin) {
     is_resumed_ = has_own_checkpoint_ = false;
   }
-  DoFile([this, label = label_]() -> std::function<void()> {
-    return [this, recorded = store_->WriteOpen(label, RecordedState::kRunning)] {
+  DoFile([this, label = label_, state = state_to_record()]() -> std::function<void()> {
+    return [this, recorded = store_->WriteOpen(label, state)] {
       // A disk that is full costs what a crash would lose, not the procedure.
       checkpoint_error_ = recorded.message();
       if (!recorded.ok()) Log(LogLevel::kWarning, "procedure_not_recorded", {{"what", recorded.message()}});
@@ -265,8 +265,11 @@ void Daemon::KeepCheckpoint() {
 }
 
 void Daemon::Wipe() {
-  DoFile([this]() -> std::function<void()> {
-    return [this, wiped = store_->Close()] {
+  DoFile([this, label = label_]() -> std::function<void()> {
+    const Status closed = store_->Close();
+    // Somebody has ended it: it does not go on by itself, whatever comes.
+    if (!closed.ok()) (void)store_->MarkStopped(label);
+    return [this, wiped = closed] {
       wiped_ = wiped;
       ring_->Wipe();
       if (view_ != nullptr) view_->Wipe();
@@ -293,8 +296,11 @@ void Daemon::Wipe() {
 void Daemon::RecordStopped() {
   DoFile([this, label = label_]() -> std::function<void()> {
     // Somebody stopped it in order, and somebody is to say what becomes of the procedure.
-    (void)store_->WriteOpen(label, RecordedState::kStopped);
-    return [this] { Tell(ServiceEventKind::kRecorded); };
+    return [this, recorded = store_->MarkStopped(label)] {
+      if (!recorded.ok()) Log(LogLevel::kError, "stop_not_recorded", {{"what", recorded.message()}});
+      // Elsewhere it would pass for the news of another record.
+      if (state_.phase == ServicePhase::kClosing) Tell(ServiceEventKind::kRecorded);
+    };
   });
 }
 
@@ -333,8 +339,8 @@ void Daemon::ConsiderCheckpoint(TimePoint now) {
     return;
   }
   // Nothing new, but the procedure goes on: that is what decides whether it may resume by itself.
-  DoFile([this, label = label_] {
-    (void)store_->WriteOpen(label, RecordedState::kRunning);
+  DoFile([this, label = label_, state = state_to_record()] {
+    (void)store_->WriteOpen(label, state);
     return nullptr;
   });
 }
@@ -399,12 +405,13 @@ void Daemon::Commit(const WorkerReport& report) {
   Save save = std::move(it->second);
   saves_.erase(it);
   const Status written = WithPath(save.path, report.status());
-  DoFile([this, save = std::move(save), written, label = label_]() mutable -> std::function<void()> {
+  DoFile([this, save = std::move(save), written, label = label_,
+          state = state_to_record()]() mutable -> std::function<void()> {
     Status status = written;
     if (status.ok()) status = save.sink->Commit();
     if (status.ok() && save.path == store_->checkpoint_path()) has_own_checkpoint_ = true;
     save.sink.reset();
-    if (status.ok() && save.kind == SaveKind::kCheckpoint) status = store_->WriteOpen(label, RecordedState::kRunning);
+    if (status.ok() && save.kind == SaveKind::kCheckpoint) status = store_->WriteOpen(label, state);
     return [this, save, status] { EndSave(save, status); };
   });
 }

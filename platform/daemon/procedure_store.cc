@@ -63,13 +63,10 @@ Result<std::string> ReadSmallFile(const std::string& path) {
   return text;
 }
 
-// kNotFound: there is none; kUnavailable, kDataLoss: it cannot be read.
-Result<ProcedureRecord> ReadRecord(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, ReadSmallFile(path));
-  return ParseProcedureRecord(text);
-}
+constexpr std::string_view kRunningWord = "running";
+constexpr std::string_view kStoppedWord = "stopped";
 
-std::string_view WordFor(RecordedState state) { return state == RecordedState::kRunning ? "running" : "stopped"; }
+std::string_view WordFor(RecordedState state) { return state == RecordedState::kRunning ? kRunningWord : kStoppedWord; }
 
 // Whether FileSink gave the name, to one of the files of this folder: NAME.partial-PROCESS-COUNT. Labels have dots and
 // dashes, too.
@@ -137,8 +134,9 @@ Result<std::unique_ptr<ProcedureStore>> ProcedureStore::Open(const std::string& 
       Log(LogLevel::kWarning, "leftover_removed", {{"file", entry.path().string()}});
     }
   }
-  const Result<ProcedureRecord> record = ReadRecord(store->record_path());
-  if (record.code() != StatusCode::kNotFound) {
+  const Result<std::string> text = ReadSmallFile(store->record_path());
+  if (text.code() != StatusCode::kNotFound) {
+    const Result<ProcedureRecord> record = text.ok() ? ParseProcedureRecord(*text) : text.status();
     if (!record.ok()) Log(LogLevel::kError, "record_cannot_be_read", {{"what", record.status().message()}});
     store->interrupted_ = record.ok() ? *record : ProcedureRecord{};
   } else if (store->has_checkpoint()) {
@@ -171,6 +169,22 @@ Status ProcedureStore::WriteOpen(const std::string& label, RecordedState state) 
   HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(record_path(), FormerFile::kWiped));
   HAUSTRA_TRY(sink.Write(ToText(ProcedureRecord{label, BootId(), BootTime(), state})));
   return sink.Commit();
+}
+
+Status ProcedureStore::MarkStopped(const std::string& label) const {
+  const Result<std::string> text = ReadSmallFile(record_path());
+  const Result<ProcedureRecord> record = text.ok() ? ParseProcedureRecord(*text) : text.status();
+  if (!record.ok()) return WriteOpen(label, RecordedState::kStopped);
+  if (record->state == RecordedState::kStopped) return Status::Ok();
+  // The word is the last one, before the end of the line, and as long as the other: a crash leaves one of the two.
+  static_assert(kRunningWord.size() == kStoppedWord.size());
+  const std::string_view word = kStoppedWord;
+  const auto at = static_cast<off_t>(text->size() - word.size() - 1);
+  const int descriptor = ::open(record_path().c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+  const bool is_marked = descriptor >= 0 && ::pwrite(descriptor, word.data(), word.size(), at) == std::ssize(word) &&
+                         ::fdatasync(descriptor) == 0;
+  if (descriptor >= 0) ::close(descriptor);
+  return is_marked ? Status::Ok() : WriteOpen(label, RecordedState::kStopped);
 }
 
 Status ProcedureStore::Close() const {

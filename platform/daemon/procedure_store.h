@@ -63,6 +63,9 @@ class ProcedureStore {
 
   // Says that a procedure is open, at its begin, after each checkpoint and at the stop. kUnavailable.
   Status WriteOpen(const std::string& label, RecordedState state) const;
+  // The same record, but stopped. It is changed in place, which needs no room on the disk; where there is none that can
+  // be read, one is written as by WriteOpen. kUnavailable.
+  Status MarkStopped(const std::string& label) const;
   // The procedure has ended: checkpoint and record are overwritten and removed. A power cut between the two leaves a
   // record without data, which the tower is asked about; never data that nobody knows of. kUnavailable: the checkpoint
   // could not be wiped, and the record stays; or the record could not.

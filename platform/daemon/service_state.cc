@@ -43,7 +43,7 @@ ServiceStep AfterWorker(ServiceState state) {
       return To(state, Phase::kWiping, {Action::kWipe});
     case Purpose::kEndWipe: return To(state, Phase::kWiping, {Action::kWipe});
     case Purpose::kTerminate:
-      if (state.procedure == ProcedurePhase::kOpen) return To(state, Phase::kClosing, {Action::kRecordStopped});
+      if (state.procedure != ProcedurePhase::kNone) return To(state, Phase::kClosing, {Action::kRecordStopped});
       return To(state, Phase::kOver, {Action::kLeave});
     case Purpose::kFail: return Answered(To(state, Phase::kOver, {Action::kLeave}), Action::kSayFailed);
     case Purpose::kBegin:
@@ -98,7 +98,7 @@ ServiceStep End(ServiceState state, Event event) {
   return state.has_worker ? Kill(state) : AfterWorker(state);
 }
 
-ServiceStep Terminate(ServiceState state) {
+ServiceStep Stop(ServiceState state) {
   // Of an end that has been done but for the next worker, or of a procedure that cannot go on now.
   const Action answer = IsEnd(state.purpose) ? Action::kSayDone : Action::kSayFailed;
   state.purpose = Purpose::kTerminate;
@@ -106,6 +106,16 @@ ServiceStep Terminate(ServiceState state) {
   if (state.phase == Phase::kStopped && state.has_maps) return To(state, Phase::kKeeping, {Action::kSaveCheckpoint});
   if (state.phase == Phase::kStopped && state.exit_code == 0) state.exit_code = kExitUnavailable;
   return Answered(state.has_worker ? Kill(state) : AfterWorker(state), answer);
+}
+
+ServiceStep Terminate(const ServiceState& state) {
+  // First of all: whoever stops the service may kill it before the maps are saved.
+  const bool has_record = state.procedure != ProcedurePhase::kNone && state.phase != Phase::kWiping;
+  ServiceStep step = TakesTerminate(state.phase) ? Stop(state) : ServiceStep{state, {}};
+  if (has_record && step.state.phase != Phase::kClosing && state.phase != Phase::kOver) {
+    step.actions.insert(step.actions.begin(), Action::kRecordStopped);
+  }
+  return step;
 }
 
 ServiceStep InStartingOrWaiting(ServiceState state, const ServiceEvent& event) {
@@ -145,7 +155,6 @@ ServiceStep InStartingOrWaiting(ServiceState state, const ServiceEvent& event) {
     case Event::kEndWipe:
       if (state.phase == Phase::kStarting || state.procedure == ProcedurePhase::kNone) return {state, {}};
       return End(state, event.kind);
-    case Event::kTerminate: return Terminate(state);
     default: return {state, {}};
   }
 }
@@ -168,7 +177,6 @@ ServiceStep InReady(ServiceState state, const ServiceEvent& event) {
     case Event::kEndKeep:
     case Event::kEndWipe:
       return state.procedure == ProcedurePhase::kNone ? ServiceStep{state, {}} : End(state, event.kind);
-    case Event::kTerminate: return Terminate(state);
     case Event::kFault: return WithoutWorker(state, false);
     case Event::kWorkerGone: return WithoutWorker(state, true);
     default: return {state, {}};
@@ -214,7 +222,6 @@ ServiceStep InRunning(ServiceState state, const ServiceEvent& event) {
       return To(state, Phase::kStopping, {Action::kStopWorker});
     case Event::kEndKeep:
     case Event::kEndWipe: return End(state, event.kind);
-    case Event::kTerminate: return Terminate(state);
     default: return {state, {}};
   }
 }
@@ -258,7 +265,6 @@ ServiceStep InStopped(ServiceState state, const ServiceEvent& event) {
   switch (event.kind) {
     case Event::kEndKeep:
     case Event::kEndWipe: return End(state, event.kind);
-    case Event::kTerminate: return Terminate(state);
     case Event::kFault: state.has_maps = false; return To(state, Phase::kStopped, {Action::kKillWorker});
     case Event::kWorkerGone: state.has_worker = state.has_maps = false; return {state, {}};
     default: return {state, {}};
@@ -282,6 +288,7 @@ ServiceStep Next(const ServiceState& state, const ServiceEvent& given) {
   ServiceEvent event = given;
   // A worker that does not answer in time is one that does not answer.
   if (event.kind == Event::kTimeUp && state.phase != Phase::kReaping) event.kind = Event::kFault;
+  if (event.kind == Event::kTerminate) return Terminate(state);
   switch (state.phase) {
     case Phase::kDown: return event.kind == Event::kStart ? Renewed(state) : ServiceStep{state, {}};
     case Phase::kStarting:

@@ -16,7 +16,7 @@
 //   stopped   they were to be kept, and that failed: `end` again, or `end wipe`
 //   reaping   the worker was killed; the kernel takes back its memory
 //   wiping    files and published records of the procedure
-//   closing   the disk is told that the service was stopped in order
+//   closing   the disk is told once more that the service was stopped in order, should the first time have failed
 //   over      the service ends
 #pragma once
 
@@ -104,8 +104,8 @@ enum class ServiceAction : std::uint8_t {
   kSaveCheckpoint,
   kKillWorker,
   kWipe,
-  kRecordStopped,
-  kSayDone,  // to whoever asked
+  kRecordStopped,  // the disk is told that the service is stopped in order
+  kSayDone,        // to whoever asked
   kSayFailed,
   kLeave,
 };
@@ -139,7 +139,7 @@ constexpr bool TakesRequests(ServicePhase phase) {
   return phase == ServicePhase::kWaiting || phase == ServicePhase::kReady || phase == ServicePhase::kRunning ||
          phase == ServicePhase::kStopped;
 }
-// Likewise for the end of the service.
+// Likewise for the end of the service. The disk is told at once in any case.
 constexpr bool TakesTerminate(ServicePhase phase) { return TakesRequests(phase) || phase == ServicePhase::kStarting; }
 
 std::string_view ToString(ServicePhase phase);

@@ -482,6 +482,25 @@ TEST_F(DaemonDevice, AfterAStopInOrderSomebodySaysThatTheProcedureGoesOn) {
   EXPECT_EQ(StatusValue("label"), "case-1");
 }
 
+TEST_F(DaemonDevice, InterruptedProcedureDoesNotGoOnAfterAStopInOrder) {
+  RecordProperty("req", "DATA-003");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  script_->is_lost = true;
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  script_->is_lost = true;
+  ASSERT_TRUE(HasEnded());
+  thread_.join();
+  // It does not go on by itself, as when its camera is away; and then the service is stopped.
+  config_.procedure.resume_limit_s = 0;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  EXPECT_EQ(StatusValue("interrupted"), "yes");
+  Terminate();
+  EXPECT_EQ(exit_code_, kExitOk);
+  config_.procedure.resume_limit_s = 600;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  EXPECT_EQ(StatusValue("interrupted"), "yes");
+}
+
 TEST_F(DaemonDevice, ResumedProcedureShowsItsMapBeforeThatChanges) {
   RecordProperty("req", "DATA-003");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());

@@ -222,6 +222,34 @@ TEST(ProcedureStore, OnlyAYoungProcedureOfThisBootMayGoOnByItself) {
   EXPECT_FALSE(OpenStore(folder)->MayResume(seconds(800)));
 }
 
+TEST(ProcedureStore, StopIsRecordedInPlace) {
+  RecordProperty("req", "DATA-003");
+  const StateFolder folder;
+  const auto store = OpenStore(folder);
+  ASSERT_TRUE(store->WriteOpen("case-1", RecordedState::kRunning).ok());
+  const Result<ProcedureRecord> before = ParseProcedureRecord(Read(folder / "procedure"));
+  ASSERT_TRUE(before.ok());
+  // The same file, with the same bytes but for the word: a full disk has room for that.
+  fs::create_hard_link(folder / "procedure", folder / "link");
+  ASSERT_TRUE(store->MarkStopped("case-1").ok());
+  ProcedureRecord wanted = *before;
+  wanted.state = RecordedState::kStopped;
+  EXPECT_EQ(Read(folder / "link"), ToText(wanted));
+  EXPECT_EQ(Read(folder / "procedure"), ToText(wanted));
+  ASSERT_TRUE(store->MarkStopped("case-1").ok()) << "again";
+  EXPECT_EQ(Read(folder / "link"), ToText(wanted));
+  // There is none, or none that can be read: then it needs room.
+  for (const std::string text : {"", "rubbish"}) {
+    fs::remove(folder / "procedure");
+    if (!text.empty()) Write(folder / "procedure", text);
+    ASSERT_TRUE(store->MarkStopped("case-2").ok());
+    const Result<ProcedureRecord> record = ParseProcedureRecord(Read(folder / "procedure"));
+    ASSERT_TRUE(record.ok()) << text;
+    EXPECT_EQ(record->label, "case-2");
+    EXPECT_EQ(record->state, RecordedState::kStopped);
+  }
+}
+
 // What a crash leaves while `path` is written; its name.
 std::string LeaveHalfWritten(const std::string& path) {
   std::string left;

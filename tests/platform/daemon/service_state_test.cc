@@ -85,7 +85,7 @@ TEST(ServiceState, WhatCannotBeKeptIsNotWiped) {
   again = walk;
   again.Takes(E::kEndWipe, P::kReaping, {A::kKillWorker}).Takes(E::kWorkerGone, P::kWiping, {A::kWipe});
   again = walk;
-  again.Takes(E::kTerminate, P::kKeeping, {A::kSaveCheckpoint});
+  again.Takes(E::kTerminate, P::kKeeping, {A::kRecordStopped, A::kSaveCheckpoint});
   // The worker that holds them fails: the checkpoint is what there is.
   again = walk;
   again.Takes(E::kWorkerGone, P::kStopped).Takes(E::kEndKeep, P::kKeeping, {A::kKeepCheckpoint});
@@ -190,10 +190,11 @@ TEST(ServiceState, WhatWasKeptAndCannotBeWipedIsKeptOnce) {
 }
 
 TEST(ServiceState, StopSavesAndSaysSo) {
-  RecordProperty("req", "DMN-004");
+  RecordProperty("req", "DMN-004,DATA-003");
   Walk walk;
+  // The record is before the save, which may take longer than the service is given.
   walk.Running()
-      .Takes(E::kTerminate, P::kStopping, {A::kStopWorker})
+      .Takes(E::kTerminate, P::kStopping, {A::kRecordStopped, A::kStopWorker})
       .Takes(E::kStoppedWithMaps, P::kKeeping, {A::kSaveCheckpoint});
   Walk full = walk;
   walk.Takes(E::kKept, P::kReaping, {A::kKillWorker})
@@ -204,10 +205,31 @@ TEST(ServiceState, StopSavesAndSaysSo) {
   EXPECT_EQ(full.state().exit_code, kExitIo);
   Walk hung;
   hung.Running()
-      .Takes(E::kTerminate, P::kStopping, {A::kStopWorker})
+      .Takes(E::kTerminate, P::kStopping, {A::kRecordStopped, A::kStopWorker})
       .Takes(E::kTimeUp, P::kReaping, {A::kKillWorker})
       .Takes(E::kWorkerGone, P::kClosing, {A::kRecordStopped});
   EXPECT_EQ(hung.state().exit_code, kExitUnavailable);
+}
+
+TEST(ServiceState, InterruptedProcedureIsStoppedWithTheService) {
+  RecordProperty("req", "DATA-003");
+  Walk walk(ProcedurePhase::kInterrupted);
+  walk.Takes(E::kStart, P::kStarting, {A::kStartWorker})
+      .Takes(E::kWorkerWaits, P::kWaiting)
+      .Takes(E::kTerminate, P::kReaping, {A::kRecordStopped, A::kKillWorker})
+      .Takes(E::kWorkerGone, P::kClosing, {A::kRecordStopped})
+      .Takes(E::kRecorded, P::kOver, {A::kLeave});
+  EXPECT_EQ(walk.state().exit_code, kExitOk);
+}
+
+TEST(ServiceState, StopThatMustWaitItsTurnIsRecordedAtOnce) {
+  RecordProperty("req", "DATA-003");
+  Walk walk(ProcedurePhase::kInterrupted);
+  walk.Ready()
+      .Takes(E::kResume, P::kLoading, {A::kLoad})
+      .Takes(E::kTerminate, P::kLoading, {A::kRecordStopped})
+      .Takes(E::kLoaded, P::kRecording, {A::kRecordOpen});
+  EXPECT_FALSE(TakesTerminate(P::kLoading));
 }
 
 TEST(ServiceState, EndComesThroughWhenTheWorkerCannotBeKilled) {
@@ -313,6 +335,13 @@ TEST(ServiceState, WhatHoldsInEveryStateThatCanBeReached) {
       }
       if (step.state.procedure != state.procedure && step.state.procedure == ProcedurePhase::kNone) {
         EXPECT_EQ(event, E::kWiped) << text;
+      }
+      // Whoever stops the service finds that recorded before anything else is done. What is being wiped has no record.
+      if (event == E::kTerminate && state.procedure != ProcedurePhase::kNone && state.phase != P::kWiping &&
+          state.phase != P::kClosing && state.phase != P::kOver) {
+        const auto first = std::find_if(step.actions.begin(), step.actions.end(),
+                                        [](A action) { return action != A::kSayDone && action != A::kSayFailed; });
+        EXPECT_TRUE(first != step.actions.end() && *first == A::kRecordStopped) << text;
       }
       // Each answer that is owed is given once.
       const auto num_answers = std::count_if(step.actions.begin(), step.actions.end(),

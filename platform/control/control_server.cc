@@ -1,6 +1,7 @@
 #include "platform/control/control_server.h"
 
 #include <fcntl.h>
+#include <poll.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -149,6 +150,14 @@ void ControlServer::Reply(ClientId id, const Result<std::string>& reply, TimePoi
   it->second.is_waiting = false;
   it->second.last_active = now;
   Send(id, reply);
+}
+
+bool ControlServer::IsThere(ClientId id) const {
+  const auto it = clients_.find(id);
+  if (it == clients_.end()) return false;
+  // It may have left since Serve looked.
+  pollfd client{it->second.socket, POLLRDHUP, 0};
+  return ::poll(&client, 1, 0) == 0;
 }
 
 void ControlServer::Send(ClientId id, const Result<std::string>& reply) {

@@ -55,6 +55,9 @@ class ControlServer {
   // The answer to a request that was put off; nothing happens when the client has gone.
   void Reply(ClientId client, const Result<std::string>& reply, TimePoint now);
 
+  // Whether the client still has its end open; false for one that was disconnected.
+  bool IsThere(ClientId client) const;
+
   int num_clients() const { return static_cast<int>(clients_.size()); }
   std::uint64_t num_refused() const { return num_refused_; }  // clients above a limit
   std::uint64_t num_malformed() const { return num_malformed_; }

@@ -393,8 +393,16 @@ std::optional<Result<std::string>> Daemon::Handle(ControlServer::ClientId client
   if (request.command == ControlCommand::kMetrics) return MetricsText(clock_.Now());
   Log(LogLevel::kInfo, "request",
       {{"what", ToText(request)}, {"uid", std::to_string(peer.uid)}, {"pid", std::to_string(peer.pid)}});
+  // Without those of clients that have gone there are no more than clients, and those have a limit.
+  std::erase_if(held_, [this](const Held& held) { return !IsWanted(held); });
   held_.push_back({client, request});
   return std::nullopt;
+}
+
+bool Daemon::IsWanted(const Held& held) const {
+  if (control_->IsThere(held.client)) return true;
+  Log(LogLevel::kWarning, "request_dropped", {{"what", ToText(held.request)}, {"why", "the client has gone"}});
+  return false;
 }
 
 Status Daemon::Refusal(const ControlRequest& request) const {
@@ -441,6 +449,8 @@ void Daemon::HandleHeld() {
   while (!held_.empty() && TakesRequests(state_.phase)) {
     const Held held = held_.front();
     held_.pop_front();
+    // Who has given up has perhaps done something else: nothing begins or ends that nobody waits for.
+    if (!IsWanted(held)) continue;
     if (const Status refusal = Refusal(held.request); !refusal.ok()) {
       control_->Reply(held.client, refusal, clock_.Now());
       continue;

@@ -125,6 +125,8 @@ class Daemon {
   std::optional<Result<std::string>> Handle(ControlServer::ClientId client, const ControlPeer& peer,
                                             const ControlRequest& request);
   void HandleHeld();
+  // Whether somebody still waits for the answer; the log tells when not.
+  bool IsWanted(const Held& held) const;
   // Why a request cannot be now.
   Status Refusal(const ControlRequest& request) const;
   std::string StatusText(TimePoint now) const;
@@ -168,7 +170,7 @@ class Daemon {
   std::uint64_t num_faults_ = 0;
   std::string last_fault_;
 
-  std::deque<Held> held_;                         // requests that wait their turn
+  std::deque<Held> held_;                         // requests that wait their turn, one of each client at most
   std::optional<ControlServer::ClientId> asker_;  // of what is under way
   ControlRequest asked_;
   Status failure_;  // why it failed

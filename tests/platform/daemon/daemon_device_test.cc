@@ -443,6 +443,28 @@ TEST_F(DaemonDevice, StatusIsAnsweredWhileAProcedureEnds) {
   EXPECT_EQ(look("status").find("busy yes"), std::string::npos);
 }
 
+TEST_F(DaemonDevice, RequestOfAClientThatHasGoneIsNotCarriedOut) {
+  RecordProperty("req", "CTL-003");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  script_->is_making_held = true;
+  std::thread client([&] { EXPECT_EQ(Ask("end wipe"), "wiped\n"); });
+  EXPECT_TRUE(Until([&] { return script_->num_devices == 2; }));
+  // More than may be connected at one time.
+  for (int i = 0; i < 40; ++i) {
+    Result<ControlClient> hasty = ControlClient::Connect(folder_ + "/control");
+    EXPECT_TRUE(hasty.ok()) << hasty.status().ToString();
+    if (hasty.ok()) {
+      EXPECT_FALSE(hasty->Ask("begin case-2", milliseconds(i == 0 ? 300 : 20)).ok()) << i;
+    }
+  }
+  script_->is_making_held = false;
+  client.join();
+  EXPECT_EQ(StatusValue("state"), "idle");
+  EXPECT_EQ(StatusValue("label"), "");
+  EXPECT_FALSE(Exists("procedure"));
+  EXPECT_EQ(Ask("begin case-3"), "procedure 2\n");
+}
+
 TEST_F(DaemonDevice, IsWarmBeforeTheFirstProcedureBegins) {
   RecordProperty("req", "DMN-004");
   ASSERT_NO_FATAL_FAILURE(Start());

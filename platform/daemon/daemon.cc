@@ -253,6 +253,7 @@ void Daemon::Tell(ServiceEvent event) {
 std::optional<Duration> Daemon::LimitOf(ServicePhase phase) const {
   switch (phase) {
     case ServicePhase::kStarting:
+    case ServicePhase::kWaiting:  // from one look for the camera to the next, or to the engine
     case ServicePhase::kLoading:
     case ServicePhase::kBeginning: return milliseconds(config_.watchdog.work_limit_ms);
     case ServicePhase::kKeeping:
@@ -264,10 +265,14 @@ std::optional<Duration> Daemon::LimitOf(ServicePhase phase) const {
   }
 }
 
-void Daemon::Enter(ServicePhase phase) {
-  const std::optional<Duration> limit = LimitOf(phase);
+void Daemon::ArmLimit() {
+  const std::optional<Duration> limit = LimitOf(state_.phase);
   phase_limit_.reset();
   if (limit) phase_limit_ = clock_.Now() + *limit;
+}
+
+void Daemon::Enter(ServicePhase phase) {
+  ArmLimit();
   if (phase == ServicePhase::kRunning) {
     has_signs_ = false;
     next_checkpoint_ = clock_.Now() + seconds(config_.checkpoint.interval_s);

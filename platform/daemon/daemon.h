@@ -88,6 +88,8 @@ class Daemon {
   void Tell(ServiceEventKind kind) { Tell(ServiceEvent{kind}); }
   void Do(ServiceAction action);
   void Enter(ServicePhase phase);
+  // From now on the phase may take its limit.
+  void ArmLimit();
   std::optional<Duration> LimitOf(ServicePhase phase) const;
 
   // The worker. daemon_procedure.cc has these and the actions.

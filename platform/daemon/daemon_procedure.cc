@@ -151,7 +151,10 @@ void Daemon::Hear(const WorkerReport& report) {
       report_ = report;
       has_signs_ = true;
       return;
-    case WorkerNews::kWaits: trouble_ = report.text.data(); return Tell(ServiceEventKind::kWorkerWaits);
+    case WorkerNews::kWaits:
+      trouble_ = report.text.data();
+      if (state_.phase == ServicePhase::kWaiting) ArmLimit();
+      return Tell(ServiceEventKind::kWorkerWaits);
     case WorkerNews::kReady:
       if (state_.phase == ServicePhase::kWaiting) {
         trouble_.clear();

@@ -366,6 +366,19 @@ TEST_F(DaemonDevice, WorkerThatDiesWhileItStartsEndsTheService) {
   EXPECT_EQ(exit_code_, kExitUnavailable);
 }
 
+TEST_F(DaemonDevice, WorkerThatHangsAfterItsCameraCameEndsTheService) {
+  RecordProperty("req", "DMN-010");
+  config_.source.path = "v4l2:scripted";
+  config_.watchdog.work_limit_ms = 3000;
+  script_->num_waits = 5;  // longer than the limit, which is for each look
+  script_->is_making_held = true;
+  ASSERT_NO_FATAL_FAILURE(Start(false));
+  ASSERT_TRUE(HasEnded());
+  EXPECT_EQ(script_->num_waits, 0);
+  EXPECT_EQ(script_->num_devices, 2) << "tried once more";
+  EXPECT_EQ(exit_code_, kExitUnavailable);
+}
+
 TEST_F(DaemonDevice, WorkerEndsWithTheService) {
   RecordProperty("req", "DMN-006");
   ASSERT_NO_FATAL_FAILURE(Start());

@@ -103,6 +103,10 @@ int Run(const std::string& path) {
   WorkerParts parts;
   ColonSource* colon = nullptr;  // the source, which is opened before the device is made
   parts.open_source = [script, &colon](const SourceConfig&) -> Result<std::unique_ptr<FrameSource>> {
+    if (script->num_waits > 0) {
+      --script->num_waits;
+      return NotFound("there is no camera");
+    }
     std::unique_ptr<ColonSource> source =
         script->is_live ? std::make_unique<LiveColonSource>(*script) : std::make_unique<ColonSource>(*script);
     colon = source.get();

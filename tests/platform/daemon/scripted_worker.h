@@ -21,6 +21,7 @@ struct WorkerScript {
   // Of the rest.
   std::atomic<bool> is_live{false};         // a camera, not a recording
   std::atomic<bool> is_dark{false};         // its frames show nothing
+  std::atomic<int> num_waits{0};            // that often there is no camera
   std::atomic<bool> is_making_held{false};  // the device is not made
   std::atomic<bool> talks_nonsense{false};  // instead of doing anything
   std::atomic<bool> cannot_start{false};    // dies while it makes itself ready

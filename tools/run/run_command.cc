@@ -35,6 +35,7 @@
 #include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/report/run_report.h"
+#include "tools/run/map_motion.h"
 #include "tools/run/mark_file.h"
 #include "tools/run/mark_log.h"
 #include "tools/run/progress.h"
@@ -330,6 +331,7 @@ int Run(const RunArguments& arguments) {
   RunSummary summary =
       Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{}, is_aborted ? num_frames : 0);
   SummariseMarks(marks, engine, &summary);
+  summary.motions = FindMapMotions(record, poses, engine);
   summary.mode = arguments.mode;
   summary.device = arguments.device;
   summary.seed = config.seed;

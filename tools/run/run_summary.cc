@@ -248,6 +248,43 @@ nlohmann::ordered_json MarksJson(const RunSummary& s) {
   return {{"set", set}, {"refused", refused}};
 }
 
+nlohmann::ordered_json MotionsJson(const std::vector<MapMotion>& motions) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const MapMotion& of : motions) {
+    nlohmann::ordered_json found = nlohmann::ordered_json::array();
+    for (const PeriodicStretch& stretch : of.motion.stretches) {
+      found.push_back({{"from_s", stretch.from_s},
+                       {"to_s", stretch.to_s},
+                       {"period_s", stretch.period_s},
+                       {"amplitude_percent", 100.0 * stretch.amplitude},
+                       {"chance", stretch.chance}});
+    }
+    json.push_back({{"map_id", of.map_id}, {"longest_period_s", of.motion.longest_period_s}, {"found", found}});
+  }
+  return json;
+}
+
+// The surest that was found, or that there is none; nothing where every path was too short.
+std::string MotionText(const std::vector<MapMotion>& motions) {
+  const PeriodicStretch* surest = nullptr;
+  double longest_period_s = 0.0;
+  for (const MapMotion& of : motions) {
+    longest_period_s = std::max(longest_period_s, of.motion.longest_period_s);
+    for (const PeriodicStretch& stretch : of.motion.stretches) {
+      if (surest == nullptr || stretch.chance < surest->chance) surest = &stretch;
+    }
+  }
+  std::string text;
+  if (surest != nullptr) {
+    Append(&text, "  to and fro    %5.1f s   (scope against wall, by %.1f %% of the depth, seen from %.0f to %.0f s)\n",
+           surest->period_s, 100.0 * surest->amplitude, surest->from_s, surest->to_s);
+  } else if (longest_period_s > 0.0) {
+    Append(&text, "  to and fro     none     (scope against wall, with a period of %.1f to %.1f s)\n", kShortestPeriodS,
+           longest_period_s);
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string ToJson(const RunSummary& s) {
@@ -300,6 +337,7 @@ std::string ToJson(const RunSummary& s) {
                              {"later_frames", ToJson(s.tracking_thread.later, s.is_heap_watched)},
                              {"frames_with_faults", s.tracking_thread.frames_with_faults}};
   if (!s.marks.empty() || !s.refused_marks.empty()) json["marks"] = MarksJson(s);
+  json["periodic_motion"] = MotionsJson(s.motions);
   if (s.depth) {
     const DepthCounters& depth = s.depth->counters;
     json["depth"] = {{"keyframes_with_depth", s.depth->num_keyframes},
@@ -379,6 +417,7 @@ std::string ToText(const RunSummary& s) {
          s.maps_created, s.merges, s.loops, s.largest_map_frames);
   Append(&text, "  losses        %5zu     (%zu relocalised)\n", s.losses, s.relocalisations);
   Append(&text, "  keyframes     %5zu     (%zu map points)\n", s.keyframes, s.map_points);
+  text += MotionText(s.motions);
   if (s.maps_loaded > 0) {
     Append(&text, "  loaded        %5zu     maps of earlier runs (%zu of the keyframes are theirs)\n", s.maps_loaded,
            s.keyframes_loaded);

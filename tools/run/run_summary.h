@@ -9,6 +9,7 @@
 
 #include "tools/run/final_poses.h"
 #include "tools/run/mark_log.h"
+#include "tools/run/periodic_motion.h"
 #include "tools/run/run_record.h"
 
 namespace haustra {
@@ -65,6 +66,12 @@ struct SurfaceFigures {
   std::vector<std::string> lines;  // likewise for people, with their line breaks; of each map one or two
 };
 
+// Between scope and wall, in the path through one map.
+struct MapMotion {
+  MapId map_id = 0;
+  PeriodicMotion motion;
+};
+
 struct RunSummary {
   std::string mode;
   std::string device;
@@ -105,6 +112,7 @@ struct RunSummary {
   MapperCounters mapping;
   std::vector<MarkFigures> marks;  // by id
   std::vector<RefusedMark> refused_marks;
+  std::vector<MapMotion> motions;  // by map id
   std::optional<DepthFigures> depth;
   std::optional<SurfaceFigures> surface;  // nothing while none was asked for
   // Real-time mode only.

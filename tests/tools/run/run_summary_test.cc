@@ -241,6 +241,27 @@ TEST(RunSummary, TheSurfaceIsSaidWhereItWasAskedFor) {
   EXPECT_NE(ToText(summary).find("\n  wall          no surface: the disk is full\n"), std::string::npos);
 }
 
+TEST(RunSummary, TheMotionOfTheWallIsSaidOrThatThereIsNone) {
+  RunSummary summary;
+  EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["periodic_motion"], nlohmann::json::array());
+  EXPECT_EQ(ToText(summary).find("to and fro"), std::string::npos) << "nothing was looked for";
+  summary.motions = {{0, {5.5, {}}}, {2, {0.0, {}}}};
+  EXPECT_NE(ToText(summary).find("\n  to and fro     none     (scope against wall, with a period of 1.5 to 5.5 s)\n"),
+            std::string::npos)
+      << ToText(summary);
+  summary.motions[1].motion = {8.0, {{3.0, 63.0, 4.5, 0.025, 0.0075}, {90.0, 150.25, 3.75, 0.0375, 0.0005}}};
+  EXPECT_NE(ToText(summary).find(
+                "\n  to and fro      3.8 s   (scope against wall, by 3.8 % of the depth, seen from 90 to 150 s)\n"),
+            std::string::npos)
+      << ToText(summary);
+  const nlohmann::json json = nlohmann::json::parse(ToJson(summary))["periodic_motion"];
+  ASSERT_EQ(json.size(), 2u);
+  EXPECT_EQ(json[0], nlohmann::json::parse(R"({"map_id": 0, "longest_period_s": 5.5, "found": []})"));
+  EXPECT_EQ(json[1]["map_id"], 2);
+  EXPECT_EQ(json[1]["found"][1], nlohmann::json::parse(R"({"from_s": 90.0, "to_s": 150.25, "period_s": 3.75,
+                                                          "amplitude_percent": 3.75, "chance": 0.0005})"));
+}
+
 TEST(RunSummary, TextSaysWhatIsWrongOnlyWhenItIs) {
   RunSummary summary;
   summary.mode = "realtime";

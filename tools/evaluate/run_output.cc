@@ -198,6 +198,25 @@ std::string TextAt(const nlohmann::json& json, const char* key) {
   return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();
 }
 
+Status ReadMotions(const std::string& path, const nlohmann::json& json, std::vector<MapMotionRow>* motions) {
+  if (!json.contains("periodic_motion")) return Status::Ok();
+  try {
+    for (const nlohmann::json& entry : json.at("periodic_motion")) {
+      MapMotionRow& motion = motions->emplace_back();
+      motion.map_id = entry.at("map_id").get<int>();
+      motion.longest_period_s = entry.at("longest_period_s").get<double>();
+      for (const nlohmann::json& found : entry.at("found")) {
+        motion.found.push_back({found.at("from_s").get<double>(), found.at("to_s").get<double>(),
+                                found.at("period_s").get<double>(), found.at("amplitude_percent").get<double>(),
+                                found.at("chance").get<double>()});
+      }
+    }
+  } catch (const nlohmann::json::exception& error) {
+    return InvalidArgument(path + ": periodic_motion: " + error.what());
+  }
+  return Status::Ok();
+}
+
 Status ReadFigures(const std::string& path, RunFigures* figures) {
   HAUSTRA_ASSIGN(const nlohmann::json json, ReadJsonObject(path));
   figures->mode = TextAt(json, "mode");
@@ -234,7 +253,7 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
       if (value.is_number()) figures->mean_stage_ms[name] = value.get<double>();
     }
   }
-  return Status::Ok();
+  return ReadMotions(path, json, &figures->motions);
 }
 
 }  // namespace

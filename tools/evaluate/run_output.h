@@ -70,6 +70,21 @@ struct Percentiles {
   double p50 = 0.0, p99 = 0.0, p999 = 0.0, max = 0.0;
 };
 
+// A part of a run in which scope and wall move to and fro, as seen by one map.
+struct PeriodicStretchRow {
+  double from_s = 0.0, to_s = 0.0;  // from the first frame
+  double period_s = 0.0;
+  double amplitude_percent = 0.0;  // of the scene depth
+  double chance = 0.0;
+};
+
+// What summary.json says of the motion between scope and wall in one map.
+struct MapMotionRow {
+  int map_id = -1;
+  double longest_period_s = 0.0;  // that was looked for; 0: the path is too short for any
+  std::vector<PeriodicStretchRow> found;
+};
+
 // summary.json, where it says something that the tables do not.
 struct RunFigures {
   std::string mode;
@@ -87,6 +102,7 @@ struct RunFigures {
   std::optional<double> realtime_ratio;
   std::optional<double> rate;                   // > 0; of a real-time run: its pace relative to the camera
   std::map<std::string, double> mean_stage_ms;  // of the mapper, a keyframe
+  std::vector<MapMotionRow> motions;            // none: the run did not look for them
 };
 
 struct RunOutput {

@@ -11,6 +11,7 @@
 #include "tools/report/chart_data.h"
 #include "tools/report/html_text.h"
 #include "tools/report/mark_table.h"
+#include "tools/report/motion_table.h"
 #include "tools/report/page_assets.h"
 #include "tools/report/rejections.h"
 
@@ -164,6 +165,14 @@ std::string MarksHtml(const evaluate::RunOutput& run) {
   return html;
 }
 
+std::string MotionHtml(const evaluate::RunOutput& run) {
+  return Paragraph(
+             "Motion along the view that comes again and again, as breathing does. A map cannot tell a wall that moves "
+             "from a scope that does. The amplitude is from the middle to one end. Chance: that a motion without a "
+             "period looks like this somewhere in the path.") +
+         Wide(MakeMotionTable(run));
+}
+
 TextTable EventTable(const evaluate::RunOutput& run) {
   TextTable table;
   table.header = {"event", "details", "frame", "map", "other map"};
@@ -226,6 +235,9 @@ std::string MakePage(const PageContent& content) {
   page += Section("views-section", "Trajectories and map points", ViewsHtml(has_truth, content.meshes));
   if (!content.run.marks.set.empty() || !content.run.marks.refused.empty()) {
     page += Section("marks-section", "Marks", MarksHtml(content.run));
+  }
+  if (!content.run.figures.motions.empty()) {
+    page += Section("motion-section", "Motion between scope and wall", MotionHtml(content.run));
   }
   page += Section("times-section", "Stage times", TimesHtml(e, one));
   page += Section("tables-section", "Tables",

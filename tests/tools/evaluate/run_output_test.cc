@@ -77,6 +77,29 @@ TEST_F(RunOutputTest, PartOfTheSequenceIsRead) {
   EXPECT_THAT(Read().status().message(), HasSubstr("summary.json: every_nth is 0"));
 }
 
+TEST_F(RunOutputTest, MotionsOfScopeAgainstWallAreRead) {
+  EXPECT_TRUE(Read()->figures.motions.empty()) << "of a run that did not look for them";
+  Edit("summary.json", "\"frames\": 30",
+       R"("periodic_motion": [{"map_id": 2, "longest_period_s": 6.5, "found": [
+            {"from_s": 1.5, "to_s": 61.5, "period_s": 3.75, "amplitude_percent": 4.25, "chance": 1e-05}]},
+          {"map_id": 3, "longest_period_s": 0.0, "found": []}], "frames": 30)");
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  ASSERT_EQ(run->figures.motions.size(), 2u);
+  const MapMotionRow& motion = run->figures.motions[0];
+  EXPECT_EQ(motion.map_id, 2);
+  EXPECT_EQ(motion.longest_period_s, 6.5);
+  ASSERT_EQ(motion.found.size(), 1u);
+  EXPECT_EQ(motion.found[0].from_s, 1.5);
+  EXPECT_EQ(motion.found[0].to_s, 61.5);
+  EXPECT_EQ(motion.found[0].period_s, 3.75);
+  EXPECT_EQ(motion.found[0].amplitude_percent, 4.25);
+  EXPECT_EQ(motion.found[0].chance, 1e-5);
+  EXPECT_TRUE(run->figures.motions[1].found.empty());
+  Edit("summary.json", "\"period_s\": 3.75", "\"period_s\": \"long\"");
+  EXPECT_THAT(Read().status().message(), HasSubstr("summary.json: periodic_motion: "));
+}
+
 TEST_F(RunOutputTest, LengthOfTheSequenceAndWhatMapsWereMergedIntoAreRead) {
   Edit("summary.json", "\"frames\": 30", "\"frames\": 30, \"sequence_frames\": 45");
   Edit("maps.csv", "1,stored,-1", "1,merged,2");

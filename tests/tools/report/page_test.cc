@@ -38,6 +38,17 @@ TEST_F(PageTest, EvaluationInThePageIsThatOfEvaluate) {
   EXPECT_EQ(nlohmann::json::parse(ScriptText(page, "evaluation")), nlohmann::json::parse(ToJson(evaluation_)));
 }
 
+TEST_F(PageTest, MotionBetweenScopeAndWallIsShownWhereItWasLookedFor) {
+  EXPECT_THAT(Page(), Not(HasSubstr("motion-section")));
+  run_.figures.motions = {{0, 8.0, {{1.5, 61.5, 3.75, 4.25, 2.5e-5}}}, {1, 5.5, {}}, {2, 0.0, {}}};
+  const std::string page = Page();
+  EXPECT_THAT(page, HasSubstr("<section id=\"motion-section\">"));
+  EXPECT_THAT(page, HasSubstr("<td class=\"left\">to and fro</td><td>0</td><td>3.75</td><td>4.2</td><td>1.5</td>"
+                              "<td>61.5</td><td>2.5e-05</td>"));
+  EXPECT_THAT(page, HasSubstr("<td class=\"left\">none found, up to a period of 5.5 s</td><td>1</td>"));
+  EXPECT_THAT(page, HasSubstr("<td class=\"left\">the path is too short to tell</td><td>2</td>"));
+}
+
 TEST_F(PageTest, FiguresInTheTextAreThoseOfTheJson) {
   const std::string page = Page();
   const nlohmann::json json = nlohmann::json::parse(ToJson(evaluation_));

@@ -26,12 +26,13 @@ struct V4l2Counters {
   std::uint64_t num_stale = 0;      // overtaken by newer ones while the reader was away
   std::uint64_t num_lost = 0;       // gaps in the camera's count
   std::uint64_t num_damaged = 0;    // marked by the driver, cut short, or with a time stamp that is not later
-  std::uint64_t num_unstamped = 0;  // without a kernel time on CLOCK_MONOTONIC
+  std::uint64_t num_unstamped = 0;  // without a kernel time on CLOCK_MONOTONIC, or with one that cannot be
   std::uint64_t num_timeouts = 0;   // calls that ended without a frame
   std::uint64_t num_restarts = 0;   // streams begun again after an error, a changed signal, silence or a replug
 };
 
-// Time stamps are the kernel's, on CLOCK_MONOTONIC. A whole picture that is not halved is given out where the camera
+// Time stamps are the kernel's, on CLOCK_MONOTONIC. One that lies ahead, or before the stream began, is replaced by the
+// time at which the picture was fetched. A whole picture that is not halved is given out where the camera
 // wrote it, in the camera's format, without a copy; the buffer goes back at the next call of Next. Halving gives grey
 // pictures, MJPEG those that ChannelChoice asks for.
 //

@@ -389,6 +389,7 @@ Status V4l2Stream::Start() {
   v4l2_event_subscription subscription{};
   subscription.type = V4L2_EVENT_SOURCE_CHANGE;
   io_.Ioctl(fd_, VIDIOC_SUBSCRIBE_EVENT, &subscription);
+  begin_ = io_.Now();
   int type = static_cast<int>(kCapture);
   if (const int error = io_.Ioctl(fd_, VIDIOC_STREAMON, &type); error < 0) return Failed("VIDIOC_STREAMON", error);
   is_streaming_ = true;
@@ -436,10 +437,14 @@ Result<V4l2Picture> V4l2Stream::TryDequeue() {
   picture.bytes = {static_cast<const std::uint8_t*>(memory.address), num_bytes};
   picture.sequence = buffer.sequence;
   picture.is_damaged = (buffer.flags & V4L2_BUF_FLAG_ERROR) != 0 || num_bytes < format_.min_bytes;
-  picture.is_stamped = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
-  picture.timestamp = picture.is_stamped ? TimePoint(std::chrono::seconds(buffer.timestamp.tv_sec) +
-                                                     std::chrono::microseconds(buffer.timestamp.tv_usec))
-                                         : io_.Now();
+  const TimePoint now = io_.Now();
+  const TimePoint stamp(std::chrono::seconds(buffer.timestamp.tv_sec) +
+                        std::chrono::microseconds(buffer.timestamp.tv_usec));
+  // A stamp from before the stream began, or from the future, is of another clock, whatever the flag says. Once taken,
+  // one that lies ahead would make all pictures too early until the clock gets there.
+  picture.is_stamped = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC &&
+                       stamp >= begin_ && stamp <= now;
+  picture.timestamp = picture.is_stamped ? stamp : now;
   if (format_.rows == Rows::kOneField) {
     const __u32 chosen = options_.field == FieldChoice::kTop ? V4L2_FIELD_TOP : V4L2_FIELD_BOTTOM;
     picture.is_other_field = buffer.field != chosen;

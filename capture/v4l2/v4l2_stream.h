@@ -33,8 +33,8 @@ struct V4l2Picture {
   std::span<const std::uint8_t> bytes;  // what the camera wrote
   std::uint32_t sequence = 0;
   TimePoint timestamp;
-  bool is_stamped = true;       // by the kernel, on CLOCK_MONOTONIC; otherwise the time of the dequeue
-  bool is_damaged = false;      // the driver says so, or bytes are missing
+  bool is_stamped = true;   // by the kernel, on CLOCK_MONOTONIC, since the stream began; else the time of the dequeue
+  bool is_damaged = false;  // the driver says so, or bytes are missing
   bool is_other_field = false;  // cameras that send fields one by one
 };
 
@@ -116,6 +116,7 @@ class V4l2Stream {
   std::string not_imported_;  // why
   std::vector<Buffer> buffers_;
   bool is_streaming_ = false;
+  TimePoint begin_;  // of the stream: no picture is older
   int give_back_error_ = 0;
 };
 

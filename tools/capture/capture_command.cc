@@ -88,7 +88,8 @@ std::string CountsText(const V4l2Counters& counters, std::uint64_t num_frames, d
                      line("left out", counters.num_left_out, " beyond the frame rate") +
                      line("restarts", counters.num_restarts, "");
   if (counters.num_unstamped > 0) {
-    text += line("unstamped", counters.num_unstamped, ": the driver gives no time on CLOCK_MONOTONIC");
+    text += line("unstamped", counters.num_unstamped,
+                 ": the driver gives no time on CLOCK_MONOTONIC, or one that cannot be");
   }
   return text;
 }

@@ -564,6 +564,45 @@ TEST(V4l2Source, DamagedPicturesAreReportedAndPassedOver) {
   EXPECT_EQ(source->counters().num_lost, 0u);
 }
 
+TEST(V4l2Source, AStampAheadOfTheClockCostsOnePictureAtMost) {
+  ScriptedCamera camera;
+  camera.faults[5].stamp_shift = std::chrono::hours(1);
+  const auto source = MustOpen(camera);
+  TimePoint before;
+  int num_frames = 0;
+  for (int i = 0; i < 10; ++i) {
+    const Result<Frame> frame = source->Next(kNoDeadline);
+    if (!frame.ok()) continue;
+    ++num_frames;
+    EXPECT_GT(frame->timestamp, before);
+    EXPECT_LE(frame->timestamp, camera.now);
+    before = frame->timestamp;
+  }
+  EXPECT_GE(num_frames, 9);
+  EXPECT_EQ(source->counters().num_unstamped, 1u);
+}
+
+TEST(V4l2Source, StampsOfAnotherClockAfterAReplugStopNothing) {
+  for (const Duration shift : {-Duration(seconds(500)), Duration(std::chrono::hours(1))}) {
+    ScriptedCamera camera;
+    camera.faults[2].stamp_shift = std::chrono::hours(1);
+    const auto source = MustOpen(camera);
+    for (int i = 0; i < 4; ++i) (void)source->Next(kNoDeadline);
+    camera.is_present = false;
+    EXPECT_FALSE(source->Next(kNoDeadline).ok());
+    camera.is_present = true;
+    for (std::uint32_t i = 0; i < 9; ++i) camera.faults[i].stamp_shift = shift;
+    TimePoint before = camera.now;
+    for (int i = 0; i < 9; ++i) {
+      const Result<Frame> frame = source->Next(kNoDeadline);
+      ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+      EXPECT_GT(frame->timestamp, before);
+      EXPECT_LE(frame->timestamp, camera.now);
+      before = frame->timestamp;
+    }
+  }
+}
+
 TEST(V4l2Source, NextNeverWaitsLongerThanItSays) {
   ScriptedCamera camera;
   const auto source = MustOpen(camera);

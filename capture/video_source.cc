@@ -3,6 +3,7 @@
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
+#include <libavutil/common.h>
 #include <libavutil/imgutils.h>
 #include <libavutil/log.h>
 #include <libswscale/swscale.h>
@@ -31,6 +32,13 @@ using capture::internal::VideoCompanions;
 // The containers that are read. libav knows many more; some of them are lists that name other files and addresses to
 // open.
 constexpr const char* kContainers = "mov,mp4,avi,matroska,mpeg,mpegts,asf";
+
+constexpr AVRational kNanosecond{1, 1'000'000'000};
+// A stamp so far back begins another recording. A smaller step is damage, and costs no more than that much video.
+constexpr std::int64_t kJumpBackNs = 1'000'000'000;
+// Such a pause means nothing to tracking, which has long lost its place, and in real time it would be waited out: hours
+// of it, where the clock is that of another recording.
+constexpr std::int64_t kJumpAheadNs = 10'000'000'000;
 
 struct FormatCloser {
   void operator()(AVFormatContext* format) const { avformat_close_input(&format); }
@@ -79,6 +87,7 @@ class VideoSource final : public FrameSource {
     return NumberedFrameName(options_.first_frame + frame_index * options_.every_nth);
   }
   Result<Frame> Next(TimePoint deadline) override;
+  std::string StampRemark() const;
 
  private:
   VideoSource(std::string path, const SequenceOptions& options)
@@ -89,6 +98,8 @@ class VideoSource final : public FrameSource {
   void CountFrames();
   // Decodes the next picture into picture_; `why` says what is wrong with a lost one.
   Decoded Decode(std::string* why);
+  // From one picture to the next, in nanoseconds; 0: not known.
+  std::int64_t Period() const;
   // Time of picture_, or nothing when it has none or not one after the last.
   std::optional<std::int64_t> TakeStamp();
   Status Convert();
@@ -108,7 +119,10 @@ class VideoSource final : public FrameSource {
   bool is_draining_ = false;
   std::uint32_t next_stored_ = 0;  // of the pictures of the stream, lost ones included
   std::optional<std::int64_t> first_pts_;
+  std::int64_t first_ns_ = 0;  // time of the picture that is stamped first_pts_
   std::int64_t last_stamp_ns_ = -1;
+  std::uint32_t num_jumps_ = 0;
+  std::uint32_t first_jump_ = 0;  // picture of the stream
 
   Deinterlacer deinterlacer_;
   Image mask_;
@@ -224,20 +238,42 @@ Decoded VideoSource::Decode(std::string* why) {
   }
 }
 
+std::int64_t VideoSource::Period() const {
+  const AVRational rate = stream_->avg_frame_rate;
+  return rate.num > 0 && rate.den > 0 ? av_rescale_q(1, av_inv_q(rate), kNanosecond) : 0;
+}
+
 std::optional<std::int64_t> VideoSource::TakeStamp() {
-  constexpr AVRational kNanosecond{1, 1'000'000'000};
   const std::int64_t pts = picture_->best_effort_timestamp;
+  const std::int64_t period_ns = Period();
   if (pts == AV_NOPTS_VALUE) {
     // MPEG streams need not stamp every picture: one without follows at the rate of the stream.
-    const AVRational rate = stream_->avg_frame_rate;
-    if (last_stamp_ns_ < 0 || rate.num <= 0 || rate.den <= 0) return std::nullopt;
-    return last_stamp_ns_ += av_rescale_q(1, av_inv_q(rate), kNanosecond);
+    if (last_stamp_ns_ < 0 || period_ns == 0) return std::nullopt;
+    return last_stamp_ns_ += period_ns;
   }
   if (!first_pts_) first_pts_ = stream_->start_time != AV_NOPTS_VALUE ? std::min(stream_->start_time, pts) : pts;
-  const std::int64_t stamp_ns = av_rescale_q(pts - *first_pts_, stream_->time_base, kNanosecond);
+  // Damaged stamps may be any numbers.
+  std::int64_t stamp_ns =
+      av_sat_add64(first_ns_, av_rescale_q(av_sat_sub64(pts, *first_pts_), stream_->time_base, kNanosecond));
+  const std::int64_t step_ns = av_sat_sub64(stamp_ns, last_stamp_ns_);
+  // Of a stream with few pictures a long step is none.
+  const bool is_jump = step_ns < -kJumpBackNs || step_ns > std::max(kJumpAheadNs, 10 * period_ns);
+  if (is_jump && last_stamp_ns_ >= 0 && period_ns > 0) {
+    if (num_jumps_++ == 0) first_jump_ = next_stored_ - 1;
+    stamp_ns = first_ns_ = last_stamp_ns_ + period_ns;
+    first_pts_ = pts;
+  }
   if (stamp_ns <= last_stamp_ns_) return std::nullopt;
   last_stamp_ns_ = stamp_ns;
   return stamp_ns;
+}
+
+std::string VideoSource::StampRemark() const {
+  if (num_jumps_ == 0) return "";
+  const std::string times =
+      num_jumps_ == 1 ? "once, at frame " : std::to_string(num_jumps_) + " times, first at frame ";
+  return path_ + ": the time stamps jump " + times + std::to_string(first_jump_) +
+         ", as where recordings were joined; the times go on at the rate of the stream";
 }
 
 Status VideoSource::Convert() {
@@ -297,6 +333,11 @@ Result<Frame> VideoSource::Next(TimePoint) {
 }  // namespace
 
 bool HasVideoSupport() { return true; }
+
+std::string StampRemark(const FrameSource& source) {
+  const auto* video = dynamic_cast<const VideoSource*>(&source);
+  return video != nullptr ? video->StampRemark() : std::string();
+}
 
 Result<std::unique_ptr<FrameSource>> OpenVideo(const std::string& path, const SequenceOptions& options) {
   HAUSTRA_TRY(options.RefuseFrameRate(path));

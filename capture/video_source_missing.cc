@@ -5,6 +5,8 @@ namespace haustra {
 
 bool HasVideoSupport() { return false; }
 
+std::string StampRemark(const FrameSource&) { return ""; }
+
 Result<std::unique_ptr<FrameSource>> OpenVideo(const std::string& path, const SequenceOptions&) {
   return Unavailable(path +
                      ": built without video support (FFmpeg's libavformat, libavcodec, libavutil and libswscale)");

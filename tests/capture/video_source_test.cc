@@ -272,6 +272,52 @@ TEST_F(VideoSourceTest, RecordingThatBreaksOffGivesWhatIsThere) {
   EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
 }
 
+// Two recordings in one file, as `cat` joins them: the times of the second begin again.
+TEST_F(VideoSourceTest, JoinedRecordingsGoOnAtTheRateOfTheStream) {
+  constexpr std::uint32_t kNumOfEach = 50;
+  std::vector<Image> frames;
+  for (std::uint32_t i = 0; i < kNumOfEach; ++i) {
+    frames.push_back(FlatImage(64, 48, PixelFormat::kGrey8, static_cast<std::uint8_t>(30 + 3 * i)));
+  }
+  ASSERT_EQ(WriteVideo(folder_.Path("part.ts"), "mpeg2video", 25, frames), "");
+  const std::string part = folder_.Read("part.ts");
+  Result<std::unique_ptr<FrameSource>> source = OpenVideo(folder_.Write("joined.ts", part + part), {});
+  ASSERT_TRUE(source.ok()) << source.status().ToString();
+  for (std::uint32_t i = 0; i < 2 * kNumOfEach; ++i) {
+    const Result<Frame> frame = (*source)->Next(kNoDeadline);
+    ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+    EXPECT_EQ(frame->index, i);
+    EXPECT_EQ(frame->timestamp.time_since_epoch().count(), 40'000'000 * i);
+    EXPECT_NEAR(frame->image.row(24)[3 * 32], Expanded(30 + 3 * static_cast<int>(i % kNumOfEach)), 5.0);
+    EXPECT_EQ(StampRemark(**source).empty(), i < kNumOfEach) << i;
+  }
+  EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
+  EXPECT_THAT(StampRemark(**source), AllOf(HasSubstr("joined.ts"), HasSubstr("jump once, at frame 50")));
+}
+
+// The other way round: the second recording's clock is hours ahead.
+TEST_F(VideoSourceTest, TimesThatJumpFarAheadGoOnAtTheRateOfTheStream) {
+  std::vector<Image> frames;
+  for (int i = 0; i < 10; ++i) frames.push_back(FlatImage(64, 48, PixelFormat::kGrey8, 90));
+  const std::string path = folder_.Path("a.mkv");
+  for (const auto& [gap_s, shown_s] : {std::pair{6, 6.0}, std::pair{7200, 0.04}}) {
+    ASSERT_EQ(WriteVideo(path, "mpeg4", 25, frames, {.frame = 5, .gap_s = gap_s}), "");
+    Result<std::unique_ptr<FrameSource>> source = OpenVideo(path, {});
+    ASSERT_TRUE(source.ok()) << source.status().ToString();
+    TimePoint before;
+    for (std::uint32_t i = 0; i < 10; ++i) {
+      const Result<Frame> frame = (*source)->Next(kNoDeadline);
+      ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+      const double expected_s = i == 5 ? shown_s : 0.04;
+      if (i > 0) {
+        EXPECT_NEAR(ToSeconds(frame->timestamp - before), expected_s, 0.002) << gap_s << " " << i;
+      }
+      before = frame->timestamp;
+    }
+    EXPECT_EQ(StampRemark(**source).empty(), gap_s == 6);
+  }
+}
+
 TEST_F(VideoSourceTest, DamagedRecordingsEndAndKeepTimesIncreasing) {
   std::mt19937 random(3);
   for (const auto& [name, codec] :

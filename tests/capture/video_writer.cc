@@ -29,8 +29,8 @@ struct PacketCloser {
 
 class Writer {
  public:
-  std::string Run(const std::string& path, const std::string& codec_name, int rate_hz,
-                  const std::vector<Image>& frames) {
+  std::string Run(const std::string& path, const std::string& codec_name, int rate_hz, const std::vector<Image>& frames,
+                  const StampGap& gap) {
     const AVCodec* encoder = avcodec_find_encoder_by_name(codec_name.c_str());
     if (encoder == nullptr) return "no encoder " + codec_name;
     AVFormatContext* format = nullptr;
@@ -57,7 +57,9 @@ class Writer {
     if (avformat_write_header(format, nullptr) < 0) return "header not written";
     packet_.reset(av_packet_alloc());
     for (std::size_t i = 0; i < frames.size(); ++i) {
-      if (!Encode(frames[i], static_cast<std::int64_t>(i))) return "frame not encoded";
+      const bool is_after = gap.gap_s > 0 && static_cast<int>(i) >= gap.frame;
+      if (!Encode(frames[i], static_cast<std::int64_t>(i) + (is_after ? gap.gap_s * rate_hz - 1 : 0)))
+        return "frame not encoded";
     }
     if (avcodec_send_frame(codec_.get(), nullptr) < 0 || !WritePackets()) return "not flushed";
     return av_write_trailer(format) < 0 ? "trailer not written" : "";
@@ -99,8 +101,8 @@ class Writer {
 }  // namespace
 
 std::string WriteVideo(const std::string& path, const std::string& codec, int rate_hz,
-                       const std::vector<Image>& grey_frames) {
-  return Writer().Run(path, codec, rate_hz, grey_frames);
+                       const std::vector<Image>& grey_frames, const StampGap& gap) {
+  return Writer().Run(path, codec, rate_hz, grey_frames, gap);
 }
 
 }  // namespace haustra

@@ -14,6 +14,7 @@
 #include "capture/dataset/sequence_listing.h"
 #include "capture/open_sequence.h"
 #include "capture/v4l2/v4l2_options.h"
+#include "capture/video_source.h"
 #include "engine/engine.h"
 #include "platform/assemble.h"
 #include "platform/atlas_file.h"
@@ -309,6 +310,8 @@ int Run(const RunArguments& arguments) {
                                              : RunSequential(**source, engine, clock, record, stop_requested, marks);
   marks.Finish();
   progress.Finish(record);
+  const std::string remark = StampRemark(**source);
+  if (!remark.empty()) console::Warn(kRunCommand, "%s", remark.c_str());
   if (stop_requested && !is_live) {
     console::Warn(kRunCommand, "stopped after %zu frames; what was mapped until then is written",
                   record.frames().size());

@@ -11,6 +11,9 @@
 namespace haustra::capture::internal {
 namespace {
 
+// Keys are looked up one by one. Settings files with parameters of a whole system have about a hundred.
+constexpr std::size_t kMaxKeys = 500;
+
 std::string Joined(const std::vector<std::string_view>& words) {
   std::string text;
   for (const std::string_view word : words) {
@@ -65,6 +68,10 @@ Result<YamlMap> YamlMap::FromNode(std::string path, std::string prefix, const YA
       map.prefix_.empty() ? "the file" : Concat("'", map.prefix_.substr(0, map.prefix_.size() - 1), "'");
   if (!node.IsDefined() || node.IsNull()) return InvalidArgument(here + what + " is empty");
   if (!node.IsMap()) return InvalidArgument(here + what + " is not a map of keys and values");
+  if (node.size() > kMaxKeys) {
+    return InvalidArgument(here + what + " has " + std::to_string(node.size()) + " keys; a calibration has at most " +
+                           std::to_string(kMaxKeys));
+  }
   for (const auto& item : node) {
     const int entry_line = LineOf(item.first.Mark(), line);
     if (!item.first.IsScalar()) return InvalidArgument(AtLine(map.path_, entry_line) + ": a key must be a plain word");

@@ -17,7 +17,7 @@ namespace haustra::capture::internal {
 class YamlMap {
  public:
   // The file's top-level map. A first line `%YAML:1.0`, as OpenCV writes it, is not YAML but is let through.
-  // kInvalidArgument: a syntax error, not a map, or a key that comes twice.
+  // kInvalidArgument: a syntax error, not a map, a key that comes twice, or more than 500 keys in one map.
   static Result<YamlMap> Parse(const std::string& path, std::string text);
 
   // Only these keys may be there; the message suggests the nearest of them.

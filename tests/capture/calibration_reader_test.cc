@@ -335,6 +335,13 @@ TEST_F(CalibrationReaderTest, KeyThatComesTwiceIsRefused) {
               HasSubstr("calib.yaml:15: 'Camera.fx' was given before, in line 3"));
 }
 
+// What is compared with each other is bounded, whatever a file holds.
+TEST_F(CalibrationReaderTest, FileOfVeryManyKeysIsRefused) {
+  std::string text(kSmallCalibration);
+  for (int i = 0; i < 2000; ++i) text += "k" + std::to_string(i) + ": 1\n";
+  EXPECT_THAT(MessageOf(text), HasSubstr("calib.yaml: the file has 2013 keys; a calibration has at most 500"));
+}
+
 TEST_F(CalibrationReaderTest, UnknownModelIsRefused) {
   EXPECT_THAT(MessageOf(Replaced(kSmallCalibration, "KannalaBrandt8", "Mei")),
               HasSubstr("calib.yaml:2: 'Camera.type' is 'Mei'; known: KannalaBrandt8, PinHole"));

@@ -16,7 +16,7 @@ TimePoint SignOfTracking(const Heartbeat& beat, TimePoint now, Duration work_lim
 
 struct SignsOfLife {
   TimePoint tracking;  // beats many times a second, with or without frames
-  TimePoint capture;   // whenever the source answered: a frame, or that there is none
+  TimePoint capture;   // whenever the source answered (a frame, or that there is none), and while a frame is not due
   TimePoint mapping;   // between two steps
   TimePoint merging;   // when it owed mapping no answer
 };

@@ -109,6 +109,7 @@ void Procedure::Run() {
   options.rate = config_.source.rate;
   options.rt = config_.engine.rt;
   options.heartbeat = &tracking_beat_;
+  options.capture_heartbeat = &capture_beat_;
   options.hooks = this;
   options.device = watched_.get();
   const Result<SessionSummary> summary = RunRealTime(*source_, *engine_, context_.clock, options, *this, stop_);
@@ -149,7 +150,8 @@ std::optional<Status> Procedure::ended() const {
 SignsOfLife Procedure::signs() const {
   const TimePoint tracking =
       SignOfTracking(tracking_beat_, context_.clock.Now(), std::chrono::milliseconds(config_.watchdog.work_limit_ms));
-  return {tracking, source_->last_answer(), mapping_beat_.last(), merging_beat_.last()};
+  const TimePoint capture = std::max(source_->last_answer(), capture_beat_.last());
+  return {tracking, capture, mapping_beat_.last(), merging_beat_.last()};
 }
 
 ProcedureCounts Procedure::counts() const {

@@ -129,6 +129,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   std::thread thread_;
   std::atomic<bool> stop_{false};
   Heartbeat tracking_beat_;
+  Heartbeat capture_beat_;  // while a frame is not due; the source tells of the rest
   Heartbeat mapping_beat_;
   Heartbeat merging_beat_;  // by the mapping thread, which waits for its answers
   std::atomic<std::int64_t> snapshot_interval_ns_{0};

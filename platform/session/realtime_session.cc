@@ -62,6 +62,7 @@ class RealTimeSession {
         period_(PeriodOf(source.calibration().rate_hz, rate_)),
         budget_(BudgetOf(engine.config().scheduler.deadline_ms, period_)),
         heartbeat_(options.heartbeat),
+        capture_heartbeat_(options.capture_heartbeat),
         hooks_(options.hooks),
         device_(options.device),
         requires_realtime_(options.rt.enabled && options.rt.require),
@@ -239,6 +240,7 @@ class RealTimeSession {
   TimePoint SleepUntil(TimePoint due, const std::atomic<bool>& stop) const {
     for (TimePoint now = clock_.Now(); now < due; now = clock_.Now()) {
       if (stop.load(std::memory_order_relaxed)) return now;
+      if (capture_heartbeat_ != nullptr) capture_heartbeat_->Beat(now);
       std::this_thread::sleep_for(std::min(due - now, kLongestWait));
     }
     return due;
@@ -409,6 +411,7 @@ class RealTimeSession {
   const Duration period_;  // between two frames
   const Duration budget_;  // from due time to deadline
   Heartbeat* const heartbeat_;
+  Heartbeat* const capture_heartbeat_;
   SessionHooks* const hooks_;
   const WatchedVisionDevice* const device_;
   const bool requires_realtime_;

@@ -105,6 +105,9 @@ struct RealTimeOptions {
   // Beats on the tracking thread while the session runs and the vision device answers; may be null. Outlives the
   // session.
   Heartbeat* heartbeat = nullptr;
+  // Beats on the capture thread while it waits for the time at which a frame is due: a recording may have a long pause,
+  // and the source is not asked meanwhile. May be null. Outlives the session.
+  Heartbeat* capture_heartbeat = nullptr;
   SessionHooks* hooks = nullptr;  // may be null; outlives the session
   // The engine's device, when its faults are to end the session; may be null. Outlives the session.
   const WatchedVisionDevice* device = nullptr;

@@ -152,6 +152,19 @@ TEST_F(DaemonDevice, PicturesOfACrashAreWipedAlsoWhenNoneAreToBePublished) {
   haustra_depth_close(&table);
 }
 
+// Four seconds from frame to frame.
+TEST_F(DaemonDevice, RecordingWithPausesLongerThanTheWatchdogWaitsCostsNoWorker) {
+  RecordProperty("req", "DMN-010");
+  config_.source.rate = 0.01;
+  config_.watchdog.capture_limit_ms = 1500;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  script_->num_extractions = 0;
+  ASSERT_EQ(Ask("begin case-1"), "procedure 1\n");
+  EXPECT_TRUE(Until([&] { return script_->num_extractions >= 2 || has_ended_; }));
+  EXPECT_EQ(script_->num_devices, 1);
+  EXPECT_FALSE(has_ended_);
+}
+
 TEST_F(DaemonDevice, LostDeviceCostsAWorkerAndTheProcedureGoesOn) {
   RecordProperty("req", "DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());

@@ -361,6 +361,25 @@ class LiveSource final : public FrameSource {
   std::vector<TimePoint>* stamps_;
 };
 
+// Who watches the capture thread sees that it lives.
+TEST(RealTimeSession, CaptureShowsThatItLivesWhileAFrameIsNotDue) {
+  ScriptedColon colon;
+  colon.SetPeriod(std::chrono::seconds(1));
+  colon.Occlude(2);
+  Heartbeat heartbeat;
+  std::vector<std::uint64_t> beats;  // before each call of Next
+  HookedSource source(colon.source(), [&](int) { beats.push_back(heartbeat.count()); });
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  RealTimeOptions options;
+  options.capture_heartbeat = &heartbeat;
+  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), options, observer, test::kNeverStop).ok());
+  ASSERT_EQ(beats.size(), 3u);
+  EXPECT_EQ(beats[1], beats[0]) << "the first frame is due at once";
+  EXPECT_GE(beats[2], beats[1] + 2) << "the second one a second later";
+  EXPECT_GT(heartbeat.last(), TimePoint{});
+}
+
 TEST(RealTimeSession, LatencyOfALiveCameraCountsFromItsStamps) {
   ScriptedColon colon;
   colon.config().scheduler.deadline_ms = 20;

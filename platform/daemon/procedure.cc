@@ -224,7 +224,7 @@ void Procedure::PublishMatches(const FrameResult& result) {
                                 count > 0 ? static_cast<std::uint32_t>(result.num_inliers) : 0);
 }
 
-// A fraction of a millisecond, ten times a second, in the time that capture has until the next frame.
+// A fraction of a millisecond, ten times a second, when tracking has the frame: in the time until the next one.
 void Procedure::PublishPicture(const Frame& frame) {
   const TimePoint now = context_.clock.Now();
   if (now < next_picture_ || stop_.load(std::memory_order_relaxed)) return;

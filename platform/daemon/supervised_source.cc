@@ -22,6 +22,7 @@ SupervisedSource::SupervisedSource(std::unique_ptr<FrameSource> inner, const Clo
 
 void SupervisedSource::Begin() {
   begin_ = last_frame_ = clock_.Now();
+  shown_.reset();
   Answered();
 }
 
@@ -30,6 +31,10 @@ void SupervisedSource::Answered() {
 }
 
 Result<Frame> SupervisedSource::Next(TimePoint deadline) {
+  if (shown_) {
+    witness_(*shown_);
+    shown_.reset();
+  }
   for (bool is_first = true; !stop_.load(std::memory_order_relaxed); is_first = false) {
     if (!is_first && clock_.Now() >= deadline) return Status(StatusCode::kDeadlineExceeded);
     if (signal() == SignalState::kOver) {
@@ -46,7 +51,7 @@ Result<Frame> SupervisedSource::Next(TimePoint deadline) {
         if (is_live() && frame->timestamp < begin_) continue;
         last_frame_ = now;
         signal_.store(SignalState::kFrames, std::memory_order_relaxed);
-        if (witness_) witness_(*frame);
+        if (witness_) shown_ = *frame;
         return frame;
       case StatusCode::kNotFound: signal_.store(SignalState::kOver, std::memory_order_relaxed); continue;
       case StatusCode::kUnavailable:

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include "hal/clock.h"
@@ -32,7 +33,8 @@ class SupervisedSource final : public FrameSource {
   // without a whole one between them for half a second are no signal.
   Result<Frame> Next(TimePoint deadline) override;
 
-  // Before the first Next: called with every frame, on the capture thread, before anybody else has it.
+  // Before the first Next: called with every frame, on the capture thread, at the begin of the Next after it. By then
+  // the frame has been handed on, and its picture is still valid.
   void SetWitness(std::function<void(const Frame&)> witness) { witness_ = std::move(witness); }
 
   // Before the first Next: frames count from now.
@@ -50,6 +52,7 @@ class SupervisedSource final : public FrameSource {
   std::unique_ptr<FrameSource> inner_;
   const Clock& clock_;
   std::function<void(const Frame&)> witness_;
+  std::optional<Frame> shown_;  // that the witness has not seen
   TimePoint begin_;
   TimePoint last_frame_;
   std::atomic<bool> stop_{false};

@@ -12,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "hal/fakes/frame_tag.h"
 #include "hal/fakes/manual_clock.h"
 #include "hal/fakes/scripted_frame_source.h"
 #include "platform/clock/system_clock.h"
@@ -403,6 +404,29 @@ TEST(SupervisedSource, FramesFromBeforeTheProcedureAreThrownAway) {
   const Result<Frame> frame = source.Next(kNoDeadline);
   ASSERT_TRUE(frame.ok());
   EXPECT_EQ(frame->index, 2u);
+}
+
+// What a witness takes its time for must not make a frame late.
+TEST(SupervisedSource, WitnessSeesAFrameWhenItHasBeenHandedOver) {
+  ManualClock clock(TimePoint(seconds(10)));
+  auto inner = std::make_unique<ScriptedFrameSource>(SmallCamera());
+  inner->AddFrames(2, TimePoint{}, milliseconds(40));
+  SupervisedSource source(std::move(inner), clock);
+  std::vector<std::uint32_t> seen;
+  source.SetWitness([&](const Frame& frame) {
+    EXPECT_EQ(ReadFrameTag(frame.image), frame.index) << "it is the picture of this frame";
+    seen.push_back(frame.index);
+    clock.Advance(milliseconds(20));
+  });
+  const TimePoint begin = clock.Now();
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  EXPECT_EQ(clock.Now(), begin);
+  EXPECT_EQ(seen, std::vector<std::uint32_t>{});
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  EXPECT_EQ(seen, std::vector<std::uint32_t>{0});
+  source.RequestStop();
+  EXPECT_EQ(source.Next(kNoDeadline).code(), StatusCode::kNotFound);
+  EXPECT_EQ(seen, (std::vector<std::uint32_t>{0, 1}));
 }
 
 TEST(SupervisedSource, RecordingThatIsOverWaitsForTheStopAndShowsThatItLives) {

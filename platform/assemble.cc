@@ -48,9 +48,9 @@ int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode) {
 }
 
 int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode, int num_processors) {
-  if (asked > 0) return asked;
   const bool leaves_one = mode == Engine::Mode::kRealTime && config.rt.enabled;
-  return std::max(1, leaves_one ? num_processors - 1 : num_processors);
+  const int num_free = leaves_one ? num_processors - 1 : num_processors;
+  return std::clamp(asked > 0 ? asked : num_free, 1, kMaxCpuVisionThreads);
 }
 
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const EngineConfig& config,
@@ -61,7 +61,8 @@ Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, 
 Result<std::unique_ptr<VisionDevice>> CreateVisionDevice(std::string_view name, const VisionPlan& plan,
                                                          const ExtractOptions& options, int num_threads) {
   if (name == "cpu") {
-    return CreateCpuVisionDevice(plan, options, num_threads > 0 ? num_threads : NumProcessors());
+    return CreateCpuVisionDevice(plan, options,
+                                 num_threads > 0 ? num_threads : std::min(NumProcessors(), kMaxCpuVisionThreads));
   }
   if (name == "cuda") {
 #ifdef HAUSTRA_HAVE_CUDA

@@ -19,7 +19,7 @@ std::string_view ResolveVisionDevice(std::string_view name);
 
 // Threads of the CPU device: as many as were asked for; 0: one for each processor that this process may use. Those that
 // help tracking have its priority: in real time with rt.enabled one processor is left to mapping and all others, which
-// would wait for ever where frames take all the time there is. At least one.
+// would wait for ever where frames take all the time there is. At least one, and no more than the device takes.
 int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode);
 // The same on a machine of so many processors.
 int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode, int num_processors);

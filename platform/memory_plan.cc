@@ -39,8 +39,8 @@ Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibratio
   MemoryPlan plan = Engine::PlanMemory(config, calibration.width_px, calibration.height_px);
   const VisionPlan vision = Engine::PlanFor(config, calibration);
   if (device == "cpu") {
-    const int threads =
-        num_threads > 0 ? num_threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    const int num_processors = static_cast<int>(std::thread::hardware_concurrency());
+    const int threads = num_threads > 0 ? num_threads : std::clamp(num_processors, 1, kMaxCpuVisionThreads);
     plan.Append(PlanCpuVisionDevice(vision, Engine::ExtractOptionsFor(config), threads));
   } else if (device == "cuda") {
 #ifdef HAUSTRA_HAVE_CUDA

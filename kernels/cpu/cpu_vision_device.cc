@@ -18,7 +18,6 @@ namespace haustra {
 namespace kernels {
 namespace {
 
-constexpr int kMaxThreads = 64;
 constexpr std::uint64_t kNumLanes = static_cast<std::uint64_t>(Lane::kNumLanes);
 
 class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
@@ -288,8 +287,9 @@ Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& pl
                                                             int num_threads, kernels::SimdLevel level) {
   HAUSTRA_TRY(kernels::CheckPlan(plan));
   HAUSTRA_TRY(kernels::CheckExtractOptions(options, plan));
-  if (num_threads < 1 || num_threads > kernels::kMaxThreads) {
-    return InvalidArgument("num_threads = " + std::to_string(num_threads) + " is out of range, must be in [1, 64]");
+  if (num_threads < 1 || num_threads > kMaxCpuVisionThreads) {
+    return InvalidArgument("num_threads = " + std::to_string(num_threads) + " is out of range, must be in [1, " +
+                           std::to_string(kMaxCpuVisionThreads) + "]");
   }
   if (!kernels::IsSupported(level)) {
     return Unavailable("this processor has no " + std::string(kernels::ToString(level)));

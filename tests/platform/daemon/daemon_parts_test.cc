@@ -82,6 +82,13 @@ TEST(DaemonConfig, TypingErrorsAreRefusedWithTheirPlace) {
   EXPECT_NE(loaded.status().message().find("did you mean checkpoint.interval_s"), std::string::npos);
 }
 
+TEST(DaemonConfig, AsManyThreadsAsTheDeviceTakesAreInRange) {
+  EXPECT_TRUE(LoadDaemonConfig("", {"vision.threads=64"}).ok());
+  const auto refused = LoadDaemonConfig("", {"vision.threads=100"});
+  ASSERT_FALSE(refused.ok());
+  EXPECT_NE(refused.status().message().find("64"), std::string::npos) << refused.status().message();
+}
+
 TEST(DaemonConfig, DepthIsPublishedOnlyWhereItIsSearched) {
   const auto refused = LoadDaemonConfig("", {"publish.depth=true"});
   ASSERT_EQ(refused.code(), StatusCode::kInvalidArgument);

@@ -130,6 +130,15 @@ TEST(VisionThreads, LeaveAProcessorToMappingInRealTime) {
   EXPECT_EQ(NumVisionThreads(0, config, kRealTime, 8), 8);
 }
 
+// A machine with more processors than the device takes threads is no reason not to start.
+TEST(VisionThreads, AreNoMoreThanTheDeviceTakes) {
+  EngineConfig config;
+  for (const auto mode : {Engine::Mode::kRealTime, Engine::Mode::kSequential}) {
+    EXPECT_EQ(NumVisionThreads(0, config, mode, 128), 64);
+    EXPECT_EQ(NumVisionThreads(100, config, mode, 128), 64);
+  }
+}
+
 TEST(MemoryPlan, CoversEngineDeviceAndSession) {
   const EngineConfig config;
   const CameraCalibration camera = test::ColonCalibration();

@@ -174,7 +174,7 @@ TEST_F(UsageErrorTest, OptionThatIsNoneIsNamedBeforeWhatIsMissing) {
 
 TEST_F(UsageErrorTest, ValueThatIsNotAllowedIsNamedWithWhatIs) {
   EXPECT_EQ(FirstLine("run seq --device gpu"), "haustra run: --device: 'gpu' is none of auto,cpu,cuda");
-  EXPECT_EQ(FirstLine("run seq --threads 300"), "haustra run: --threads: '300' is not a number from 0 to 256");
+  EXPECT_EQ(FirstLine("run seq --threads 300"), "haustra run: --threads: '300' is not a number from 0 to 64");
   EXPECT_EQ(FirstLine("latency --seconds 0"), "haustra latency: --seconds: '0' is not a number from 0.1 to 86400");
   EXPECT_EQ(FirstLine("control status --timeout long"),
             "haustra control: --timeout: 'long' is not a number from 0.1 to 3600");

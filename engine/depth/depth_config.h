@@ -12,7 +12,7 @@ struct DepthConfig {
   // keyframe at 8 and 480x360, longer than from one keyframe to the next of a moving scope: some have no depth then.
   int step_px = 4;
   int iterations = 5;   // of the search [1, 20]
-  int max_sources = 8;  // keyframes that one is compared with [1, 12]
+  int max_sources = 6;  // keyframes that one is compared with [1, 12]
   // Of the newest keyframes, whole and grey, on the host [4, 200]. Older keyframes are not compared with.
   int kept_pictures = 24;
   // That come after one before its depth is searched [0, 100]: they show its wall from nearer and from the other side,

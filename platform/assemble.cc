@@ -47,6 +47,8 @@ int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode) {
   return NumVisionThreads(asked, config, mode, NumProcessors());
 }
 
+int MaxVisionThreads() { return kMaxCpuVisionThreads; }
+
 int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode, int num_processors) {
   const bool leaves_one = mode == Engine::Mode::kRealTime && config.rt.enabled;
   const int num_free = leaves_one ? num_processors - 1 : num_processors;

@@ -23,6 +23,8 @@ std::string_view ResolveVisionDevice(std::string_view name);
 int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode);
 // The same on a machine of so many processors.
 int NumVisionThreads(int asked, const EngineConfig& config, Engine::Mode mode, int num_processors);
+// The most that the CPU device takes.
+int MaxVisionThreads();
 
 // "cpu" or "cuda". kUnavailable when this build or this machine does not have it. num_threads: of the CPU device,
 // 0 means one for each core.

@@ -5,7 +5,7 @@
 #include <type_traits>
 #include <utility>
 
-#include "kernels/cpu/cpu_vision_device.h"
+#include "platform/assemble.h"
 #include "platform/config/engine_config_table.h"
 
 namespace haustra {
@@ -46,9 +46,9 @@ std::vector<ConfigField> DaemonConfigFields() {
 
   add(BindChoice<&C::vision, &VisionConfig::device>("vision.device", {"cpu", "cuda"}, "what extracts and matches",
                                                     kRestart));
-  add(BindField<&C::vision, &VisionConfig::threads>("vision.threads", {0, kMaxCpuVisionThreads}, "threads",
-                                                    "of the CPU device; 0: one a core, one less with rt.enabled",
-                                                    kRestart));
+  add(BindField<&C::vision, &VisionConfig::threads>(
+      "vision.threads", {0, static_cast<double>(MaxVisionThreads())}, "threads",
+      "of the CPU device; 0: one a core, one less with rt.enabled", kRestart));
   add(BindField<&C::vision, &VisionConfig::answer_limit_ms>("vision.answer_limit_ms", {50, 600000}, "ms",
                                                             "without an answer: the vision device hangs", kRestart));
 

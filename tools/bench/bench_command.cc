@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "kernels/cpu/cpu_vision_device.h"
 #include "tools/bench/vision_bench.h"
 #include "tools/command/console.h"
 #include "tools/exit_codes.h"
@@ -15,7 +16,8 @@ void AddBenchCommand(CLI::App& app, std::function<int()>& action) {
   const auto options = std::make_shared<VisionBenchOptions>();
   vision->add_option("IMAGE", options->image_path, "PNG or JPEG file")->required();
   vision->add_option("--device", options->device, "cpu or cuda")->capture_default_str();
-  vision->add_option("--threads", options->num_threads, "Threads of the CPU device")->check(CLI::Range(1, 64));
+  vision->add_option("--threads", options->num_threads, "Threads of the CPU device")
+      ->check(CLI::Range(1, kMaxCpuVisionThreads));
   vision->add_option("--features", options->num_features, "Features to extract")->check(CLI::Range(1, 100'000));
   vision->add_option("--repeats", options->repeats, "Repeats of each measurement")->check(CLI::Range(1, 1'000'000));
   vision

@@ -2,7 +2,6 @@
 
 #include <CLI/CLI.hpp>
 
-#include "kernels/cpu/cpu_vision_device.h"
 #include "platform/assemble.h"
 
 namespace haustra {
@@ -25,7 +24,7 @@ void AddDeviceOption(CLI::App& command, std::string& device) {
 void AddDeviceOptions(CLI::App& command, std::string& device, int& threads) {
   AddDeviceOption(command, device);
   command.add_option("--threads", threads, "Threads of the CPU device, 0: one a core, in real time one less")
-      ->check(CLI::Range(0, kMaxCpuVisionThreads))
+      ->check(CLI::Range(0, MaxVisionThreads()))
       ->capture_default_str();
 }
 

@@ -16,26 +16,10 @@ except ImportError:
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools" / "benchmarks"))
 import depth_peers  # noqa: E402
+from textured_ball import noise, range_inside_ball  # noqa: E402
 
-WIDTH, HEIGHT, FOCAL, RADIUS = 200, 160, 110.0, 5.0
+WIDTH, HEIGHT, FOCAL = 200, 160, 110.0
 CAMERAS = f"# cameras\n1 OPENCV_FISHEYE {WIDTH} {HEIGHT} {FOCAL} {FOCAL} 100 80.5 -0.03 0.006 -0.002 0.0003\n"
-
-
-def noise(points, seed):
-    """Smooth noise of space: random values at whole coordinates, between them linear."""
-    values = np.random.default_rng(seed).random((32, 32, 32))
-    low = np.floor(points).astype(int)
-    part = points - low
-    total = 0
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(np.array(corner), part, 1 - part), axis=-1)
-        total = total + weight * values[tuple(((low + corner) % 32)[..., i] for i in range(3))]
-    return total
-
-
-def range_inside_ball(place, rays):
-    along = rays @ place
-    return -along + np.sqrt(along**2 - place @ place + RADIUS**2)
 
 
 class DepthPeersTest(unittest.TestCase):

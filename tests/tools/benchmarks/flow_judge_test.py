@@ -16,6 +16,7 @@ except ImportError:
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools" / "benchmarks"))
 import flow_judge  # noqa: E402
+from textured_ball import noise, range_inside_ball  # noqa: E402
 
 WIDTH, HEIGHT, FOCAL, FRAMES = 200, 160, 110.0, 40
 GAP = range(20, 25)  # frames without a pose
@@ -43,25 +44,11 @@ def true_pose(frame):
     return rotation((0.3, 1, 0.2), 0.4 * frame), np.array([0.05, 0.02, 0.03]) * frame
 
 
-def noise(points, seed):
-    """Smooth noise of space: random values at whole coordinates, between them linear."""
-    values = np.random.default_rng(seed).random((32, 32, 32))
-    low = np.floor(points).astype(int)
-    part = points - low
-    total = 0
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(np.array(corner), part, 1 - part), axis=-1)
-        total = total + weight * values[tuple(((low + corner) % 32)[..., i] for i in range(3))]
-    return total
-
-
 def picture(camera, pose):
-    """A ball of radius 5 around the origin, seen from inside."""
+    """Of the textured ball."""
     x, y = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
     rays = camera.rays(np.stack([x.ravel(), y.ravel()], 1)) @ pose[0].T
-    along = rays @ pose[1]
-    depth = -along + np.sqrt(along ** 2 - pose[1] @ pose[1] + 25)
-    points = pose[1] + rays * depth[:, None]
+    points = pose[1] + rays * range_inside_ball(pose[1], rays)[:, None]
     grey = 60 + 90 * noise(3 * points + 50, 1) + 60 * noise(8 * points + 50, 2)
     return grey.reshape(HEIGHT, WIDTH).astype(np.uint8)
 

@@ -18,10 +18,11 @@ struct DepthOptions {
   // The cost is the mean over the sources that match best: a wall that a fold hides from half of them is still seen.
   int best_sources = 3;  // [1, max_sources]
   // Noise of the grey values, > 0. Windows whose contrast is of this size do not correlate.
-  double noise_grey = 2.5;
-  // Cost of a step between neighbouring cells, against the correlation of [-1, 1]; >= 0. 0.4: a wall with little
-  // texture goes on as a plane, and an edge with texture on both sides still breaks.
-  double smoothness = 0.4;
+  double noise_grey = 0.7;
+  // Cost of a step between neighbouring cells, against the correlation of [-1, 1]; >= 0. With less a wall of little
+  // texture falls apart, with more folds become lower than they are
+  // (engine/surface/decisions/2026-11-27-folds-were-smoothed-away.md).
+  double smoothness = 0.25;
   // Relative step that costs all of it, > 0.
   double smooth_step = 0.03;
   // Less angle than this between the rays of reference and source says nothing, degrees, (0, 30).

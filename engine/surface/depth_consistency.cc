@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <vector>
 
 #include "hal/core/check.h"
 
@@ -17,48 +18,161 @@ int NearestCell(const DepthMap& map, int step_px, const Eigen::Vector2d& pixel) 
   return static_cast<int>(y) * map.width() + static_cast<int>(x);
 }
 
+// What other keyframes say of a claimed point.
+struct Testimony {
+  int agreeing = 0;
+  int seeing_through = 0;
+  // Inverse ranges in the claiming keyframe by those that agree, each times its confidence.
+  double sum = 0.0;
+  double weight = 0.0;
+};
+
+// Asks keyframes about points on rays of one of them.
+class Hearing {
+ public:
+  Hearing(const CameraModel& camera, int step_px, const SE3& cam_from_map, std::span<const PosedDepth> others,
+          const ConsistencyOptions& options)
+      : camera_(camera),
+        step_px_(step_px),
+        cam_from_map_(cam_from_map),
+        map_from_cam_(cam_from_map.Inverse()),
+        others_(others),
+        options_(options) {}
+
+  // False: the camera model has no ray there.
+  bool BearingOf(int width, int cell, Eigen::Vector3d* bearing) const {
+    return camera_.Unproject({CellCentrePx(cell % width, step_px_), CellCentrePx(cell / width, step_px_)}, bearing);
+  }
+
+  Testimony Ask(const Eigen::Vector3d& bearing, double range) const {
+    const Eigen::Vector3d point_in_map = map_from_cam_ * Eigen::Vector3d(range * bearing);
+    Testimony testimony;
+    for (const PosedDepth& other : others_) {
+      const Eigen::Vector3d point_in_other = other.cam_from_map * point_in_map;
+      Eigen::Vector2d pixel;
+      if (!camera_.Project(point_in_other, &pixel)) continue;
+      const int cell = NearestCell(*other.depth, step_px_, pixel);
+      if (cell < 0 || !IsKnown(*other.depth, cell)) continue;
+      const double expected = point_in_other.norm(), seen = other.depth->range_mu(cell);
+      if (seen > (1.0 + options_.seen_through) * expected) ++testimony.seeing_through;
+      if (std::abs(seen - expected) > options_.tolerance * expected) continue;
+      ++testimony.agreeing;
+      // What the other one saw, as a range of this one: the point moves along the other's ray.
+      const Eigen::Vector3d moved_in_other = point_in_other * (seen / expected);
+      const Eigen::Vector3d moved = cam_from_map_ * (other.cam_from_map.Inverse() * moved_in_other);
+      const double moved_range = moved.dot(bearing);
+      if (!(moved_range > 0.5 * range)) continue;
+      testimony.sum += other.depth->confidence(cell) / moved_range;
+      testimony.weight += other.depth->confidence(cell);
+    }
+    return testimony;
+  }
+
+  bool IsKnown(const DepthMap& depth, int cell) const {
+    return depth.has_depth(cell) && depth.confidence(cell) >= options_.min_confidence;
+  }
+  // num_claiming: keyframes that are not asked and agree.
+  bool Stands(const Testimony& testimony, int num_claiming) const {
+    return testimony.seeing_through <= options_.max_seeing_through * (testimony.agreeing + num_claiming);
+  }
+
+ private:
+  const CameraModel& camera_;
+  const int step_px_;
+  const SE3& cam_from_map_;
+  const SE3 map_from_cam_;
+  const std::span<const PosedDepth> others_;
+  const ConsistencyOptions& options_;
+};
+
+double NearestRange(const DepthMap& depth) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < depth.num_cells(); ++i) {
+    if (depth.has_depth(i)) nearest = std::min(nearest, depth.range_mu(i));
+  }
+  return nearest;
+}
+
+// A range that another keyframe's wall has in a cell of this one.
+struct CarriedRange {
+  int cell = 0;
+  double range_mu = 0.0;
+  int confidence = 0;
+};
+
+// By cell, then from near to far.
+std::vector<CarriedRange> CarryRanges(const CameraModel& camera, int step_px, const PosedDepth& reference,
+                                      std::span<const PosedDepth> others, std::span<const std::uint8_t> shows_scene) {
+  std::vector<CarriedRange> carried;
+  for (const PosedDepth& other : others) {
+    const SE3 reference_from_other = reference.cam_from_map * other.cam_from_map.Inverse();
+    const int width = other.depth->width();
+    for (int i = 0; i < other.depth->num_cells(); ++i) {
+      Eigen::Vector3d bearing;
+      if (!other.depth->has_depth(i) ||
+          !camera.Unproject({CellCentrePx(i % width, step_px), CellCentrePx(i / width, step_px)}, &bearing)) {
+        continue;
+      }
+      const Eigen::Vector3d point = reference_from_other * Eigen::Vector3d(other.depth->range_mu(i) * bearing);
+      Eigen::Vector2d pixel;
+      if (!camera.Project(point, &pixel)) continue;
+      const int cell = NearestCell(*reference.depth, step_px, pixel);
+      if (cell < 0 || shows_scene[cell] == 0 || reference.depth->has_depth(cell)) continue;
+      carried.push_back({cell, point.norm(), other.depth->confidence(i)});
+    }
+  }
+  std::sort(carried.begin(), carried.end(), [](const CarriedRange& a, const CarriedRange& b) {
+    if (a.cell != b.cell) return a.cell < b.cell;
+    return a.range_mu != b.range_mu ? a.range_mu < b.range_mu : a.confidence < b.confidence;
+  });
+  return carried;
+}
+
 }  // namespace
 
 int CheckDepth(const CameraModel& camera, int step_px, const PosedDepth& reference, std::span<const PosedDepth> others,
                const ConsistencyOptions& options, DepthMap* checked) {
   const DepthMap& own = *reference.depth;
   HAUSTRA_CHECK(checked != reference.depth && checked->width() == own.width() && checked->height() == own.height());
-  double nearest = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < own.num_cells(); ++i) {
-    if (own.has_depth(i)) nearest = std::min(nearest, own.range_mu(i));
-  }
+  const double nearest = NearestRange(own);
   checked->Clear(std::isfinite(nearest) ? nearest / (1.0 + 2.0 * options.tolerance) : 1.0);
-  const SE3 map_from_reference = reference.cam_from_map.Inverse();
+  const Hearing hearing(camera, step_px, reference.cam_from_map, others, options);
   int count = 0;
   for (int i = 0; i < own.num_cells(); ++i) {
-    if (!own.has_depth(i) || own.confidence(i) < options.min_confidence) continue;
-    const int x = i % own.width(), y = i / own.width();
     Eigen::Vector3d bearing;
-    if (!camera.Unproject({CellCentrePx(x, step_px), CellCentrePx(y, step_px)}, &bearing)) continue;
-    const double range = own.range_mu(i);
-    const Eigen::Vector3d point_in_map = map_from_reference * Eigen::Vector3d(range * bearing);
-    int agreeing = 0;
-    double sum = own.confidence(i) * own.inverse_range(i), weight = own.confidence(i);
-    for (const PosedDepth& other : others) {
-      const Eigen::Vector3d point_in_other = other.cam_from_map * point_in_map;
-      Eigen::Vector2d pixel;
-      if (!camera.Project(point_in_other, &pixel)) continue;
-      const int cell = NearestCell(*other.depth, step_px, pixel);
-      if (cell < 0 || !other.depth->has_depth(cell) || other.depth->confidence(cell) < options.min_confidence) continue;
-      const double expected = point_in_other.norm(), seen = other.depth->range_mu(cell);
-      if (std::abs(seen - expected) > options.tolerance * expected) continue;
-      ++agreeing;
-      // What the other one saw, as a range of this one: the point moves along the other's ray.
-      const Eigen::Vector3d moved_in_other = point_in_other * (seen / expected);
-      const Eigen::Vector3d moved = reference.cam_from_map * (other.cam_from_map.Inverse() * moved_in_other);
-      const double moved_range = moved.dot(bearing);
-      if (!(moved_range > 0.5 * range)) continue;
-      sum += other.depth->confidence(cell) / moved_range;
-      weight += other.depth->confidence(cell);
-    }
-    if (agreeing < options.min_agreeing) continue;
-    checked->Set(i, sum / weight, own.confidence(i));
+    if (!hearing.IsKnown(own, i) || !hearing.BearingOf(own.width(), i, &bearing)) continue;
+    const Testimony testimony = hearing.Ask(bearing, own.range_mu(i));
+    if (testimony.agreeing < options.min_agreeing || !hearing.Stands(testimony, 1)) continue;
+    const double sum = testimony.sum + own.confidence(i) * own.inverse_range(i);
+    checked->Set(i, sum / (testimony.weight + own.confidence(i)), own.confidence(i));
     count += checked->has_depth(i) ? 1 : 0;
+  }
+  return count;
+}
+
+int FillDepth(const CameraModel& camera, int step_px, const PosedDepth& reference, std::span<const PosedDepth> others,
+              std::span<const std::uint8_t> shows_scene, const ConsistencyOptions& options, DepthMap* filled) {
+  const DepthMap& own = *reference.depth;
+  HAUSTRA_CHECK(filled != reference.depth && filled->width() == own.width() && filled->height() == own.height());
+  HAUSTRA_CHECK(shows_scene.size() == static_cast<std::size_t>(own.num_cells()));
+  const std::vector<CarriedRange> carried = CarryRanges(camera, step_px, reference, others, shows_scene);
+  double nearest = NearestRange(own);
+  for (const CarriedRange& each : carried) nearest = std::min(nearest, each.range_mu);
+  filled->Clear(std::isfinite(nearest) ? nearest / (1.0 + 2.0 * options.tolerance) : 1.0);
+  int count = 0;
+  for (int i = 0; i < own.num_cells(); ++i) {
+    if (own.has_depth(i)) filled->Set(i, own.inverse_range(i), own.confidence(i));
+    count += filled->has_depth(i) ? 1 : 0;
+  }
+  const Hearing hearing(camera, step_px, reference.cam_from_map, others, options);
+  for (const CarriedRange& each : carried) {
+    Eigen::Vector3d bearing;
+    if (filled->has_depth(each.cell) || !hearing.BearingOf(own.width(), each.cell, &bearing)) continue;
+    const Testimony testimony = hearing.Ask(bearing, each.range_mu);
+    if (testimony.agreeing < options.min_filling || !(testimony.weight > 0.0) || !hearing.Stands(testimony, 0))
+      continue;
+    filled->Set(each.cell, testimony.sum / testimony.weight, each.confidence);
+    count += filled->has_depth(each.cell) ? 1 : 0;
   }
   return count;
 }

@@ -50,6 +50,14 @@ class DepthMap {
   double inverse_range(int cell) const { return code_[cell] * unit_; }
   // Only where has_depth.
   double range_mu(int cell) const { return 1.0 / inverse_range(cell); }
+  // Of all cells; 0: none has a depth.
+  double FarthestRange() const {
+    double farthest = 0.0;
+    for (int i = 0; i < num_cells(); ++i) {
+      if (has_depth(i)) farthest = std::max(farthest, range_mu(i));
+    }
+    return farthest;
+  }
   // 0: none; 255: a sharp peak of a nearly perfect match.
   int confidence(int cell) const { return confidence_[cell]; }
 

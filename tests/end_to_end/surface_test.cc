@@ -29,12 +29,12 @@ TEST(Surface, DepthIsNearTheTruthAndTheMeshIsTheSameOnAnyNumberOfThreads) {
   EXPECT_THAT(judged.out, HasSubstr("median error"));
   const nlohmann::json json = ReadJson(scratch + "/a/surface.json");
   const nlohmann::json& depth = json["depth"];
-  // When this was written: 8 keyframes, 90.7 %, 4.5 %, 82.8 %, 18172 triangles.
+  // When this was written: 7 keyframes, 89.2 %, 4.2 %, 84.5 %, 9928 triangles.
   EXPECT_GT(depth["keyframes"], 3);
   EXPECT_GT(depth["completeness"], 0.8) << depth.dump();
-  EXPECT_LT(depth["median_error"], 0.06) << depth.dump();
+  EXPECT_LT(depth["median_error"], 0.055) << depth.dump();
   EXPECT_GT(depth["within_10_percent"], 0.7) << depth.dump();
-  EXPECT_GT(json["maps"][0]["triangles"], 9000);
+  EXPECT_GT(json["maps"][0]["triangles"], 7500);
   EXPECT_EQ(json["maps"][0]["refused_blocks"], 0);
 
   std::vector<std::string> again = SurfaceArguments(scratch + "/b");
@@ -72,9 +72,9 @@ TEST(Surface, IsMadeOfTheDepthThatTheRunKept) {
   const nlohmann::json json = ReadJson(scratch + "/a/surface.json");
   const nlohmann::json& depth = json["depth"];
   EXPECT_GT(depth["completeness"], 0.75) << depth.dump();
-  EXPECT_LT(depth["median_error"], 0.06) << depth.dump();
+  EXPECT_LT(depth["median_error"], 0.055) << depth.dump();
   EXPECT_GT(depth["within_10_percent"], 0.7) << depth.dump();
-  EXPECT_GT(json["maps"][0]["triangles"], 8000);
+  EXPECT_GT(json["maps"][0]["triangles"], 6000);  // 7802
 
   const CommandResult without = Haustra({"surface", ResultFolder("depth"), "--out", scratch + "/b"});
   EXPECT_NE(without.exit_code, 0);

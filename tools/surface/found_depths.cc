@@ -99,7 +99,6 @@ Result<FoundDepths> SearchDepths(const SurfaceMap& map, const KeyframePictures& 
     depth.keyframe = work.keyframe;
     depth.frame_idx = work.picture->frame_idx;
     depth.stored_frame = work.picture->stored_frame;
-    for (const int s : work.sources) depth.compared_to.push_back(works[s].keyframe->keyframe_id);
     depth.raw = std::move(work.raw);
     depth.colour = work.picture->colour;
   }
@@ -119,8 +118,6 @@ Result<FoundDepths> ReadKeptDepths(const evaluate::RunOutput& run, const Surface
   }
   FoundDepths found;
   found.step_px = grid.step_px;
-  std::vector<SeeingView> views;
-  for (const SurfaceKeyframe& keyframe : map.keyframes) views.push_back(keyframe.view);
   auto saved = file->keyframes.begin();
   for (int i = 0; i < static_cast<int>(map.keyframes.size()); ++i) {
     const SurfaceKeyframe& keyframe = map.keyframes[i];
@@ -133,9 +130,6 @@ Result<FoundDepths> ReadKeptDepths(const evaluate::RunOutput& run, const Surface
     depth.keyframe = &keyframe;
     depth.frame_idx = saved->frame_index;
     depth.stored_frame = run.figures.part.StoredFrame(depth.frame_idx);
-    for (const int s : SelectSources(views, i, DepthOptions().max_sources, kMinSourceScore)) {
-      depth.compared_to.push_back(map.keyframes[s].keyframe_id);
-    }
     depth.raw = std::move(saved->depth);
     depth.colour.Resize(grid.width, grid.height, PixelFormat::kBgr8);
     for (int y = 0; y < grid.height; ++y) {

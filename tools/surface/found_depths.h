@@ -19,8 +19,6 @@ struct FoundDepth {
   const SurfaceKeyframe* keyframe = nullptr;
   std::int64_t frame_idx = 0;     // of the run
   std::int64_t stored_frame = 0;  // of the sequence
-  std::vector<std::int64_t>
-      compared_to;  // ids of the keyframes whose pictures it was compared with, or would have been
   DepthMap raw;
   Image colour;  // of the camera's size, or a pixel a cell; kBgr8 or kGrey8
 };

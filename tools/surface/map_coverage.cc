@@ -3,9 +3,30 @@
 #include "engine/camera/camera_model.h"
 #include "engine/coverage/lumen_finder.h"
 #include "engine/coverage/wall_observer.h"
-#include "tools/surface/wall_patches.h"
 
 namespace haustra::surface {
+namespace {
+
+// The wall as the depths of the keyframes say. The mesh has less of it: its volume leaves out what few keyframes see,
+// and that is where a wall is missed.
+std::vector<WallPatch> PatchesOf(const MapSurface& surface, const CameraModel& camera) {
+  std::vector<WallPatch> patches;
+  for (const KeyframeDepth& each : surface.depths) {
+    const DepthMap& depth = each.depth;
+    const SE3 map_from_cam = each.keyframe->cam_from_map.Inverse();
+    for (int i = 0; i < depth.num_cells(); ++i) {
+      const Eigen::Vector2d centre(CellCentrePx(i % depth.width(), surface.step_px),
+                                   CellCentrePx(i / depth.width(), surface.step_px));
+      Eigen::Vector3d bearing;
+      if (!depth.has_depth(i) || !camera.Unproject(centre, &bearing)) continue;
+      const double side = depth.range_mu(i) * surface.step_px / camera.focal_px();
+      patches.push_back({map_from_cam * Eigen::Vector3d(depth.range_mu(i) * bearing), side * side});
+    }
+  }
+  return patches;
+}
+
+}  // namespace
 
 std::vector<LookingFrame> FramesOf(const evaluate::RunOutput& run, int map_id) {
   std::vector<LookingFrame> frames;
@@ -18,13 +39,13 @@ std::vector<LookingFrame> FramesOf(const evaluate::RunOutput& run, int map_id) {
 }
 
 Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface,
-                                    std::span<const LookingFrame> frames, ImageView mask, int num_threads,
-                                    const std::atomic<bool>* stop, const CoverageOptions& options) {
+                                    std::span<const LookingFrame> frames, ImageView mask, const std::atomic<bool>* stop,
+                                    const CoverageOptions& options) {
   HAUSTRA_TRY(options.Validate());
   HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(map.camera));
   std::vector<Eigen::Vector3d> path, wall;
   for (const LookingFrame& frame : frames) path.push_back(frame.cam_from_map.InverseTranslation());
-  const std::vector<WallPatch> patches = PatchesOf(surface.depths, camera, surface.step_px, num_threads);
+  const std::vector<WallPatch> patches = PatchesOf(surface, camera);
   wall.reserve(patches.size());
   for (const WallPatch& patch : patches) wall.push_back(patch.position_in_map);
   MapCoverage coverage;

@@ -39,7 +39,7 @@ std::vector<LookingFrame> FramesOf(const evaluate::RunOutput& run, int map_id);
 // most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere. stop: as in SurfaceOptions,
 // looked at once a frame. kInvalidArgument: options, camera; kCancelled: stopped.
 Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface,
-                                    std::span<const LookingFrame> frames, ImageView mask, int num_threads,
-                                    const std::atomic<bool>* stop, const CoverageOptions& options);
+                                    std::span<const LookingFrame> frames, ImageView mask, const std::atomic<bool>* stop,
+                                    const CoverageOptions& options);
 
 }  // namespace haustra::surface

@@ -9,12 +9,40 @@
 namespace haustra::surface {
 namespace {
 
-bool WasComparedWith(const FoundDepth& one, const FoundDepth& other) {
-  const auto names = [](const FoundDepth& from, const FoundDepth& to) {
-    return std::find(from.compared_to.begin(), from.compared_to.end(), to.keyframe->keyframe_id) !=
-           from.compared_to.end();
-  };
-  return &one != &other && (names(one, other) || names(other, one));
+// A wall is asked about to a limit: with a keyframe every few millimetres more of them say the same.
+constexpr std::size_t kMaxWitnesses = 16;
+
+// Cells in which no picture has shown a wall lie outside the window of the scope, or under its overlay.
+std::vector<std::uint8_t> CellsOfScene(const FoundDepths& found) {
+  std::vector<std::uint8_t> shows_scene;
+  for (const FoundDepth& each : found.depths) {
+    shows_scene.resize(each.raw.num_cells());
+    for (int i = 0; i < each.raw.num_cells(); ++i) shows_scene[i] |= each.raw.has_depth(i) ? 1 : 0;
+  }
+  return shows_scene;
+}
+
+// Of each keyframe those whose word is asked for: the nearest ones that can see the same wall, by index.
+std::vector<std::vector<int>> WitnessesOf(const FoundDepths& found) {
+  std::vector<Eigen::Vector3d> centres;
+  std::vector<double> farthest;
+  for (const FoundDepth& each : found.depths) {
+    centres.push_back(each.keyframe->cam_from_map.InverseTranslation());
+    farthest.push_back(each.raw.FarthestRange());
+  }
+  std::vector<std::vector<int>> witnesses(found.depths.size());
+  for (int own = 0; own < static_cast<int>(found.depths.size()); ++own) {
+    std::vector<std::pair<double, int>> near;
+    for (int other = 0; other < static_cast<int>(found.depths.size()); ++other) {
+      const double distance = (centres[other] - centres[own]).norm();
+      if (other != own && distance <= farthest[own] + farthest[other]) near.emplace_back(distance, other);
+    }
+    std::sort(near.begin(), near.end());
+    near.resize(std::min(near.size(), kMaxWitnesses));
+    for (const auto& [distance, other] : near) witnesses[own].push_back(other);
+    std::sort(witnesses[own].begin(), witnesses[own].end());
+  }
+  return witnesses;
 }
 
 }  // namespace
@@ -26,17 +54,34 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const FoundDepths& foun
   surface.num_without_picture = found.num_without_picture;
   surface.num_without_depth = found.num_without_depth;
   surface.match_ms = found.match_ms;
+  const auto num_depths = static_cast<int>(found.depths.size());
+  const int num_threads = std::max(1, options.num_threads);
+  const std::vector<std::vector<int>> witnesses = WitnessesOf(found);
+  // depth_at(i): that of found.depths[i].
+  const auto depths_beside = [&](int own, const auto& depth_at) {
+    std::vector<PosedDepth> others;
+    for (const int other : witnesses[own])
+      others.push_back({&depth_at(other), found.depths[other].keyframe->cam_from_map});
+    return others;
+  };
+  std::vector<DepthMap> checked(found.depths.size());
   surface.depths.resize(found.depths.size());
-  ParallelFor(static_cast<int>(found.depths.size()), std::max(1, options.num_threads), [&](int i, int) {
+  ParallelFor(num_depths, num_threads, [&](int i, int) {
     if (IsStopped(options.stop)) return;
     const FoundDepth& own = found.depths[i];
-    std::vector<PosedDepth> others;
-    for (const FoundDepth& other : found.depths) {
-      if (WasComparedWith(own, other)) others.push_back({&other.raw, other.keyframe->cam_from_map});
-    }
+    checked[i] = DepthMap(own.raw.width(), own.raw.height());
+    const auto raw_of = [&](int k) -> const DepthMap& { return found.depths[k].raw; };
+    CheckDepth(camera, found.step_px, {&own.raw, own.keyframe->cam_from_map}, depths_beside(i, raw_of),
+               options.consistency, &checked[i]);
+  });
+  const std::vector<std::uint8_t> shows_scene = CellsOfScene(found);
+  ParallelFor(num_depths, num_threads, [&](int i, int) {
+    if (IsStopped(options.stop)) return;
+    const FoundDepth& own = found.depths[i];
     surface.depths[i] = {own.keyframe, own.frame_idx, own.stored_frame, DepthMap(own.raw.width(), own.raw.height())};
-    CheckDepth(camera, found.step_px, {&own.raw, own.keyframe->cam_from_map}, others, options.consistency,
-               &surface.depths[i].depth);
+    const auto checked_of = [&](int k) -> const DepthMap& { return checked[k]; };
+    FillDepth(camera, found.step_px, {&checked[i], own.keyframe->cam_from_map}, depths_beside(i, checked_of),
+              shows_scene, options.consistency, &surface.depths[i].depth);
   });
   FusionOptions fusion_options;
   surface.voxel_mu = fusion_options.voxel_mu = options.voxel_share * map.depth_mu;

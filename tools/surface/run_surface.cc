@@ -108,9 +108,8 @@ Result<RunSurface> MakeRunSurface(const evaluate::RunOutput& run, const SurfaceR
   HAUSTRA_ASSIGN(const std::vector<FoundDepths> found, FindDepths(request, run, made.maps, options.num_threads, &mask));
   for (std::size_t i = 0; i < made.maps.size(); ++i) {
     HAUSTRA_ASSIGN(MapSurface surface, MakeMapSurface(made.maps[i], found[i], options));
-    HAUSTRA_ASSIGN(MapCoverage coverage,
-                   MakeMapCoverage(made.maps[i], surface, FramesOf(run, made.maps[i].map_id), mask.view(),
-                                   options.num_threads, options.stop, request.coverage));
+    HAUSTRA_ASSIGN(MapCoverage coverage, MakeMapCoverage(made.maps[i], surface, FramesOf(run, made.maps[i].map_id),
+                                                         mask.view(), options.stop, request.coverage));
     made.surfaces.push_back(std::move(surface));
     made.coverages.push_back(std::move(coverage));
   }

@@ -8,10 +8,7 @@
 
 #include "capture/codec/png_codec.h"
 #include "capture/image.h"
-#include "engine/camera/camera_model.h"
 #include "engine/io/ply_writer.h"
-#include "engine/surface/view_selection.h"
-#include "hal/depth_options.h"
 #include "tools/report/base64.h"
 #include "tools/surface/coverage_picture.h"
 #include "tools/surface/coverage_text.h"
@@ -23,10 +20,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// Every n-th cell of every n-th row tells what wall a keyframe sees.
-constexpr int kLookStep = 4;
-// Two keyframes see the same wall where their depths end in one cube of this side, share of the map's depth.
-constexpr double kSameWall = 0.1;
+// Of the cells of a depth that are asked for the median.
+constexpr int kCellStep = 16;
 
 CameraCalibration CalibrationOf(const haustra_depth_camera& camera) {
   CameraCalibration calibration;
@@ -77,7 +72,7 @@ surface::FoundDepth FoundDepthOf(const LiveKeyframe& live, const haustra_depth_c
 double MedianRange(const std::vector<surface::FoundDepth>& depths) {
   std::vector<double> ranges;
   for (const surface::FoundDepth& each : depths) {
-    for (int cell = 0; cell < each.raw.num_cells(); cell += kLookStep * kLookStep) {
+    for (int cell = 0; cell < each.raw.num_cells(); cell += kCellStep) {
       if (each.raw.has_depth(cell)) ranges.push_back(each.raw.range_mu(cell));
     }
   }
@@ -85,33 +80,6 @@ double MedianRange(const std::vector<surface::FoundDepth>& depths) {
   const auto middle = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() / 2);
   std::nth_element(ranges.begin(), middle, ranges.end());
   return *middle;
-}
-
-// What a keyframe sees, as its depth tells: cubes of wall instead of points of the map.
-SeeingView ViewOf(const surface::FoundDepth& found, const CameraModel& camera, int step_px, double cube_mu) {
-  const SE3 map_from_cam = found.keyframe->cam_from_map.Inverse();
-  SeeingView view;
-  view.centre_in_map = map_from_cam.translation;
-  for (int y = 0; y < found.raw.height(); y += kLookStep) {
-    for (int x = 0; x < found.raw.width(); x += kLookStep) {
-      const int cell = y * found.raw.width() + x;
-      Eigen::Vector3d bearing;
-      if (!found.raw.has_depth(cell) ||
-          !camera.Unproject({CellCentrePx(x, step_px), CellCentrePx(y, step_px)}, &bearing)) {
-        continue;
-      }
-      const Eigen::Vector3d place = map_from_cam * Eigen::Vector3d(found.raw.range_mu(cell) * bearing) / cube_mu;
-      // 21 bits a component.
-      std::int64_t id = 0;
-      for (int i = 0; i < 3; ++i) id = id << 21 | (static_cast<std::int64_t>(std::floor(place[i])) & 0x1fffff);
-      view.points.push_back({id, (place.array().floor() + 0.5).matrix() * cube_mu});
-    }
-  }
-  std::sort(view.points.begin(), view.points.end(),
-            [](const SeenPoint& a, const SeenPoint& b) { return a.point_id < b.point_id; });
-  const auto is_same = [](const SeenPoint& a, const SeenPoint& b) { return a.point_id == b.point_id; };
-  view.points.erase(std::unique(view.points.begin(), view.points.end(), is_same), view.points.end());
-  return view;
 }
 
 // Keyframes and what lies between them, by time from the first keyframe on.
@@ -153,7 +121,6 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps, const surface::Surface
   surface::SurfaceMap map;
   map.map_id = static_cast<int>(maps.map_id);
   map.camera = CalibrationOf(published);
-  HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(map.camera));
   std::vector<const LiveKeyframe*> with_depth;
   int num_keyframes = 0;
   // The table comes later than the poses, and may be read while it is written.
@@ -176,21 +143,10 @@ Result<LiveSurface> MakeLiveSurface(const LiveMaps& maps, const surface::Surface
     found.depths.push_back(FoundDepthOf(*with_depth[i], published, map.keyframes[i]));
   }
   map.depth_mu = MedianRange(found.depths);
-  std::vector<SeeingView> views;
-  for (const surface::FoundDepth& each : found.depths) {
-    if (surface::IsStopped(options.stop)) break;
-    views.push_back(ViewOf(each, camera, found.step_px, kSameWall * map.depth_mu));
-  }
-  for (int i = 0; i < static_cast<int>(found.depths.size()); ++i) {
-    if (surface::IsStopped(options.stop)) return Status(StatusCode::kCancelled, "stopped");
-    for (const int other : SelectSources(views, i, DepthOptions().max_sources, kMinSourceScore)) {
-      found.depths[i].compared_to.push_back(map.keyframes[other].keyframe_id);
-    }
-  }
   HAUSTRA_ASSIGN(const surface::MapSurface made, surface::MakeMapSurface(map, found, options));
   const Image mask = MaskOf(published);
   HAUSTRA_ASSIGN(const surface::MapCoverage coverage,
-                 surface::MakeMapCoverage(map, made, FramesOf(maps), mask.view(), 1, options.stop, {}));
+                 surface::MakeMapCoverage(map, made, FramesOf(maps), mask.view(), options.stop, {}));
 
   LiveSurface surface;
   if (!made.mesh.triangles.empty()) {

@@ -139,5 +139,93 @@ TEST_F(CheckDepthTest, DropsWhatTheOthersDeny) {
   EXPECT_EQ(CheckDepth(camera_, kStep, {&own, SE3()}, {}, {}, &checked), 0);
 }
 
+// A strip beside the edge of a fold that is claimed too near, by two keyframes alike: the others look past the edge.
+TEST_F(CheckDepthTest, DropsWhatOthersSeeThrough) {
+  const auto strip = [](int cell) { return cell % kWidth >= 20 && cell % kWidth < 26; };
+  DepthMap own = DepthOf(wall_, SE3(), 1.0, 200);
+  for (int i = 0; i < own.num_cells(); ++i) {
+    if (strip(i) && own.has_depth(i)) own.Set(i, own.inverse_range(i) / 0.8, 200);
+  }
+  const DepthMap accomplice = own;
+  std::vector<SE3> poses;
+  std::vector<DepthMap> depths;
+  for (const double x : {-0.2, 0.1, 0.2}) {
+    poses.push_back(SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(x, 0, 0)));
+    depths.push_back(DepthOf(wall_, poses.back(), 1.0, 200));
+  }
+  std::vector<PosedDepth> others{{&accomplice, SE3()}};
+  for (std::size_t i = 0; i < depths.size(); ++i) others.push_back({&depths[i], poses[i]});
+  DepthMap checked(kWidth, kHeight);
+  CheckDepth(camera_, kStep, {&own, SE3()}, others, {}, &checked);
+  int in_strip = 0, elsewhere = 0;
+  for (int i = 0; i < checked.num_cells(); ++i) (strip(i) ? in_strip : elsewhere) += checked.has_depth(i) ? 1 : 0;
+  EXPECT_EQ(in_strip, 0);
+  EXPECT_GT(elsewhere, (kWidth - 6) * kHeight * 8 / 10);
+}
+
+// A plate before a wall: what others know of both is the plate where it hides the wall.
+class FillDepthTest : public CheckDepthTest {
+ protected:
+  void SetUp() override {
+    wall_ = [sphere = wall_](const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
+      const double distance = (0.9 - origin.z()) / direction.z();
+      const Eigen::Vector3d point = origin + distance * direction;
+      const bool meets_plate = distance > 0.0 && std::abs(point.x()) < 0.25 && std::abs(point.y()) < 0.3;
+      return meets_plate ? distance : sphere(origin, direction);
+    };
+    for (const Eigen::Vector3d& centre : {Eigen::Vector3d(-0.2, 0, 0), Eigen::Vector3d(0.2, 0.05, 0),
+                                          Eigen::Vector3d(0, -0.2, 0.05), Eigen::Vector3d(0.05, 0.2, 0)}) {
+      poses_.push_back(SE3(Eigen::Quaterniond::Identity(), -centre));
+      depths_.push_back(DepthOf(wall_, poses_.back(), 1.0, 200));
+    }
+    own_.Clear(0.1);
+  }
+  std::vector<PosedDepth> Others(std::size_t num) const {
+    std::vector<PosedDepth> others;
+    for (std::size_t i = 0; i < num; ++i) others.push_back({&depths_[i], poses_[i]});
+    return others;
+  }
+  int Fill(std::size_t num_others) {
+    return FillDepth(camera_, kStep, {&own_, SE3()}, Others(num_others), shows_scene_, {}, &filled_);
+  }
+
+  std::vector<SE3> poses_;
+  std::vector<DepthMap> depths_;
+  DepthMap own_{kWidth, kHeight}, filled_{kWidth, kHeight};
+  std::vector<std::uint8_t> shows_scene_ = std::vector<std::uint8_t>(kWidth * kHeight, 1);
+};
+
+TEST_F(FillDepthTest, TakesTheNearestWallThatOthersAgreeOn) {
+  const DepthMap truth = DepthOf(wall_, SE3(), 1.0, 200);
+  EXPECT_GT(Fill(4), kWidth * kHeight * 8 / 10);
+  int num_off = 0, num_filled = 0;
+  for (int i = 0; i < truth.num_cells(); ++i) {
+    if (!filled_.has_depth(i) || !truth.has_depth(i)) continue;
+    ++num_filled;
+    num_off += std::abs(filled_.range_mu(i) / truth.range_mu(i) - 1.0) > 0.04 ? 1 : 0;
+  }
+  EXPECT_LT(num_off, num_filled / 20);  // cells that the edge of the plate divides
+}
+
+TEST_F(FillDepthTest, KeepsWhatIsKnownAndAsksForTwo) {
+  own_ = DepthOf(wall_, SE3(), 1.0, 90);
+  for (int i = 0; i < own_.num_cells(); i += 2) own_.Erase(i);
+  int num_known = 0;
+  for (int i = 0; i < own_.num_cells(); ++i) num_known += own_.has_depth(i) ? 1 : 0;
+  EXPECT_EQ(Fill(1), num_known);
+  EXPECT_GT(Fill(3), num_known * 3 / 2);
+  for (int i = 0; i < own_.num_cells(); ++i) {
+    if (!own_.has_depth(i)) continue;
+    ASSERT_NEAR(filled_.range_mu(i) / own_.range_mu(i), 1.0, 0.001);
+    ASSERT_EQ(filled_.confidence(i), 90);
+  }
+}
+
+TEST_F(FillDepthTest, LeavesOutWhatIsNotTheScene) {
+  std::fill(shows_scene_.begin(), shows_scene_.begin() + kWidth * kHeight / 2, std::uint8_t{0});
+  Fill(4);
+  for (int i = 0; i < kWidth * kHeight / 2; ++i) ASSERT_FALSE(filled_.has_depth(i));
+}
+
 }  // namespace
 }  // namespace haustra

@@ -9,7 +9,6 @@
 #include "tools/surface/coverage_picture.h"
 #include "tools/surface/coverage_text.h"
 #include "tools/surface/coverage_truth.h"
-#include "tools/surface/wall_patches.h"
 
 namespace haustra::surface {
 namespace {
@@ -20,7 +19,7 @@ using ::testing::StartsWith;
 MapCoverage CoverageOfTube() {
   const TubeSurface tube;
   Result<MapCoverage> coverage =
-      MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), {}, 1, nullptr, CoverageOptions());
+      MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), {}, nullptr, CoverageOptions());
   EXPECT_TRUE(coverage.ok()) << coverage.status().ToString();
   return *coverage;
 }
@@ -86,7 +85,7 @@ TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
   const TubeSurface flat(
       [](double, const Eigen::Vector3d& bearing) { return bearing.y() > 0.1 ? 0.5 / bearing.y() : 0.0; });
   const Result<MapCoverage> coverage =
-      MakeMapCoverage(flat.map, flat.surface, FramesOf(flat.run, flat.map.map_id), {}, 1, nullptr, CoverageOptions());
+      MakeMapCoverage(flat.map, flat.surface, FramesOf(flat.run, flat.map.map_id), {}, nullptr, CoverageOptions());
   ASSERT_TRUE(coverage.ok());
   EXPECT_FALSE(coverage->wall);
   EXPECT_THAT(coverage->no_lumen, HasSubstr("of the directions around the path"));
@@ -98,21 +97,30 @@ TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
   EXPECT_FALSE(json.contains("wall_coverage"));
 }
 
-TEST(PatchesOf, ADepthThatOtherKeyframesSeeThroughIsLeftOut) {
-  TubeSurface tube;
-  const CameraModel camera = *CameraModel::Create(tube.map.camera);
-  const std::size_t all = PatchesOf(tube.surface.depths, camera, 4, 1).size();
-  // A strip of one keyframe at half the range: it hangs in the lumen.
-  DepthMap& depth = tube.surface.depths[4].depth;
-  int num_false = 0;
-  for (int x = 10; x < 20; ++x) {
-    const int cell = 8 * 60 + x;
-    ASSERT_TRUE(depth.has_depth(cell));
-    depth.Set(cell, 2.0 * depth.inverse_range(cell), 200);
-    ++num_false;
+// What a keyframe claims before the wall hangs in the lumen: the others see through it, and say how far the wall is.
+TEST(MapSurface, AStripThatOthersSeeThroughGetsTheirRange) {
+  const TubeSurface tube;
+  FoundDepths found;
+  found.step_px = 4;
+  for (const KeyframeDepth& each : tube.surface.depths) {
+    FoundDepth& depth = found.depths.emplace_back();
+    depth.keyframe = each.keyframe;
+    depth.raw = each.depth;
+    depth.colour.Resize(60, 45, PixelFormat::kGrey8);
   }
-  EXPECT_EQ(PatchesOf(tube.surface.depths, camera, 4, 1).size(), all - static_cast<std::size_t>(num_false));
-  EXPECT_EQ(PatchesOf(tube.surface.depths, camera, 4, 3).size(), all - static_cast<std::size_t>(num_false));
+  DepthMap& raw = found.depths[4].raw;
+  for (int cell = 8 * 60 + 10; cell < 8 * 60 + 20; ++cell) raw.Set(cell, 2.0 * raw.inverse_range(cell), 200);
+  for (const int num_threads : {1, 3}) {
+    SurfaceOptions options;
+    options.num_threads = num_threads;
+    const Result<MapSurface> surface = MakeMapSurface(tube.map, found, options);
+    ASSERT_TRUE(surface.ok()) << surface.status().ToString();
+    for (int cell = 8 * 60 + 10; cell < 8 * 60 + 20; ++cell) {
+      ASSERT_TRUE(surface->depths[4].depth.has_depth(cell));
+      // One cell of another keyframe reaches over 5 % of the range here.
+      EXPECT_NEAR(surface->depths[4].depth.range_mu(cell) / tube.surface.depths[4].depth.range_mu(cell), 1.0, 0.06);
+    }
+  }
 }
 
 TEST(CoverageText, CellsAreALineEach) {
@@ -222,7 +230,7 @@ TEST(ReadTrueWall, SaysWhatIsWrongWithFileAndLine) {
 TEST(MapCoverage, CanBeStopped) {
   const TubeSurface tube;
   const std::atomic<bool> stop{true};
-  EXPECT_EQ(MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), {}, 1, &stop, {}).code(),
+  EXPECT_EQ(MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), {}, &stop, {}).code(),
             StatusCode::kCancelled);
 }
 

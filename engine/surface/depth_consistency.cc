@@ -137,12 +137,13 @@ int CheckDepth(const CameraModel& camera, int step_px, const PosedDepth& referen
   const double nearest = NearestRange(own);
   checked->Clear(std::isfinite(nearest) ? nearest / (1.0 + 2.0 * options.tolerance) : 1.0);
   const Hearing hearing(camera, step_px, reference.cam_from_map, others, options);
+  const int min_agreeing = std::min(options.min_agreeing, std::max(1, static_cast<int>(others.size())));
   int count = 0;
   for (int i = 0; i < own.num_cells(); ++i) {
     Eigen::Vector3d bearing;
     if (!hearing.IsKnown(own, i) || !hearing.BearingOf(own.width(), i, &bearing)) continue;
     const Testimony testimony = hearing.Ask(bearing, own.range_mu(i));
-    if (testimony.agreeing < options.min_agreeing || !hearing.Stands(testimony, 1)) continue;
+    if (testimony.agreeing < min_agreeing || !hearing.Stands(testimony, 1)) continue;
     const double sum = testimony.sum + own.confidence(i) * own.inverse_range(i);
     checked->Set(i, sum / (testimony.weight + own.confidence(i)), own.confidence(i));
     count += checked->has_depth(i) ? 1 : 0;

@@ -139,6 +139,17 @@ TEST_F(CheckDepthTest, DropsWhatTheOthersDeny) {
   EXPECT_EQ(CheckDepth(camera_, kStep, {&own, SE3()}, {}, {}, &checked), 0);
 }
 
+TEST_F(CheckDepthTest, TwoMustAgreeWhereTwoAreAsked) {
+  const SE3 third_pose(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.2, 0, 0));
+  const DepthMap own = DepthOf(wall_, SE3(), 1.0, 200), other = DepthOf(wall_, other_pose_, 1.0, 200);
+  const DepthMap nearer = DepthOf(wall_, third_pose, 0.9, 200), third = DepthOf(wall_, third_pose, 1.0, 200);
+  DepthMap checked(kWidth, kHeight);
+  const std::vector<PosedDepth> one_denies{{&other, other_pose_}, {&nearer, third_pose}};
+  EXPECT_EQ(CheckDepth(camera_, kStep, {&own, SE3()}, one_denies, {}, &checked), 0);
+  const std::vector<PosedDepth> both_agree{{&other, other_pose_}, {&third, third_pose}};
+  EXPECT_GT(CheckDepth(camera_, kStep, {&own, SE3()}, both_agree, {}, &checked), kWidth * kHeight * 6 / 10);
+}
+
 // A strip beside the edge of a fold that is claimed too near, by two keyframes alike: the others look past the edge.
 TEST_F(CheckDepthTest, DropsWhatOthersSeeThrough) {
   const auto strip = [](int cell) { return cell % kWidth >= 20 && cell % kWidth < 26; };
@@ -146,14 +157,14 @@ TEST_F(CheckDepthTest, DropsWhatOthersSeeThrough) {
   for (int i = 0; i < own.num_cells(); ++i) {
     if (strip(i) && own.has_depth(i)) own.Set(i, own.inverse_range(i) / 0.8, 200);
   }
-  const DepthMap accomplice = own;
+  const DepthMap accomplice = own;  // in two keyframes
   std::vector<SE3> poses;
   std::vector<DepthMap> depths;
-  for (const double x : {-0.2, 0.1, 0.2}) {
+  for (const double x : {-0.2, -0.1, 0.1, 0.2}) {
     poses.push_back(SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(x, 0, 0)));
     depths.push_back(DepthOf(wall_, poses.back(), 1.0, 200));
   }
-  std::vector<PosedDepth> others{{&accomplice, SE3()}};
+  std::vector<PosedDepth> others{{&accomplice, SE3()}, {&accomplice, SE3()}};
   for (std::size_t i = 0; i < depths.size(); ++i) others.push_back({&depths[i], poses[i]});
   DepthMap checked(kWidth, kHeight);
   CheckDepth(camera_, kStep, {&own, SE3()}, others, {}, &checked);

@@ -61,8 +61,9 @@ TEST_F(LiveSurfaceTest, AWallThatWasLookedAtIsSeen) {
   ASSERT_EQ(json["lumen"]["found"], true);
   EXPECT_NEAR(json["lumen"]["radius_mu"].get<double>(), 1.0, 0.03);
   EXPECT_NEAR(json["lumen"]["passed_radii"].get<double>(), 6.0, 0.4);
-  // What lies behind the first picture was never in one: two thirds of a radius of six.
-  EXPECT_GT(json["wall_coverage"].get<double>(), 0.8);
+  // What lies behind the first picture was never in one: two thirds of a radius of six. Beside it one keyframe sees the
+  // wall, and three must agree.
+  EXPECT_GT(json["wall_coverage"].get<double>(), 0.77);
   EXPECT_LT(json["wall_coverage"].get<double>(), 0.97);
   EXPECT_EQ(json["segments"].size(), 3u);
   EXPECT_GT(json["segments"][1]["wall_coverage"].get<double>(), 0.97);

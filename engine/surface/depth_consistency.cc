@@ -170,8 +170,7 @@ int FillDepth(const CameraModel& camera, int step_px, const PosedDepth& referenc
     Eigen::Vector3d bearing;
     if (filled->has_depth(each.cell) || !hearing.BearingOf(own.width(), each.cell, &bearing)) continue;
     const Testimony testimony = hearing.Ask(bearing, each.range_mu);
-    if (testimony.agreeing < options.min_filling || !(testimony.weight > 0.0) || !hearing.Stands(testimony, 0))
-      continue;
+    if (!(testimony.weight > 0.0) || !hearing.Stands(testimony, 0)) continue;
     filled->Set(each.cell, testimony.sum / testimony.weight, each.confidence);
     count += filled->has_depth(each.cell) ? 1 : 0;
   }

@@ -27,8 +27,6 @@ struct ConsistencyOptions {
   // see its texture and claim its range beside it: most of what is wrong in a depth is such a strip, and it is nearer
   // than the wall. Other keyframes look past the edge.
   double max_seeing_through = 0.3;
-  // So many others must agree on what the keyframe itself does not know, >= 1.
-  int min_filling = 2;
   // Less confident depths have no say and no place, 0 to 255.
   int min_confidence = 1;
 };
@@ -45,9 +43,9 @@ struct PosedDepth {
 int CheckDepth(const CameraModel& camera, int step_px, const PosedDepth& reference, std::span<const PosedDepth> others,
                const ConsistencyOptions& options, DepthMap* checked);
 
-// Fills `filled` with reference.depth and, in cells without one, with the nearest wall that min_filling of `others` see
-// there. All of them are checked before. `shows_scene`: not 0 in cells that may be filled, num_cells() of them. Sizes,
-// camera and return as of CheckDepth. Allocates: not rt-safe.
+// Fills `filled` with reference.depth and, in cells without one, with the nearest wall that one of `others` has there
+// and that not too many see through. All of them are checked before. `shows_scene`: not 0 in cells that may be filled,
+// num_cells() of them. Sizes, camera and return as of CheckDepth. Allocates: not rt-safe.
 int FillDepth(const CameraModel& camera, int step_px, const PosedDepth& reference, std::span<const PosedDepth> others,
               std::span<const std::uint8_t> shows_scene, const ConsistencyOptions& options, DepthMap* filled);
 

@@ -407,17 +407,20 @@ TEST_F(BadInput, FolderOfAFileToWriteIsLookedForBeforeTheWork) {
 
 TEST_F(BadInput, FilesThatAreThereAreKeptUnlessOverwriteIsSaid) {
   const std::string file = Write("results.json", "precious");
-  const std::vector<std::string> evaluate = {"evaluate", ResultFolder("standard"), "--json", file};
-  ExpectOutcome(Haustra(evaluate), kExitInTheWay, {file, "--overwrite"});
-  ExpectOutcome(Haustra({"report", ResultFolder("standard"), "--html", file}), kExitInTheWay, {file, "--overwrite"});
-  ExpectOutcome(HaustraOnCpu({"calibrate", sequence_, "--out", file}), kExitInTheWay, {file, "--overwrite"});
-  ExpectOutcome(HaustraOnCpu({"soak", sequence_, "--csv", file}), kExitInTheWay, {file, "--overwrite"});
-  ExpectOutcome(Run({"--save-atlas", file}), kExitInTheWay, {file, "--overwrite"});
+  const std::string kept = file + ": exists already and is not ";
+  ExpectOutcome(Haustra({"evaluate", ResultFolder("standard"), "--json", file}), kExitInTheWay, {kept});
+  ExpectOutcome(Haustra({"report", ResultFolder("standard"), "--html", file}), kExitInTheWay, {kept});
+  ExpectOutcome(HaustraOnCpu({"calibrate", sequence_, "--out", file}), kExitInTheWay, {kept});
+  ExpectOutcome(HaustraOnCpu({"soak", sequence_, "--csv", file}), kExitInTheWay, {kept});
+  ExpectOutcome(Run({"--save-atlas", file}), kExitInTheWay, {kept});
+  ExpectOutcome(Run({"--save-atlas", file, "--overwrite"}), kExitInTheWay, {kept});
   EXPECT_EQ(ReadBytes(file), "precious");
-  std::vector<std::string> replacing = evaluate;
-  replacing.push_back("--overwrite");
-  EXPECT_EQ(Haustra(replacing).exit_code, kExitOk);
-  EXPECT_NE(ReadBytes(file), "precious");
+  const std::string earlier = Write("earlier.json", "{\n  \"run\": \"earlier\"\n}\n");
+  std::vector<std::string> evaluate = {"evaluate", ResultFolder("standard"), "--json", earlier};
+  ExpectOutcome(Haustra(evaluate), kExitInTheWay, {earlier, "--overwrite"});
+  evaluate.emplace_back("--overwrite");
+  EXPECT_EQ(Haustra(evaluate).exit_code, kExitOk);
+  EXPECT_EQ(ReadBytes(earlier).find("\"earlier\""), std::string::npos);
 }
 
 TEST_F(BadInput, WrongCommandLinesAreUsageErrors) {

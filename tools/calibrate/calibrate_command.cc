@@ -24,6 +24,10 @@ namespace haustra {
 namespace {
 
 constexpr const char* kCalibrateCommand = "calibrate";
+// As WriteCalibration begins its files.
+const FileContent kCalibrationContent{"a calibration that haustra wrote",
+                                      {"%YAML:1.0\n# Pinhole", "%YAML:1.0\n# Kannala-Brandt", "model: "}};
+const FileContent kPictureContent{"a PNG picture", {"\x89PNG\r\n\x1a\n"}, false};
 
 struct CalibrateArguments {
   ClipCalibrationRequest request;
@@ -38,11 +42,12 @@ int RunCalibrate(CalibrateArguments arguments) {
     return console::Fail(kCalibrateCommand,
                          InvalidArgument("a live camera is recorded first (haustra capture --out FOLDER)"), kExitUsage);
   }
-  for (const std::string& path : {arguments.out, arguments.picture}) {
-    if (path.empty()) continue;
-    const Status status = CheckOutputFile(path, arguments.overwrite, {request.sequence, request.options.mask_path});
-    if (!status.ok()) return console::FailWriting(kCalibrateCommand, status);
+  const std::vector<std::string> inputs = {request.sequence, request.options.mask_path};
+  Status writable = CheckOutputFile(arguments.out, kCalibrationContent, arguments.overwrite, inputs);
+  if (writable.ok() && !arguments.picture.empty()) {
+    writable = CheckOutputFile(arguments.picture, kPictureContent, arguments.overwrite, inputs);
   }
+  if (!writable.ok()) return console::FailWriting(kCalibrateCommand, writable);
   ProgressLine line;
   request.on_frame = [&line](std::uint32_t frame, std::uint32_t num_frames) {
     line.Update([&] {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <regex>
 #include <system_error>
 #include <utility>
@@ -81,6 +82,27 @@ bool HoldsFiles(const fs::path& folder, const fs::path& but) {
     if (fs::symlink_status(entry, error).type() != fs::file_type::directory || HoldsFiles(entry, but)) return true;
   }
   return false;
+}
+
+// Whether `path` lies in `folder`, or is it.
+bool IsIn(const fs::path& folder, const fs::path& path) {
+  std::error_code error;
+  const fs::path outer = fs::weakly_canonical(folder, error), inner = fs::weakly_canonical(path, error);
+  return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
+}
+
+// Whether a file is empty, or one of the content.
+Result<bool> IsReplaceable(const std::string& path, const FileContent& content) {
+  std::size_t longest = 0;
+  for (const std::string_view beginning : content.beginnings) longest = std::max(longest, beginning.size());
+  std::string bytes(longest, '\0');
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return Unavailable(path + ": exists and cannot be read");
+  file.read(bytes.data(), static_cast<std::streamsize>(longest));
+  if (file.bad()) return Unavailable(path + ": exists and cannot be read");
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  return bytes.empty() || std::any_of(content.beginnings.begin(), content.beginnings.end(),
+                                      [&bytes](std::string_view beginning) { return bytes.starts_with(beginning); });
 }
 
 }  // namespace
@@ -176,17 +198,15 @@ void OutputFolder::Commit() {
 
 Status CheckInputsOutside(const std::string& folder, const std::vector<std::string>& inputs) {
   std::error_code error;
-  const fs::path output = fs::weakly_canonical(folder, error);
   for (const std::string& input : inputs) {
-    if (!fs::exists(input, error)) continue;
-    const fs::path canonical = fs::weakly_canonical(input, error);
-    if (std::mismatch(output.begin(), output.end(), canonical.begin(), canonical.end()).first != output.end()) continue;
+    if (!fs::exists(input, error) || !IsIn(folder, input)) continue;
     return FailedPrecondition(folder + ": holds " + input + ", which is read; choose another folder");
   }
   return Status::Ok();
 }
 
-Status CheckOutputFile(const std::string& path, bool overwrite, const std::vector<std::string>& inputs) {
+Status CheckOutputFile(const std::string& path, const FileContent& content, bool overwrite,
+                       const std::vector<std::string>& inputs) {
   if (path.empty()) return InvalidArgument("the name of the output file is empty");
   std::error_code error;
   const fs::path folder = fs::path(path).parent_path();
@@ -196,6 +216,14 @@ Status CheckOutputFile(const std::string& path, bool overwrite, const std::vecto
   if (!fs::is_regular_file(status)) return FailedPrecondition(path + ": exists and is not a file");
   for (const std::string& input : inputs) {
     if (fs::equivalent(path, input, error)) return FailedPrecondition(path + ": is read; choose another file");
+    if (!content.is_told_by_beginning && fs::is_directory(input, error) && IsIn(input, path)) {
+      return FailedPrecondition(path + ": lies in " + input + ", which is read; choose another file");
+    }
+  }
+  HAUSTRA_ASSIGN(const bool is_replaceable, IsReplaceable(path, content));
+  if (!is_replaceable) {
+    return FailedPrecondition(path + ": exists already and is not " + std::string(content.what) +
+                              "; choose another file");
   }
   if (!overwrite) return FailedPrecondition(path + ": exists already; --overwrite replaces it");
   return Status::Ok();

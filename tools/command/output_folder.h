@@ -25,6 +25,14 @@ struct FolderContent {
   std::string_view mark = {};
 };
 
+// What a command writes as one file.
+struct FileContent {
+  std::string_view what;                     // "a report", for messages
+  std::vector<std::string_view> beginnings;  // every such file has one of these; what has none is not replaced
+  // False: other files begin so, too (a PNG), so that nothing in a folder of the inputs is replaced.
+  bool is_told_by_beginning = true;
+};
+
 class OutputFolder {
  public:
   // Whether the folder may be written to: it is not there, is empty, or holds nothing but earlier results and
@@ -66,9 +74,11 @@ class OutputFolder {
 // kFailedPrecondition names the first that does.
 Status CheckInputsOutside(const std::string& folder, const std::vector<std::string>& inputs);
 
-// Whether a file may be written: nothing has its name, or a file has it, `overwrite` is on and it is none of `inputs`.
-// Errors as OutputFolder::Check; kNotFound: its folder does not exist.
-Status CheckOutputFile(const std::string& path, bool overwrite, const std::vector<std::string>& inputs);
+// Whether a file may be written: nothing has its name, or an earlier file of `content` or an empty one has it,
+// `overwrite` is on and it is none of `inputs`. Errors as OutputFolder::Check; kNotFound: its folder does not exist;
+// kUnavailable: what is there cannot be read.
+Status CheckOutputFile(const std::string& path, const FileContent& content, bool overwrite,
+                       const std::vector<std::string>& inputs);
 
 // As a whole or not at all (platform/file_sink.h). From then on a stop is a flag (stop_signal.h). Errors of FileSink.
 Status WriteFile(const std::string& path, std::string_view bytes);

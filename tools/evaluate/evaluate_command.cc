@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tools/command/common_options.h"
@@ -20,6 +21,8 @@ namespace haustra {
 namespace {
 
 constexpr const char* kEvaluateCommand = "evaluate";
+const FileContent kJsonContent{"a file of haustra evaluate", {"{\n  \"run\": ", "{\n  \"runs\": "}};
+const FileContent kTableContent{"a table of haustra evaluate", {"metric,mean,std,min,max,", "## Mapping results\n"}};
 
 struct EvaluateArguments {
   std::vector<std::string> runs;
@@ -50,9 +53,10 @@ int RunEvaluate(const EvaluateArguments& arguments) {
                          InvalidArgument("--table " + arguments.table + ": the name must end in .csv or .md"),
                          kExitUsage);
   }
-  for (const std::string& path : {arguments.json, arguments.table}) {
+  for (const auto& [path, content] : {std::pair(arguments.json, kJsonContent), {arguments.table, kTableContent}}) {
     if (path.empty()) continue;
-    const Status status = CheckOutputFile(path, arguments.overwrite, {arguments.groundtruth, arguments.events});
+    const Status status =
+        CheckOutputFile(path, content, arguments.overwrite, {arguments.groundtruth, arguments.events});
     if (!status.ok()) return console::FailWriting(kEvaluateCommand, status);
   }
   const Result<evaluate::Reference> reference = evaluate::ReadReference(arguments.groundtruth, arguments.events);

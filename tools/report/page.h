@@ -3,6 +3,7 @@
 
 #include <map>
 #include <string>
+#include <string_view>
 
 #include "tools/evaluate/evaluation.h"
 #include "tools/evaluate/reference.h"
@@ -20,6 +21,10 @@ struct PageContent {
   std::string wall_html = {};  // of wall_pictures.h; empty: no surface was given, the page has no such section
   std::map<int, std::string> meshes = {};  // of surface_meshes.h, shown in place of the points while they are small
 };
+
+// Of every page, and of nothing else that is written.
+inline constexpr std::string_view kRunPageStart =
+    "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>haustra run ";
 
 // The figures in it are those of ToJson(evaluation), which is in the page as well (script element "evaluation").
 std::string MakePage(const PageContent& content);

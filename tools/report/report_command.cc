@@ -9,6 +9,7 @@
 #include "tools/command/number_checks.h"
 #include "tools/command/output_folder.h"
 #include "tools/exit_codes.h"
+#include "tools/report/page.h"
 #include "tools/report/run_report.h"
 
 namespace haustra {
@@ -24,7 +25,8 @@ struct ReportArguments {
 
 int RunReport(const ReportArguments& arguments) {
   const report::ReportRequest& request = arguments.request;
-  const Status checked = CheckOutputFile(arguments.html, arguments.overwrite,
+  const FileContent content{"a report of haustra", {report::kRunPageStart}};
+  const Status checked = CheckOutputFile(arguments.html, content, arguments.overwrite,
                                          {request.groundtruth, request.events, request.pictures.sequence});
   if (!checked.ok()) return console::FailWriting(kReportCommand, checked);
   const Result<std::string> page = report::MakeRunReport(request);

@@ -16,6 +16,7 @@
 #include "capture/v4l2/v4l2_options.h"
 #include "capture/video_source.h"
 #include "engine/engine.h"
+#include "engine/io/atlas_format.h"
 #include "platform/assemble.h"
 #include "platform/atlas_file.h"
 #include "platform/clock/system_clock.h"
@@ -152,7 +153,7 @@ Status CheckOutputs(const RunArguments& arguments) {
   if (arguments.save_atlas.empty()) return Status::Ok();
   // The atlas that was loaded may be replaced: that is how one grows from procedure to procedure.
   return CheckOutputFile(
-      arguments.save_atlas, arguments.overwrite,
+      arguments.save_atlas, {"an atlas of haustra", {kAtlasFileKind.magic}}, arguments.overwrite,
       {arguments.sequence, part.calibration_path, part.mask_path, arguments.marks, arguments.config});
 }
 

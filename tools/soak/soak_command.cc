@@ -153,7 +153,8 @@ int Soak(const SoakArguments& arguments) {
     return console::Fail(kSoakCommand, InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
   }
   if (!arguments.csv.empty()) {
-    const Status status = CheckOutputFile(arguments.csv, arguments.overwrite, {arguments.sequence, arguments.config});
+    const Status status = CheckOutputFile(arguments.csv, {"a table of haustra soak", {kSoakCsvStart}},
+                                          arguments.overwrite, {arguments.sequence, arguments.config});
     if (!status.ok()) return console::FailWriting(kSoakCommand, status);
   }
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);

@@ -240,7 +240,8 @@ SoakVerdict SoakMonitor::Judge() const {
 }
 
 std::string SoakCsvHeader() {
-  return "video_s,procedure,procedure_s,rss_mb,keyframes,map_points,maps,keyframe_ids,free_feature_sets,loose_sets,"
+  return std::string(kSoakCsvStart) +
+         "rss_mb,keyframes,map_points,maps,keyframe_ids,free_feature_sets,loose_sets,"
          "frames,dropped,tracked,p50_ms,p99_ms,max_ms,minor_faults,major_faults,voluntary_switches,"
          "involuntary_switches,heap_calls\n";
 }

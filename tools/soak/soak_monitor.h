@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/engine.h"
@@ -107,6 +108,8 @@ class SoakMonitor final : public SessionObserver {
 // Resident memory of this process in megabytes (/proc/self/statm); 0 when it cannot be read.
 double ResidentMb();
 
+// Of every such table, and of nothing else that is written.
+inline constexpr std::string_view kSoakCsvStart = "video_s,procedure,procedure_s,";
 std::string SoakCsvHeader();
 std::string SoakCsvLine(const SoakSample& sample);
 

@@ -62,8 +62,10 @@ int RunVocabulary(VocabularyArguments arguments) {
     return console::Fail(kVocabularyCommand, InvalidArgument("nothing to learn from: name sequences, or --rendered N"),
                          kExitUsage);
   }
-  if (const Status status = CheckOutputFile(arguments.out, arguments.overwrite, arguments.sequences); !status.ok()) {
-    return console::FailWriting(kVocabularyCommand, status);
+  const FileContent content{"a vocabulary of haustra", {kVocabularyFile.magic}};
+  const Status writable = CheckOutputFile(arguments.out, content, arguments.overwrite, arguments.sequences);
+  if (!writable.ok()) {
+    return console::FailWriting(kVocabularyCommand, writable);
   }
   const Result<ConfigStore<EngineConfig>> config = LoadEngineConfig(arguments.config, arguments.assignments);
   if (!config.ok()) return console::Fail(kVocabularyCommand, config.status(), kExitConfig);

@@ -246,21 +246,32 @@ TEST_F(OutputFolderTest, RenderedAndRecordedSequencesAreKnown) {
 }
 
 TEST_F(OutputFolderTest, FilesFollowTheSameRule) {
-  EXPECT_TRUE(CheckOutputFile(out_, false, {}).ok());
-  folder_.Write("out", "x");
-  EXPECT_THAT(CheckOutputFile(out_, false, {}).message(),
+  const FileContent file{"a page", {"<page", "xml"}};
+  EXPECT_TRUE(CheckOutputFile(out_, file, false, {}).ok());
+  folder_.Write("out", "<page>");
+  EXPECT_THAT(CheckOutputFile(out_, file, false, {}).message(),
               HasSubstr(out_ + ": exists already; --overwrite replaces it"));
-  EXPECT_TRUE(CheckOutputFile(out_, true, {}).ok());
+  EXPECT_TRUE(CheckOutputFile(out_, file, true, {}).ok());
+  folder_.Write("out", "");  // as mktemp makes it
+  EXPECT_TRUE(CheckOutputFile(out_, file, true, {}).ok());
+  for (const char* foreign : {"<pag", "precious"}) {
+    folder_.Write("out", foreign);
+    for (const bool overwrite : {false, true}) {
+      const Status status = CheckOutputFile(out_, file, overwrite, {});
+      EXPECT_EQ(status.code(), StatusCode::kFailedPrecondition);
+      EXPECT_THAT(status.message(), HasSubstr(out_ + ": exists already and is not a page; choose another file"));
+    }
+  }
   // Renaming a file into the place of a device would be the end of that device.
-  EXPECT_EQ(CheckOutputFile("/dev/null", true, {}).code(), StatusCode::kFailedPrecondition);
-  EXPECT_EQ(CheckOutputFile(folder_.path(), true, {}).code(), StatusCode::kFailedPrecondition);
-  EXPECT_EQ(CheckOutputFile("", true, {}).code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(CheckOutputFile("/dev/null", file, true, {}).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(CheckOutputFile(folder_.path(), file, true, {}).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(CheckOutputFile("", file, true, {}).code(), StatusCode::kInvalidArgument);
   // Known before the work, not after hours of it.
-  const Status homeless = CheckOutputFile(folder_.Path("none/page.html"), false, {});
+  const Status homeless = CheckOutputFile(folder_.Path("none/page.html"), file, false, {});
   EXPECT_EQ(homeless.code(), StatusCode::kNotFound);
   EXPECT_THAT(homeless.message(), HasSubstr("page.html: its folder does not exist"));
-  EXPECT_TRUE(CheckOutputFile("page.html", false, {}).ok());
-  const Status own_input = CheckOutputFile(out_, true, {folder_.Path("none"), folder_.path() + "/./out"});
+  EXPECT_TRUE(CheckOutputFile("page.html", file, false, {}).ok());
+  const Status own_input = CheckOutputFile(out_, file, true, {folder_.Path("none"), folder_.path() + "/./out"});
   EXPECT_EQ(own_input.code(), StatusCode::kFailedPrecondition);
   EXPECT_THAT(own_input.message(), HasSubstr(out_ + ": is read"));
 }

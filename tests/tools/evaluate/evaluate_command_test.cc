@@ -64,6 +64,24 @@ TEST_F(EvaluateCommandTest, OneRunIsPrintedAndWritten) {
   EXPECT_EQ(json["frame_ms"]["p50"], 21.5);
 }
 
+TEST_F(EvaluateCommandTest, OverwriteReplacesEarlierFiguresAndNoResultOfTheRun) {
+  for (const std::vector<std::string>& runs :
+       {std::vector{folder_.At("out")}, {folder_.At("out"), folder_.At("second")}}) {
+    for (const auto& [option, name] : {std::pair("--json", "e.json"), {"--table", "t.csv"}, {"--table", "t.md"}}) {
+      std::vector<std::string> arguments = runs;
+      arguments.insert(arguments.end(), {option, folder_.At(name), "--overwrite"});
+      EXPECT_EQ(Run(arguments), kExitOk) << err_;
+      EXPECT_EQ(Run(arguments), kExitOk) << err_;
+    }
+  }
+  for (const auto& [option, name] : {std::pair("--json", "out/summary.json"), {"--table", "out/frames.csv"}}) {
+    const std::string before = folder_.Read(name);
+    EXPECT_EQ(Run({folder_.At("out"), option, folder_.At(name), "--overwrite"}), kExitInTheWay);
+    EXPECT_THAT(err_, HasSubstr(std::string(name) + ": exists already and is not a "));
+    EXPECT_EQ(folder_.Read(name), before);
+  }
+}
+
 TEST_F(EvaluateCommandTest, SameInputGivesTheSameBytes) {
   ASSERT_EQ(Run({folder_.At("out"), "--groundtruth", Truth(), "--json", folder_.At("a.json")}), kExitOk);
   ASSERT_EQ(Run({folder_.At("out"), "--groundtruth", Truth(), "--json", folder_.At("b.json")}), kExitOk);
@@ -103,10 +121,11 @@ TEST_F(EvaluateCommandTest, GroundTruthIsNotNeededForCoverage) {
 }
 
 TEST_F(EvaluateCommandTest, FilesThatAreThereAreKept) {
-  const std::string json = folder_.Write("e.json", "precious");
+  const std::string earlier = "{\n  \"run\": \"earlier\"\n}\n";
+  const std::string json = folder_.Write("e.json", earlier);
   EXPECT_EQ(Run({folder_.At("out"), "--json", json}), kExitInTheWay);
   EXPECT_THAT(err_, HasSubstr("e.json: exists already; --overwrite replaces it"));
-  EXPECT_EQ(folder_.Read("e.json"), "precious");
+  EXPECT_EQ(folder_.Read("e.json"), earlier);
 }
 
 TEST_F(EvaluateCommandTest, ExitCodesTellWhatWasWrong) {

@@ -64,6 +64,17 @@ TEST_F(ReportCommandTest, GroundTruthIsNotNeeded) {
   EXPECT_THAT(folder_.Read("r.html"), HasSubstr("No ground truth was given"));
 }
 
+TEST_F(ReportCommandTest, OverwriteReplacesAnEarlierPageAndNoResultOfTheRun) {
+  ASSERT_EQ(Run({"report", At("out"), "--html", At("out/report.html")}), kExitOk) << err_;
+  EXPECT_EQ(Run({"report", At("out"), "--html", At("out/report.html")}), kExitInTheWay);
+  EXPECT_THAT(err_, HasSubstr("report.html: exists already; --overwrite replaces it"));
+  EXPECT_EQ(Run({"report", At("out"), "--html", At("out/report.html"), "--overwrite"}), kExitOk) << err_;
+  const std::string frames = folder_.Read("out/frames.csv");
+  EXPECT_EQ(Run({"report", At("out"), "--html", At("out/frames.csv"), "--overwrite"}), kExitInTheWay);
+  EXPECT_THAT(err_, HasSubstr("out/frames.csv: exists already and is not a report of haustra"));
+  EXPECT_EQ(folder_.Read("out/frames.csv"), frames);
+}
+
 TEST_F(ReportCommandTest, RunWhoseMapsAreGoneHasNoReport) {
   std::filesystem::remove_all(At("out/maps"));
   EXPECT_EQ(Run({"report", At("out"), "--html", At("r.html")}), kExitNoInput);

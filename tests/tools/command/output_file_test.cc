@@ -1,0 +1,67 @@
+// What --overwrite may replace where a command writes one file: its own earlier files, and nothing else.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/capture/temp_folder.h"
+#include "tests/tools/command/call_command.h"
+#include "tools/calibrate/calibrate_command.h"
+#include "tools/evaluate/evaluate_command.h"
+#include "tools/exit_codes.h"
+#include "tools/report/report_command.h"
+#include "tools/run/run_command.h"
+#include "tools/soak/soak_command.h"
+#include "tools/vocabulary/vocabulary_command.h"
+
+namespace haustra {
+namespace {
+
+using ::testing::HasSubstr;
+
+// Each before its inputs are looked at, so that none is there.
+std::vector<std::vector<std::string>> CommandsThatWriteOneFile(const TempFolder& folder, const std::string& file) {
+  const std::string run = folder.Path("run"), sequence = folder.Path("sequence");
+  return {{"report", run, "--html", file},
+          {"evaluate", run, "--json", file},
+          {"evaluate", run, "--table", file},
+          {"run", sequence, "--out", folder.Path("other"), "--save-atlas", file},
+          {"calibrate", sequence, "--out", file},
+          {"calibrate", sequence, "--out", folder.Path("new.yaml"), "--picture", file},
+          {"vocabulary", "--rendered", "1", "--pictures", "2", "--features", "100", "--out", file},
+          {"soak", sequence, "--csv", file}};
+}
+
+CommandAnswer Call(std::vector<std::string> arguments) {
+  arguments.emplace_back("--overwrite");
+  return CallCommand(
+      {AddReportCommand, AddEvaluateCommand, AddRunCommand, AddCalibrateCommand, AddVocabularyCommand, AddSoakCommand},
+      arguments);
+}
+
+TEST(OutputFile, WhatNoneOfTheCommandsMadeIsNeverReplaced) {
+  const TempFolder folder;
+  const std::string table = "frame_idx,timestamp_ns,state\n0,0,tracking\n";
+  folder.Write("run/frames.csv", table);
+  const std::string file = folder.Path("run/frames.csv");
+  for (const std::vector<std::string>& command : CommandsThatWriteOneFile(folder, file)) {
+    const CommandAnswer answer = Call(command);
+    EXPECT_EQ(answer.code, kExitInTheWay) << command[0];
+    EXPECT_THAT(answer.err, HasSubstr(file + ": exists already and is not ")) << command[0];
+    EXPECT_EQ(folder.Read("run/frames.csv"), table) << command[0];
+  }
+}
+
+TEST(OutputFile, PictureOfTheSequenceIsNotReplacedByAnother) {
+  const TempFolder folder;
+  folder.WriteImage("sequence/frames/000000.png", FlatImage(8, 8, PixelFormat::kGrey8, 90));
+  const std::string picture = folder.Path("sequence/frames/000000.png");
+  const CommandAnswer answer =
+      Call({"calibrate", folder.Path("sequence"), "--out", folder.Path("new.yaml"), "--picture", picture});
+  EXPECT_EQ(answer.code, kExitInTheWay);
+  EXPECT_THAT(answer.err, HasSubstr(picture + ": lies in " + folder.Path("sequence") + ", which is read"));
+}
+
+}  // namespace
+}  // namespace haustra

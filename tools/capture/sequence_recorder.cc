@@ -156,10 +156,14 @@ Status SequenceRecorder::WriteTime(const char* name, TimePoint timestamp, bool t
   AppendSeconds(timestamp.time_since_epoch().count(), &line);
   line += '\n';
   // Lines of several threads do not mix: each is appended by one call.
-  const bool is_written = ::write(times_, line.data(), line.size()) == static_cast<ssize_t>(line.size());
-  if (is_written && (!to_disk || ::fdatasync(times_) == 0)) return Status::Ok();
-  return Unavailable((fs::path(folder_) / kRecordedTimesName).string() +
-                     ": cannot be written: " + std::generic_category().message(errno));
+  const ssize_t written = ::write(times_, line.data(), line.size());
+  const bool is_whole = written == static_cast<ssize_t>(line.size());
+  if (is_whole && (!to_disk || ::fdatasync(times_) == 0)) return Status::Ok();
+  // A write that ends early is no error to the system: only the next one would be.
+  const std::string why = written >= 0 && !is_whole ? "only " + std::to_string(written) + " of " +
+                                                          std::to_string(line.size()) + " bytes had room on the disk"
+                                                    : std::generic_category().message(errno);
+  return Unavailable((fs::path(folder_) / kRecordedTimesName).string() + ": cannot be written: " + why);
 }
 
 Status SequenceRecorder::WriteTimes() {

@@ -1,7 +1,9 @@
 #include "tools/capture/sequence_recorder.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 
@@ -117,6 +119,28 @@ TEST_F(SequenceRecorderTest, FrameThatCannotBeWrittenIsNamed) {
   const Result<SequenceRecorder::Summary> summary = (*recorder)->Finish();
   EXPECT_EQ(summary.code(), StatusCode::kUnavailable);
   EXPECT_NE(summary.status().message().find("frames/000000.jpg"), std::string::npos) << summary.status().message();
+}
+
+// A limit of file sizes ends a write as a full disk does: after the bytes that still had room, without an error.
+TEST_F(SequenceRecorderTest, TimeThatIsWrittenInPartIsReportedAsSuch) {
+  Result<std::unique_ptr<SequenceRecorder>> recorder = SequenceRecorder::Create(out_, {}, nullptr, {});
+  ASSERT_TRUE(recorder.ok());
+  struct rlimit before = {};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto signal_before = std::signal(SIGXFSZ, SIG_IGN);
+  struct rlimit small = before;
+  small.rlim_cur = 20;
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  const std::vector<std::uint8_t> encoded(3, 1);
+  const bool is_taken = (*recorder)->Add({0, TimePoint{}, {}}, encoded);
+  const Result<SequenceRecorder::Summary> summary = (*recorder)->Finish();
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, signal_before);
+  EXPECT_TRUE(is_taken);
+  EXPECT_EQ(summary.code(), StatusCode::kUnavailable);
+  EXPECT_NE(summary.status().message().find("times.recording: cannot be written: only 20 of 23 bytes"),
+            std::string::npos)
+      << summary.status().message();
 }
 
 }  // namespace

@@ -85,6 +85,20 @@ def put_marks(run):
                                    f"{frames[-2]},{LABEL},9,9,hidden,1.2\n{frames[-1]},{LABEL},9,9,in_front,1.5\n")
 
 
+def take_maps(run):
+    """A copy of the run as it would be, had nothing been tracked."""
+    shutil.copytree(RESULT, run)
+    rows = list(csv.DictReader((run / "frames.csv").read_text().splitlines()))
+    with open(run / "frames.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({**row, "state": "initialising", "live_map_id": -1, "map_id": -1, "keyframe_id": -1} for row in rows)
+    for name in ("maps.csv", "events.csv"):
+        (run / name).write_text((run / name).read_text().split("\n")[0] + "\n")
+    for path in [*(run / "maps").iterdir(), *(run / "trajectory").glob("map_*")]:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
 def keep(page, name):
     if PICTURES:
         Path(PICTURES, name).write_bytes(page.picture())
@@ -178,6 +192,20 @@ class PageTest(unittest.TestCase):
             self.assertEqual(page.value("document.querySelector('#marks-section td').textContent"), LABEL)
             self.assertEqual(page.value("document.querySelectorAll('b').length"), 0)
             self.assertEqual(page.messages, [])
+
+    def test_run_without_a_map(self):
+        with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
+            run = Path(scratch, "run")
+            take_maps(run)
+            with ServedView(HAUSTRA, run) as server:
+                page.open(server.address)
+                self.assertTrue(page.wait_for("document.body.dataset.ready === 'run'"), page.messages)
+                text = "document.getElementById('state-text').textContent"
+                self.assertEqual(page.value(text), "the run has no map: nothing was tracked")
+                page.value("(s => { s.value = 3; s.dispatchEvent(new Event('input')); })(document.getElementById('slider'))")
+                self.assertEqual(page.value("document.body.dataset.frame"), "3")
+                self.assertEqual(page.value(text), "the run has no map: nothing was tracked")
+                self.assertEqual(page.messages, [])
 
     def test_report(self):
         with browser.Browser() as page:

@@ -207,9 +207,10 @@ void FindRecall(const RunOutput& run, const std::vector<EvaluatedFrame>& frames,
                 Evaluation* evaluation) {
   const std::optional<CameraModel> camera = FindCamera(run);
   if (positions_only || !camera || !evaluation->scene_depth) {
-    evaluation->warnings.push_back(
-        std::string("recall is not known: ") +
-        (positions_only ? "it needs true orientations" : "it needs the maps' export (maps/) for camera and depth"));
+    const char* why = positions_only          ? "it needs true orientations"
+                      : evaluation->maps == 0 ? "no frame is localised in a map"
+                                              : "it needs the maps' export (maps/) for camera and depth";
+    evaluation->warnings.push_back(std::string("recall is not known: ") + why);
     return;
   }
   const SharedView shared_view(*camera);

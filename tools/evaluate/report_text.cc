@@ -50,6 +50,8 @@ std::string ErrorLines(const Evaluation& e) {
     text += Item("RMS ATE", Fixed(e.rms_ate, 4) + " " + e.unit + "   (max " + Fixed(e.max_error, 3) + ", " +
                                 Count(e.ate_frames, "frame", "frames") + " in " +
                                 Count(e.maps - e.left_out_maps, "map", "maps") + ", each with its own Sim(3))");
+  } else if (e.maps == 0) {
+    text += Item("RMS ATE", "-   (no frame is localised in a map)");
   } else {
     text += Item("RMS ATE", "-   (no map has 10 localised frames with a true pose)");
   }

@@ -120,6 +120,21 @@ TEST_F(EvaluateCommandTest, GroundTruthIsNotNeededForCoverage) {
   EXPECT_NEAR(json["live_visible_coverage"].get<double>(), 100.0 * 80 / 90, 1e-9);
 }
 
+TEST_F(EvaluateCommandTest, OfARunWithoutAMapThereIsNoErrorAndItSaysWhy) {
+  RunOutput run;
+  for (std::int64_t i = 0; i < 100; ++i) run.frames.push_back(MakeRunFrame(i, -1, -1, TruePose(i)));
+  WriteRunFolder(folder_, "dark", run);
+  ASSERT_EQ(Run({folder_.At("dark"), "--groundtruth", Truth(), "--json", folder_.At("e.json")}), kExitOk) << err_;
+  EXPECT_THAT(out_, HasSubstr("coverage          0.00 %   (0 of 100 frames"));
+  EXPECT_THAT(out_, HasSubstr("RMS ATE           -   (no frame is localised in a map)"));
+  EXPECT_THAT(out_, HasSubstr("warning: recall is not known: no frame is localised in a map\n"));
+  const nlohmann::json json = nlohmann::json::parse(folder_.Read("e.json"));
+  EXPECT_EQ(json["coverage"], 0.0);
+  EXPECT_TRUE(json["rms_ate"].is_null());
+  EXPECT_TRUE(json["scene_depth"].is_null());
+  EXPECT_TRUE(json["per_map"].empty());
+}
+
 TEST_F(EvaluateCommandTest, FilesThatAreThereAreKept) {
   const std::string earlier = "{\n  \"run\": \"earlier\"\n}\n";
   const std::string json = folder_.Write("e.json", earlier);

@@ -132,7 +132,7 @@ TEST(ReportText, RunWithoutMapsSaysSo) {
   Evaluation e;
   e.frames = 10;
   const std::string text = ToText(e);
-  EXPECT_THAT(text, HasSubstr("no map has 10 localised frames"));
+  EXPECT_THAT(text, HasSubstr("no frame is localised in a map"));
   EXPECT_THAT(text, Not(HasSubstr("#Obs/F")));
 }
 

@@ -177,7 +177,8 @@
       if (frames.map[current] >= 0 && document.activeElement !== byId('map')) showMap(frames.map[current]);
       const state = stateOf(current), has_pose = frames.map[current] >= 0 && shown && frames.map[current] === shown.id;
       setState(state);
-      byId('state-text').textContent = frames.map[current] >= 0 ? 'map ' + frames.map[current] : (STATES[state] || {meaning: ''}).meaning;
+      byId('state-text').textContent = maps.size === 0 ? 'the run has no map: nothing was tracked' :
+          frames.map[current] >= 0 ? 'map ' + frames.map[current] : (STATES[state] || {meaning: ''}).meaning;
       scene.setScope(has_pose ? frames.position.subarray(3 * current, 3 * current + 3) : null,
                      frames.orientation.subarray(4 * current, 4 * current + 4));
       goMarks(current);
@@ -240,7 +241,6 @@
     let largest = null;
     for (const map of maps.values()) if (largest === null || map.path.length > largest.path.length) largest = map;
     if (largest) showMap(largest.id);
-    else byId('state-text').textContent = 'The run ended without a map.';
     let last = count - 1;
     while (last > 0 && largest && frames.map[last] !== largest.id) --last;
     go(largest ? last : 0);

@@ -15,6 +15,7 @@ namespace haustra {
 namespace {
 
 using capture::internal::CheckFolder;
+using capture::internal::FileNames;
 using capture::internal::IsFile;
 using capture::internal::IsFolder;
 using capture::internal::Joined;
@@ -25,11 +26,16 @@ Result<SequenceListing> ListFolder(const std::string& folder, const SequenceOpti
   if (LooksLikeC3vd(folder)) return ListC3vd(folder, options);
   if (LooksLikeSequenceFolder(folder)) return ListSequenceFolder(folder, options);
   HAUSTRA_TRY(CheckFolder(folder));
-  return InvalidArgument(
+  std::string message =
       folder +
       ": not a sequence that is known here; looked for frames/ with calib.yaml (haustra), N_color.png "
-      "(C3VD), a recording .mov, .mp4, .avi or .mkv (EndoMapper), mav0/cam0/data.csv (EuRoC), rgb.txt "
-      "(TUM), and .png or .jpg files in the folder itself");
+      "(C3VD), a recording .mov, .mp4, .m4v, .avi or .mkv (EndoMapper), mav0/cam0/data.csv (EuRoC), rgb.txt "
+      "(TUM), and .png or .jpg files in the folder itself";
+  // A file that is named itself is told by what it holds.
+  if (const Result<std::vector<std::string>> names = FileNames(folder); names.ok() && !names->empty()) {
+    message += "; a video whose name ends otherwise is named itself: " + Joined(folder, names->front());
+  }
+  return InvalidArgument(message);
 }
 
 Result<std::unique_ptr<FrameSource>> OpenFolder(const std::string& folder, const SequenceOptions& options) {

@@ -62,6 +62,26 @@ TEST_F(OpenSequenceTest, OwnLayoutIsFound) {
   EXPECT_THAT(ReadSequence(source->get()).values, ElementsAre(7, 9));
 }
 
+// In a folder a video is told by its name alone; named itself it is told by what it holds.
+TEST_F(OpenSequenceTest, FolderWithAFileOfAnotherNameSaysHowAVideoIsNamed) {
+  folder_.Write("procedure/video", "bytes of a video");
+  EXPECT_THAT(
+      OpenError(StatusCode::kInvalidArgument, folder_.Path("procedure")),
+      AllOf(HasSubstr("procedure: not a sequence that is known here"), HasSubstr(".m4v"),
+            HasSubstr("a video whose name ends otherwise is named itself: " + folder_.Path("procedure/video"))));
+  std::filesystem::create_directories(folder_.Path("empty.mp4"));
+  EXPECT_THAT(OpenError(StatusCode::kInvalidArgument, folder_.Path("empty.mp4")),
+              ::testing::Not(HasSubstr("named itself")));
+}
+
+TEST_F(OpenSequenceTest, FolderWithTheNameOfAVideoIsAFolder) {
+  WriteFlat("clip.mp4/a.png", 7);
+  folder_.Write("clip.mp4/calib.yaml", kSmallCalibration);
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.Path("clip.mp4"), {});
+  ASSERT_TRUE(source.ok()) << source.status().ToString();
+  EXPECT_THAT(ReadSequence(source->get()).values, ElementsAre(7));
+}
+
 // A frame whose time is missing, as the last one of a cut recording, would move all times after it.
 TEST_F(OpenSequenceTest, CutRecordingHasTheTimesThatWereStoredWhateverTheRate) {
   for (const char* name : {"frames/000003.png", "frames/000005.png", "frames/000009.png"}) WriteFlat(name, 7);

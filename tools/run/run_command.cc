@@ -353,8 +353,8 @@ int Run(const RunArguments& arguments) {
       !status.ok()) {
     console::Warn(kRunCommand, "the points of the maps stay grey: %s", status.message().c_str());
   }
-  const Status written =
-      WriteOutputs(arguments.out, record, poses, summary, engine, marks, **source, std::ref(colours));
+  const Status written = WriteOutputs(arguments.out, record, poses, summary, engine, marks, **source,
+                                      !arguments.part.mask_path.empty(), std::ref(colours));
   if (!written.ok()) {
     if (!calibration_written.ok()) console::Warn(kRunCommand, "%s", calibration_written.message().c_str());
     const std::string earlier = output->PutBack();

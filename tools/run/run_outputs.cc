@@ -281,7 +281,7 @@ Status MakeResultFolders(const std::string& folder) {
 
 Status WriteOutputs(const std::string& folder, const RunRecord& record, const std::vector<FinalPose>& poses,
                     const RunSummary& summary, const Engine& engine, const MarkLog& marks, const FrameSource& source,
-                    const PointColour& colour) {
+                    bool has_own_mask, const PointColour& colour) {
   const fs::path root(folder);
   HAUSTRA_TRY(WriteTrajectories(root / "trajectory", record, poses));
   HAUSTRA_TRY(WriteWith(root / "frames.csv",
@@ -294,7 +294,7 @@ Status WriteOutputs(const std::string& folder, const RunRecord& record, const st
     HAUSTRA_TRY(WriteWith(root / "marks.csv", [&](ByteSink& sink) { return WriteMarks(sink, marks, summary); }));
   }
   HAUSTRA_TRY(WriteMapExports(root / "maps", engine, source, colour));
-  if (engine.depths() != nullptr && !source.static_mask().is_empty()) {
+  if ((engine.depths() != nullptr || has_own_mask) && !source.static_mask().is_empty()) {
     HAUSTRA_TRY(WritePng((root / "mask.png").string(), source.static_mask()));
   }
   return WriteSummary(folder, summary);

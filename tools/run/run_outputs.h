@@ -24,10 +24,10 @@ inline constexpr FolderContent kRunContent{
 Status MakeResultFolders(const std::string& folder);
 
 // Writes everything; files that hold no times are the same bytes for the same run. `source`: names the pictures of the
-// keyframes.
+// keyframes. has_own_mask: that of the source is not the sequence's, so that it is kept.
 Status WriteOutputs(const std::string& folder, const RunRecord& record, const std::vector<FinalPose>& poses,
                     const RunSummary& summary, const Engine& engine, const MarkLog& marks, const FrameSource& source,
-                    const PointColour& colour);
+                    bool has_own_mask, const PointColour& colour);
 
 // summary.json alone, as WriteOutputs does: the one that is there stays until the new one is whole.
 Status WriteSummary(const std::string& folder, const RunSummary& summary);

@@ -1,8 +1,11 @@
 #include "tools/surface/keyframe_pictures.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
+#include <utility>
 
+#include "capture/codec/image_codec.h"
 #include "capture/image_transform.h"
 #include "capture/open_sequence.h"
 #include "tools/evaluate/sequence_of_run.h"
@@ -33,6 +36,14 @@ Result<std::unique_ptr<FrameSource>> Open(const CameraCalibration& camera, const
 
 }  // namespace
 
+Result<Image> ReadMaskOfRun(const evaluate::RunOutput& run, const CameraCalibration& camera) {
+  const std::string path = (std::filesystem::path(run.folder) / "mask.png").string();
+  if (!std::filesystem::exists(path)) return Image();
+  HAUSTRA_ASSIGN(Image mask, ReadImage(path, ChannelChoice::kGrey));
+  if (mask.width() == camera.width_px && mask.height() == camera.height_px) return mask;
+  return InvalidArgument(path + ": not of the size of this run's frames");
+}
+
 Result<KeyframePictures> ReadKeyframePictures(const evaluate::RunOutput& run, const std::set<std::string>& names,
                                               const CameraCalibration& camera, const std::string& sequence,
                                               DeinterlaceChoice deinterlace) {
@@ -40,7 +51,8 @@ Result<KeyframePictures> ReadKeyframePictures(const evaluate::RunOutput& run, co
   options.deinterlace = deinterlace;
   HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, Open(camera, sequence, options));
   KeyframePictures pictures;
-  if (!source->static_mask().is_empty()) CopyImage(source->static_mask(), &pictures.mask);
+  HAUSTRA_ASSIGN(pictures.mask, ReadMaskOfRun(run, camera));
+  if (pictures.mask.is_empty() && !source->static_mask().is_empty()) CopyImage(source->static_mask(), &pictures.mask);
   while (pictures.by_name.size() < names.size()) {
     const Result<Frame> frame = source->Next(kNoDeadline);
     if (frame.code() == StatusCode::kNotFound) break;

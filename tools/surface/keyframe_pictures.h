@@ -26,9 +26,14 @@ struct KeyframePictures {
   Image mask;  // 255 where the scene is shown; empty: everywhere
 };
 
+// The mask that the run has kept: of a run that kept depth, or was given a mask. Empty: none. kInvalidArgument: not of
+// the size of `camera`, that of the run; errors of ReadImage.
+Result<Image> ReadMaskOfRun(const evaluate::RunOutput& run, const CameraCalibration& camera);
+
 // names: of the wanted frames, '_' for a blank. camera: of the run, for its size; a sequence whose frames have twice
-// its size is halved, as the run did. Frames that the sequence does not have are left out. Errors of OpenSequence;
-// kInvalidArgument when frames have another size, or another time than the run gives them.
+// its size is halved, as the run did. The mask is that of the run, else the sequence's. Frames that the sequence does
+// not have are left out. Errors of OpenSequence; kInvalidArgument when frames have another size, or another time than
+// the run gives them.
 Result<KeyframePictures> ReadKeyframePictures(const evaluate::RunOutput& run, const std::set<std::string>& names,
                                               const CameraCalibration& camera, const std::string& sequence,
                                               DeinterlaceChoice deinterlace);

@@ -31,13 +31,7 @@ Result<std::vector<FoundDepths>> FindDepths(const SurfaceRequest& request, const
       return FailedPrecondition(
           run.folder + ": the run kept no depth (--set depth.enabled=true); name its sequence with --sequence");
     }
-    const std::string mask_path = run.folder + "/mask.png";
-    if (std::filesystem::exists(mask_path)) {
-      HAUSTRA_ASSIGN(*mask, ReadImage(mask_path, ChannelChoice::kGrey));
-      if (mask->width() != maps.front().camera.width_px || mask->height() != maps.front().camera.height_px) {
-        return InvalidArgument(mask_path + ": not of the size of this run's frames");
-      }
-    }
+    HAUSTRA_ASSIGN(*mask, ReadMaskOfRun(run, maps.front().camera));
     for (const SurfaceMap& map : maps) {
       Result<FoundDepths> kept = ReadKeptDepths(run, map);
       // A map that this run has not seen, but loaded, has none.

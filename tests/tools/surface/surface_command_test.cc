@@ -15,12 +15,15 @@
 #include "capture/image.h"
 #include "engine/depth/depth_file.h"
 #include "engine/surface/depth_map.h"
+#include "tests/capture/temp_folder.h"
 #include "tests/tools/command/call_command.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tests/tools/report/small_report.h"
 #include "tools/evaluate/colmap_reader.h"
 #include "tools/exit_codes.h"
+#include "tools/run/run_command.h"
 #include "tools/run/surface_of_run.h"
+#include "tools/surface/keyframe_pictures.h"
 #include "tools/surface/surface_text.h"
 
 namespace haustra {
@@ -114,6 +117,49 @@ TEST_F(SurfaceCommandTest, OfWhatHasNoDepthThereIsNoneAndItSaysWhatIsMissing) {
   EXPECT_THAT(err_, HasSubstr("out: there is no surface: map 0: none of its 2 keyframes has a depth: 1 without a "
                               "picture, 1 with too few points that another one sees"));
   EXPECT_FALSE(IsThere("to"));
+}
+
+TEST_F(SurfaceCommandTest, TheMaskIsThatOfTheRunWhereItHasOne) {
+  const auto write = [this](const std::string& name, int width, std::uint8_t value) {
+    Image mask(width, 48, PixelFormat::kGrey8);
+    for (int y = 0; y < 48; ++y) std::memset(mask.row(y), value, static_cast<std::size_t>(width));
+    ASSERT_TRUE(WritePng(folder_.At(name), mask.view()).ok());
+  };
+  const auto first_pixel = [this] {
+    const Result<evaluate::RunOutput> run = evaluate::ReadRunOutput(folder_.At("out"));
+    if (!run.ok()) return -1;
+    const Result<surface::KeyframePictures> pictures = surface::ReadKeyframePictures(
+        *run, {"000006.jpg"}, run->geometry.begin()->second.camera, folder_.At("seq"), DeinterlaceChoice::kAuto);
+    return pictures.ok() && !pictures->mask.is_empty() ? pictures->mask.row(0)[0] : -1;
+  };
+  write("seq/mask.png", 64, 255);
+  EXPECT_EQ(first_pixel(), 255);
+  write("out/mask.png", 64, 0);
+  EXPECT_EQ(first_pixel(), 0);
+  write("out/mask.png", 32, 0);
+  EXPECT_EQ(Surface("seq"), kExitBadData);
+  EXPECT_THAT(err_, HasSubstr("out/mask.png: not of the size of this run's frames"));
+}
+
+TEST_F(SurfaceCommandTest, ARunKeepsTheMaskThatItWasGiven) {
+  folder_.Write("seq/calib.yaml", std::string(kSmallCalibration));
+  Image mask(64, 48, PixelFormat::kGrey8);
+  for (int y = 0; y < 48; ++y) std::memset(mask.row(y), y < 24 ? 255 : 0, 64);
+  ASSERT_TRUE(WritePng(folder_.At("half.png"), mask.view()).ok());
+  const auto run = [this](const std::string& out, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"run", folder_.At("seq"), "--out", folder_.At(out), "--device",
+                                       "cpu", "--report",        "off"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const CommandAnswer answer = CallCommand({AddRunCommand}, arguments);
+    EXPECT_EQ(answer.code, kExitOk) << answer.err;
+  };
+  run("plain", {});
+  EXPECT_FALSE(IsThere("plain/mask.png"));
+  run("masked", {"--mask", folder_.At("half.png")});
+  const Result<Image> kept = ReadImage(folder_.At("masked/mask.png"), ChannelChoice::kGrey);
+  ASSERT_TRUE(kept.ok()) << kept.status().message();
+  EXPECT_EQ(kept->row(23)[5], 255);
+  EXPECT_EQ(kept->row(24)[5], 0);
 }
 
 TEST_F(SurfaceCommandTest, OfDepthsThatAgreeOnNoWallThereIsNone) {

@@ -21,7 +21,7 @@ struct DepthOptions {
   double noise_grey = 0.7;
   // Cost of a step between neighbouring cells, against the correlation of [-1, 1]; >= 0. With less a wall of little
   // texture falls apart, with more folds become lower than they are
-  // (engine/surface/decisions/2026-11-27-folds-were-smoothed-away.md).
+  // (engine/surface/decisions/2026-11-27-others-look-past-the-edge.md).
   double smoothness = 0.25;
   // Relative step that costs all of it, > 0.
   double smooth_step = 0.03;

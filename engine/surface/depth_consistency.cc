@@ -18,8 +18,8 @@ int NearestCell(const DepthMap& map, int step_px, const Eigen::Vector2d& pixel) 
   return static_cast<int>(y) * map.width() + static_cast<int>(x);
 }
 
-// What other keyframes say of a claimed point.
-struct Testimony {
+// What other keyframes say of a point that one claims.
+struct Support {
   int agreeing = 0;
   int seeing_through = 0;
   // Inverse ranges in the claiming keyframe by those that agree, each times its confidence.
@@ -27,11 +27,11 @@ struct Testimony {
   double weight = 0.0;
 };
 
-// Asks keyframes about points on rays of one of them.
-class Hearing {
+// Depths that points on rays of another keyframe are held against.
+class OtherDepths {
  public:
-  Hearing(const CameraModel& camera, int step_px, const SE3& cam_from_map, std::span<const PosedDepth> others,
-          const ConsistencyOptions& options)
+  OtherDepths(const CameraModel& camera, int step_px, const SE3& cam_from_map, std::span<const PosedDepth> others,
+              const ConsistencyOptions& options)
       : camera_(camera),
         step_px_(step_px),
         cam_from_map_(cam_from_map),
@@ -44,9 +44,9 @@ class Hearing {
     return camera_.Unproject({CellCentrePx(cell % width, step_px_), CellCentrePx(cell / width, step_px_)}, bearing);
   }
 
-  Testimony Ask(const Eigen::Vector3d& bearing, double range) const {
+  Support SupportOf(const Eigen::Vector3d& bearing, double range) const {
     const Eigen::Vector3d point_in_map = map_from_cam_ * Eigen::Vector3d(range * bearing);
-    Testimony testimony;
+    Support support;
     for (const PosedDepth& other : others_) {
       const Eigen::Vector3d point_in_other = other.cam_from_map * point_in_map;
       Eigen::Vector2d pixel;
@@ -54,26 +54,26 @@ class Hearing {
       const int cell = NearestCell(*other.depth, step_px_, pixel);
       if (cell < 0 || !IsKnown(*other.depth, cell)) continue;
       const double expected = point_in_other.norm(), seen = other.depth->range_mu(cell);
-      if (seen > (1.0 + options_.seen_through) * expected) ++testimony.seeing_through;
+      if (seen > (1.0 + options_.seen_through) * expected) ++support.seeing_through;
       if (std::abs(seen - expected) > options_.tolerance * expected) continue;
-      ++testimony.agreeing;
+      ++support.agreeing;
       // What the other one saw, as a range of this one: the point moves along the other's ray.
       const Eigen::Vector3d moved_in_other = point_in_other * (seen / expected);
       const Eigen::Vector3d moved = cam_from_map_ * (other.cam_from_map.Inverse() * moved_in_other);
       const double moved_range = moved.dot(bearing);
       if (!(moved_range > 0.5 * range)) continue;
-      testimony.sum += other.depth->confidence(cell) / moved_range;
-      testimony.weight += other.depth->confidence(cell);
+      support.sum += other.depth->confidence(cell) / moved_range;
+      support.weight += other.depth->confidence(cell);
     }
-    return testimony;
+    return support;
   }
 
   bool IsKnown(const DepthMap& depth, int cell) const {
     return depth.has_depth(cell) && depth.confidence(cell) >= options_.min_confidence;
   }
-  // num_claiming: keyframes that are not asked and agree.
-  bool Stands(const Testimony& testimony, int num_claiming) const {
-    return testimony.seeing_through <= options_.max_seeing_through * (testimony.agreeing + num_claiming);
+  // num_claiming: keyframes that agree and are not among these.
+  bool Stands(const Support& support, int num_claiming) const {
+    return support.seeing_through <= options_.max_seeing_through * (support.agreeing + num_claiming);
   }
 
  private:
@@ -136,16 +136,16 @@ int CheckDepth(const CameraModel& camera, int step_px, const PosedDepth& referen
   HAUSTRA_CHECK(checked != reference.depth && checked->width() == own.width() && checked->height() == own.height());
   const double nearest = NearestRange(own);
   checked->Clear(std::isfinite(nearest) ? nearest / (1.0 + 2.0 * options.tolerance) : 1.0);
-  const Hearing hearing(camera, step_px, reference.cam_from_map, others, options);
+  const OtherDepths other_depths(camera, step_px, reference.cam_from_map, others, options);
   const int min_agreeing = std::min(options.min_agreeing, std::max(1, static_cast<int>(others.size())));
   int count = 0;
   for (int i = 0; i < own.num_cells(); ++i) {
     Eigen::Vector3d bearing;
-    if (!hearing.IsKnown(own, i) || !hearing.BearingOf(own.width(), i, &bearing)) continue;
-    const Testimony testimony = hearing.Ask(bearing, own.range_mu(i));
-    if (testimony.agreeing < min_agreeing || !hearing.Stands(testimony, 1)) continue;
-    const double sum = testimony.sum + own.confidence(i) * own.inverse_range(i);
-    checked->Set(i, sum / (testimony.weight + own.confidence(i)), own.confidence(i));
+    if (!other_depths.IsKnown(own, i) || !other_depths.BearingOf(own.width(), i, &bearing)) continue;
+    const Support support = other_depths.SupportOf(bearing, own.range_mu(i));
+    if (support.agreeing < min_agreeing || !other_depths.Stands(support, 1)) continue;
+    const double sum = support.sum + own.confidence(i) * own.inverse_range(i);
+    checked->Set(i, sum / (support.weight + own.confidence(i)), own.confidence(i));
     count += checked->has_depth(i) ? 1 : 0;
   }
   return count;
@@ -165,13 +165,13 @@ int FillDepth(const CameraModel& camera, int step_px, const PosedDepth& referenc
     if (own.has_depth(i)) filled->Set(i, own.inverse_range(i), own.confidence(i));
     count += filled->has_depth(i) ? 1 : 0;
   }
-  const Hearing hearing(camera, step_px, reference.cam_from_map, others, options);
+  const OtherDepths other_depths(camera, step_px, reference.cam_from_map, others, options);
   for (const CarriedRange& each : carried) {
     Eigen::Vector3d bearing;
-    if (filled->has_depth(each.cell) || !hearing.BearingOf(own.width(), each.cell, &bearing)) continue;
-    const Testimony testimony = hearing.Ask(bearing, each.range_mu);
-    if (!(testimony.weight > 0.0) || !hearing.Stands(testimony, 0)) continue;
-    filled->Set(each.cell, testimony.sum / testimony.weight, each.confidence);
+    if (filled->has_depth(each.cell) || !other_depths.BearingOf(own.width(), each.cell, &bearing)) continue;
+    const Support support = other_depths.SupportOf(bearing, each.range_mu);
+    if (!(support.weight > 0.0) || !other_depths.Stands(support, 0)) continue;
+    filled->Set(each.cell, support.sum / support.weight, each.confidence);
     count += filled->has_depth(each.cell) ? 1 : 0;
   }
   return count;

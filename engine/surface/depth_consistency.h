@@ -1,5 +1,5 @@
 // Depths of several keyframes held against each other: what one of them claims, another must see there too, and none
-// may see through it. What a keyframe does not know is taken from others that agree.
+// may see through it. What a keyframe does not know is taken from others.
 // Source: Schonberger et al. 2016, "Pixelwise view selection", section 4.4 (forward-backward check), in its simplest
 // form; Merrell et al. 2007 (fusion of depth by what agrees, and by what is seen through). reentrant.
 #pragma once

@@ -7,6 +7,7 @@ RESULT is a run of SEQUENCE, a rendered colon. Skipped (exit code 77) where ther
 set to a folder the windows are kept there as PNG, for a person to look at.
 """
 
+import contextlib
 import csv
 import json
 import os
@@ -99,6 +100,24 @@ def take_maps(run):
         shutil.rmtree(path) if path.is_dir() else path.unlink()
 
 
+@contextlib.contextmanager
+def page_of(make):
+    """A page and the run that it shows: what `make` writes into the folder that it is given."""
+    with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
+        run = Path(scratch, "run")
+        make(run)
+        with ServedView(HAUSTRA, run) as server:
+            page.open(server.address)
+            if not page.wait_for("document.body.dataset.ready === 'run'"):
+                raise AssertionError(page.messages)
+            yield page, run
+
+
+def move_slider(page, place):
+    """To a place that is written in JavaScript, of the slider s."""
+    page.value("(s => { s.value = %s; s.dispatchEvent(new Event('input')); })(document.getElementById('slider'))" % place)
+
+
 def keep(page, name):
     if PICTURES:
         Path(PICTURES, name).write_bytes(page.picture())
@@ -161,30 +180,24 @@ class PageTest(unittest.TestCase):
             self.assertEqual(server.code, 0)
 
     def test_marks_of_a_run(self):
-        with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
-            run = Path(scratch, "run")
-            put_marks(run)
-            with ServedView(HAUSTRA, run) as server:
-                page.open(server.address)
-                self.assertTrue(page.wait_for("document.body.dataset.ready === 'run'"), page.messages)
-                row = ("[...document.querySelectorAll('#marks tr')]"
-                       ".map(row => [...row.children].map(cell => cell.textContent).join('|'))")
-                for index, state in enumerate(("in front|1.5", "hidden|1.2", "not known|")):
-                    page.value("(s => { s.value = s.max - %d; s.dispatchEvent(new Event('input')); })"
-                               "(document.getElementById('slider'))" % index)
-                    self.assertEqual(page.value(row), [f"{LABEL}|0|{state}"])
-                self.assertTrue(page.wait_for(PIN_IS_SHOWN), "from outside it is there, however the scope sees it")
-                self.assertEqual(page.value("document.querySelector('.pin span').textContent"), LABEL)
-                # Through the scope it is only there when it is in front.
-                page.value("document.getElementById('inside').click()")
-                self.assertTrue(page.wait_for("!" + PIN_IS_SHOWN))
-                page.value("(s => { s.value = s.max; s.dispatchEvent(new Event('input')); })(document.getElementById('slider'))")
-                self.assertTrue(page.wait_for(PIN_IS_SHOWN))
-                page.value("document.querySelector('[data-layer=pins]').click()")
-                self.assertTrue(page.wait_for("!" + PIN_IS_SHOWN))
-                self.assertEqual(page.value("document.querySelectorAll('b').length"), 0, "a label is no HTML")
-                self.assertEqual(page.messages, [])
-            report = Path(scratch, "report.html")
+        with page_of(put_marks) as (page, run):
+            row = ("[...document.querySelectorAll('#marks tr')]"
+                   ".map(row => [...row.children].map(cell => cell.textContent).join('|'))")
+            for index, state in enumerate(("in front|1.5", "hidden|1.2", "not known|")):
+                move_slider(page, f"s.max - {index}")
+                self.assertEqual(page.value(row), [f"{LABEL}|0|{state}"])
+            self.assertTrue(page.wait_for(PIN_IS_SHOWN), "from outside it is there, however the scope sees it")
+            self.assertEqual(page.value("document.querySelector('.pin span').textContent"), LABEL)
+            # Through the scope it is only there when it is in front.
+            page.value("document.getElementById('inside').click()")
+            self.assertTrue(page.wait_for("!" + PIN_IS_SHOWN))
+            move_slider(page, "s.max")
+            self.assertTrue(page.wait_for(PIN_IS_SHOWN))
+            page.value("document.querySelector('[data-layer=pins]').click()")
+            self.assertTrue(page.wait_for("!" + PIN_IS_SHOWN))
+            self.assertEqual(page.value("document.querySelectorAll('b').length"), 0, "a label is no HTML")
+            self.assertEqual(page.messages, [])
+            report = run.parent / "report.html"
             subprocess.run([HAUSTRA, "report", run, "--html", report], check=True, stdout=subprocess.DEVNULL)
             page.open(report.as_uri())
             self.assertTrue(page.wait_for(PIN_IS_SHOWN), page.messages)
@@ -194,18 +207,13 @@ class PageTest(unittest.TestCase):
             self.assertEqual(page.messages, [])
 
     def test_run_without_a_map(self):
-        with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
-            run = Path(scratch, "run")
-            take_maps(run)
-            with ServedView(HAUSTRA, run) as server:
-                page.open(server.address)
-                self.assertTrue(page.wait_for("document.body.dataset.ready === 'run'"), page.messages)
-                text = "document.getElementById('state-text').textContent"
-                self.assertEqual(page.value(text), "the run has no map: nothing was tracked")
-                page.value("(s => { s.value = 3; s.dispatchEvent(new Event('input')); })(document.getElementById('slider'))")
-                self.assertEqual(page.value("document.body.dataset.frame"), "3")
-                self.assertEqual(page.value(text), "the run has no map: nothing was tracked")
-                self.assertEqual(page.messages, [])
+        with page_of(take_maps) as (page, _):
+            text = "document.getElementById('state-text').textContent"
+            self.assertEqual(page.value(text), "the run has no map: nothing was tracked")
+            move_slider(page, "3")
+            self.assertEqual(page.value("document.body.dataset.frame"), "3")
+            self.assertEqual(page.value(text), "the run has no map: nothing was tracked")
+            self.assertEqual(page.messages, [])
 
     def test_report(self):
         with browser.Browser() as page:

@@ -45,6 +45,12 @@ std::vector<std::vector<int>> WitnessesOf(const FoundDepths& found) {
   return witnesses;
 }
 
+std::vector<PosedDepth> Chosen(const std::vector<PosedDepth>& depths, const std::vector<int>& indices) {
+  std::vector<PosedDepth> chosen;
+  for (const int i : indices) chosen.push_back(depths[i]);
+  return chosen;
+}
+
 }  // namespace
 
 Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const FoundDepths& found, const SurfaceOptions& options) {
@@ -57,31 +63,26 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const FoundDepths& foun
   const auto num_depths = static_cast<int>(found.depths.size());
   const int num_threads = std::max(1, options.num_threads);
   const std::vector<std::vector<int>> witnesses = WitnessesOf(found);
-  // depth_at(i): that of found.depths[i].
-  const auto depths_beside = [&](int own, const auto& depth_at) {
-    std::vector<PosedDepth> others;
-    for (const int other : witnesses[own])
-      others.push_back({&depth_at(other), found.depths[other].keyframe->cam_from_map});
-    return others;
-  };
-  std::vector<DepthMap> checked(found.depths.size());
+  std::vector<PosedDepth> raw, checked;
+  std::vector<DepthMap> checked_maps;
+  checked_maps.reserve(found.depths.size());
+  for (const FoundDepth& each : found.depths) {
+    raw.push_back({&each.raw, each.keyframe->cam_from_map});
+    checked_maps.emplace_back(each.raw.width(), each.raw.height());
+    checked.push_back({&checked_maps.back(), each.keyframe->cam_from_map});
+  }
+  ParallelFor(num_depths, num_threads, [&](int i, int) {
+    if (IsStopped(options.stop)) return;
+    CheckDepth(camera, found.step_px, raw[i], Chosen(raw, witnesses[i]), options.consistency, &checked_maps[i]);
+  });
+  const std::vector<std::uint8_t> shows_scene = CellsOfScene(found);
   surface.depths.resize(found.depths.size());
   ParallelFor(num_depths, num_threads, [&](int i, int) {
     if (IsStopped(options.stop)) return;
     const FoundDepth& own = found.depths[i];
-    checked[i] = DepthMap(own.raw.width(), own.raw.height());
-    const auto raw_of = [&](int k) -> const DepthMap& { return found.depths[k].raw; };
-    CheckDepth(camera, found.step_px, {&own.raw, own.keyframe->cam_from_map}, depths_beside(i, raw_of),
-               options.consistency, &checked[i]);
-  });
-  const std::vector<std::uint8_t> shows_scene = CellsOfScene(found);
-  ParallelFor(num_depths, num_threads, [&](int i, int) {
-    if (IsStopped(options.stop)) return;
-    const FoundDepth& own = found.depths[i];
     surface.depths[i] = {own.keyframe, own.frame_idx, own.stored_frame, DepthMap(own.raw.width(), own.raw.height())};
-    const auto checked_of = [&](int k) -> const DepthMap& { return checked[k]; };
-    FillDepth(camera, found.step_px, {&checked[i], own.keyframe->cam_from_map}, depths_beside(i, checked_of),
-              shows_scene, options.consistency, &surface.depths[i].depth);
+    FillDepth(camera, found.step_px, checked[i], Chosen(checked, witnesses[i]), shows_scene, options.consistency,
+              &surface.depths[i].depth);
   });
   FusionOptions fusion_options;
   surface.voxel_mu = fusion_options.voxel_mu = options.voxel_share * map.depth_mu;

@@ -19,7 +19,8 @@ for program in "clang-tidy-$required_major" "run-clang-tidy-$required_major" cla
 done
 
 cmake --preset tidy > /dev/null
-touch build/tidy/platform/version.cc build/tidy/tools/report/page_assets.cc  # are made by the build, and hold data only
+# Made by the build, with data only.
+touch build/tidy/platform/version.cc build/tidy/tools/report/page_assets.cc build/tidy/tools/view/view_assets.cc
 # Neighbours take about as long as each other, so every so many is a fair share.
 mapfile -t pieces < <(sed -n 's/^  "file": "\(.*\)",\?$/\1/p' build/tidy/compile_commands.json | sort -u |
   awk -v part="$part" -v parts="$parts" 'NR % parts == part % parts { gsub(/[.+]/, "[&]"); print "^" $0 "$" }')

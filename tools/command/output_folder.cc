@@ -198,11 +198,11 @@ void OutputFolder::Commit() {
 
 Status CheckInputsOutside(const std::string& folder, const std::vector<std::string>& inputs) {
   std::error_code error;
-  for (const std::string& input : inputs) {
-    if (!fs::exists(input, error) || !IsIn(folder, input)) continue;
-    return FailedPrecondition(folder + ": holds " + input + ", which is read; choose another folder");
-  }
-  return Status::Ok();
+  const auto held = std::find_if(inputs.begin(), inputs.end(), [&](const std::string& input) {
+    return fs::exists(input, error) && IsIn(folder, input);
+  });
+  if (held == inputs.end()) return Status::Ok();
+  return FailedPrecondition(folder + ": holds " + *held + ", which is read; choose another folder");
 }
 
 Status CheckOutputFile(const std::string& path, const FileContent& content, bool overwrite,
@@ -216,9 +216,12 @@ Status CheckOutputFile(const std::string& path, const FileContent& content, bool
   if (!fs::is_regular_file(status)) return FailedPrecondition(path + ": exists and is not a file");
   for (const std::string& input : inputs) {
     if (fs::equivalent(path, input, error)) return FailedPrecondition(path + ": is read; choose another file");
-    if (!content.is_told_by_beginning && fs::is_directory(input, error) && IsIn(input, path)) {
-      return FailedPrecondition(path + ": lies in " + input + ", which is read; choose another file");
-    }
+  }
+  const auto around = std::find_if(inputs.begin(), inputs.end(), [&](const std::string& input) {
+    return fs::is_directory(input, error) && IsIn(input, path);
+  });
+  if (!content.is_told_by_beginning && around != inputs.end()) {
+    return FailedPrecondition(path + ": lies in " + *around + ", which is read; choose another file");
   }
   HAUSTRA_ASSIGN(const bool is_replaceable, IsReplaceable(path, content));
   if (!is_replaceable) {

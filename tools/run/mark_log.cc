@@ -8,7 +8,7 @@ constexpr std::size_t kMaxUnreadFrames = 512;
 
 }  // namespace
 
-MarkLog::MarkLog(Engine& engine, std::vector<MarkRequest> requests, const SequenceOptions& part)
+MarkLog::MarkLog(Engine& engine, const std::vector<MarkRequest>& requests, const SequenceOptions& part)
     : engine_(engine), part_(part), frames_(kMaxUnreadFrames) {
   for (const MarkRequest& request : requests) {
     if (part_.IndexOf(request.frame_index)) {

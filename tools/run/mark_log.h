@@ -28,7 +28,7 @@ class MarkLog final : public SessionHooks {
 
   // `requests` in the order of their frames; frames and pixels are those of the recording, of which `part` is read. The
   // engine outlives it.
-  MarkLog(Engine& engine, std::vector<MarkRequest> requests, const SequenceOptions& part);
+  MarkLog(Engine& engine, const std::vector<MarkRequest>& requests, const SequenceOptions& part);
 
   // Tracking thread: a frame whose marks find no room in the ring is missing in the log, and counted.
   void OnTracked(const FrameOutcome& outcome) override;

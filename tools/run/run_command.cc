@@ -304,7 +304,7 @@ int Run(const RunArguments& arguments) {
   RealTimeOptions options;
   options.rate = arguments.rate;
   options.rt = config.rt;
-  MarkLog marks(engine, std::move(mark_requests), arguments.part);
+  MarkLog marks(engine, mark_requests, arguments.part);
   options.hooks = &marks;
   const Result<SessionSummary> session = is_realtime
                                              ? RunRealTime(**source, engine, clock, options, record, stop_requested)

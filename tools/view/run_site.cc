@@ -18,7 +18,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-void AddMeshes(std::map<int, std::string> meshes, ViewSite* site, std::map<int, ShownWall>* walls) {
+void AddMeshes(std::map<int, std::string>&& meshes, ViewSite* site, std::map<int, ShownWall>* walls) {
   for (auto& [map_id, ply] : meshes) {
     ShownWall& wall = (*walls)[map_id];
     wall.mesh = report::MapFolderName(map_id) + ".ply";

@@ -125,6 +125,7 @@ bool PoseRecovery::IsChosenPoseEvident() {
   }
   if (EllipseSpread(pixels_, parts_.camera.width_px(), parts_.camera.height_px()) < gates.min_spread) return false;
   search_.CountMatches();
+  if (!search_.HasEstablishedWitnesses()) return false;
   const PoseUncertainty uncertainty = UncertaintyOf(search_.estimate().information, search_.estimate().median_depth);
   return uncertainty.position_sigma <= gates.max_position_sigma &&
          uncertainty.rotation_sigma_deg <= gates.max_rotation_sigma_deg;

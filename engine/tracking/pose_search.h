@@ -103,6 +103,9 @@ class PoseSearch {
   bool HasEvidence(int min_inliers, int min_detected) const;
   // `is_confirmed`: so was the pose before, of which this one is a small step (TrackingConfig::min_detected).
   bool IsTrackedPoseEvident(bool is_confirmed);
+  // For a pose without a prediction. Bubbles and films move by themselves: what was triangulated on them a moment ago
+  // agrees with them, and not with the wall. False: established points should be seen, and hardly any is.
+  bool HasEstablishedWitnesses() const;
 
   // The keyframe of the window that shares most points with the frame.
   int NearestKeyframe() const;

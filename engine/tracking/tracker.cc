@@ -298,6 +298,11 @@ Tracker::Outcome Tracker::TryStart(const Start& start, FrameResult* result) {
   state_ = GoOnFrom(start, current_.timestamp);
   const Outcome outcome = TrackMap(result);
   if (!start.is_found || outcome == Outcome::kNoPose) return outcome;
+  if (outcome == Outcome::kPose && !search_.HasEstablishedWitnesses()) {
+    SetLost();
+    result->reason = TrackingReason::kWeakEvidence;
+    return Outcome::kNoPose;
+  }
   initialiser_.Reset();
   result->reason = TrackingReason::kRelocalised;
   return outcome;

@@ -76,6 +76,22 @@ class Procedure {
     }
     device_.SetFrame(index, features);
   }
+  // From here on bubbles hang before the scope, which is at z.
+  void Blow(double z) {
+    Rng rng(29);
+    for (std::uint32_t id = 100001; id <= 100300; ++id) {
+      bubbles_.push_back(
+          {{rng.Uniform(-0.5, 0.5), rng.Uniform(-0.5, 0.5), z + rng.Uniform(0.9, 1.5)}, rng.Uniform(3.0, 8.0), id});
+    }
+  }
+  // They hide the wall and have moved by so much.
+  void AddBubblesAlone(double z, const Eigen::Vector3d& moved) {
+    const auto index = static_cast<std::uint32_t>(truth_.size());
+    Add(z);
+    std::vector<ScriptedFeature> features;
+    See(bubbles_, truth_.back() * SE3(Eigen::Quaterniond::Identity(), moved), &features);
+    device_.SetFrame(index, features);
+  }
   void Move(double from, double to, int num_frames) {
     for (int i = 0; i < num_frames; ++i) Add(from + (to - from) * i / (num_frames - 1));
   }
@@ -147,7 +163,12 @@ class Procedure {
 
   std::vector<ScriptedFeature> See(const SE3& cam_from_world) {
     std::vector<ScriptedFeature> features;
-    for (const Landmark& landmark : landmarks_) {
+    See(landmarks_, cam_from_world, &features);
+    See(bubbles_, cam_from_world, &features);
+    return features;
+  }
+  void See(const std::vector<Landmark>& landmarks, const SE3& cam_from_world, std::vector<ScriptedFeature>* features) {
+    for (const Landmark& landmark : landmarks) {
       const Eigen::Vector3d in_cam = cam_from_world * landmark.position;
       Eigen::Vector2d pixel;
       if (in_cam.z() < 0.3 || in_cam.norm() > 3.0 || !camera_.Project(in_cam, &pixel)) continue;
@@ -160,9 +181,8 @@ class Procedure {
       feature.keypoint.scale_px = static_cast<float>(landmark.size / in_cam.norm());
       feature.keypoint.response = 1.0f / static_cast<float>(1 + landmark.id % 97);
       feature.appearance = {landmark.id, landmark.id};
-      features.push_back(feature);
+      features->push_back(feature);
     }
-    return features;
   }
 
   EngineConfig config_;
@@ -172,6 +192,7 @@ class Procedure {
   Rng noise_{23};
   double shake_ = 0.5;
   std::vector<Landmark> landmarks_;
+  std::vector<Landmark> bubbles_;
   std::vector<SE3> truth_;
   std::unique_ptr<Engine> engine_;
   std::vector<FrameResult> results_;
@@ -254,6 +275,20 @@ TEST(System, FrameFoundByBruteForceIsNoKeyframe) {
   EXPECT_FALSE(results[90].is_keyframe);
   EXPECT_EQ(results[91].reason, TrackingReason::kTracked);
   EXPECT_TRUE(results[91].is_keyframe);
+}
+
+// Bubbles were triangulated a moment ago, and move. All that is seen agrees with one pose, and it is wrong.
+TEST(System, YoungPointsAloneRecoverNoPose) {
+  RecordProperty("req", "TRK-001");
+  Procedure procedure(test::SmallEngineConfig());
+  procedure.Move(0.0, 3.0, 75);
+  procedure.Blow(3.0);
+  procedure.Move(3.04, 3.28, 7);
+  for (int i = 0; i < 5; ++i) procedure.AddBubblesAlone(3.28, {0.3, 0.0, 0.0});
+  procedure.Run();
+  const std::vector<FrameResult>& results = procedure.results();
+  EXPECT_EQ(results[81].state, TrackingState::kTracking);
+  for (int i = 82; i < 87; ++i) EXPECT_EQ(results[i].state, TrackingState::kLost) << i;
 }
 
 // What brute force finds after a loss passes the gates of relocalisation, every one of them.

@@ -54,7 +54,7 @@ Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibratio
   }
   if (config.depth.enabled) {
     const DepthOptions options = config.depth.options();
-    HAUSTRA_ASSIGN(const CameraModel camera, CameraModel::Create(calibration));
+    HAUSTRA_ASSIGN([[maybe_unused]] const CameraModel camera, CameraModel::Create(calibration));
     plan.Add(MemoryPlace::kHost, "depth matcher", 1,
              DepthMatcher::BytesFor(calibration.width_px, calibration.height_px, options), "image size, depth.step_px");
 #ifdef HAUSTRA_HAVE_CUDA

@@ -63,6 +63,7 @@ Status V4l2Source::Initialise() {
       height_px_ = file.height_px;
     }
   }
+  const bool is_size_of_camera = width_px_ == 0;
   if (const Status status = Connect(); !status.ok()) {
     if (status.code() != StatusCode::kUnavailable || !options_.may_come_later) return status;
     if (width_px_ == 0) {
@@ -71,7 +72,10 @@ Status V4l2Source::Initialise() {
     }
     Disconnect(status.message());
   }
-  HAUSTRA_TRY(ResolveGeometry(has_file ? &file : nullptr));
+  const Status resolved = ResolveGeometry(has_file ? &file : nullptr);
+  // The camera's next signal may have the size.
+  if (is_size_of_camera && resolved.code() == StatusCode::kInvalidArgument) return Unavailable(resolved.message());
+  HAUSTRA_TRY(resolved);
   CameraCalibration stored = calibration_;
   if (sequence_.halve) {
     calibration_ = Halved(calibration_);

@@ -50,8 +50,8 @@ class V4l2Source final : public FrameSource {
  public:
   // The calibration (of the file that `sequence` names) is that of the picture or of the region. Without a file the
   // source only knows the size: enough to record, not to map. `io` must outlive the source. kInvalidArgument: options,
-  // calibration or mask do not fit the camera, or the camera cannot do what is asked. kUnavailable: it is not there
-  // (unless it may come later, and the size of its pictures is known without it).
+  // calibration and mask do not fit each other, or no such camera can do what is asked. kUnavailable: it is not there,
+  // or does not do what is asked now (unless it may come later, and the size of its pictures is known without it).
   static Result<std::unique_ptr<V4l2Source>> Create(const V4l2Options& options, const SequenceOptions& sequence,
                                                     DeviceIo& io);
 

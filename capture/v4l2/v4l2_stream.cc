@@ -190,7 +190,7 @@ Status V4l2Stream::ChooseFormat(int width_px, int height_px, double preferred_ra
   std::string wanted = SizeText(width_px, height_px);
   if (options_.format != 0) wanted = FourccText(options_.format) + " " + wanted;
   if (options_.rate_hz > 0.0) wanted += " at " + FormatDouble(options_.rate_hz) + " Hz";
-  return InvalidArgument(path_ + ": " + name_ + " does not offer " + wanted + "; it offers " + FormatsText(offered));
+  return Unavailable(path_ + ": " + name_ + " does not offer " + wanted + "; it offers " + FormatsText(offered));
 }
 
 Status V4l2Stream::SetFormat(std::uint32_t fourcc, int width_px, int height_px) {
@@ -209,8 +209,8 @@ Status V4l2Stream::SetFormat(std::uint32_t fourcc, int width_px, int height_px) 
   const std::string got =
       FourccText(pix.pixelformat) + " " + SizeText(static_cast<int>(pix.width), static_cast<int>(pix.height));
   if (pix.pixelformat != fourcc || pix.width != static_cast<__u32>(width_px)) {
-    return InvalidArgument(path_ + ": asked for " + FourccText(fourcc) + " " + SizeText(width_px, height_px) +
-                           ", the camera sends " + got);
+    return Unavailable(path_ + ": asked for " + FourccText(fourcc) + " " + SizeText(width_px, height_px) +
+                       ", the camera sends " + got);
   }
   switch (pix.field) {
     case V4L2_FIELD_ANY:
@@ -223,18 +223,18 @@ Status V4l2Stream::SetFormat(std::uint32_t fourcc, int width_px, int height_px) 
     default: format_.rows = Rows::kInterleaved;
   }
   if (format_.rows != Rows::kProgressive && !wants_field) {
-    return InvalidArgument(path_ + ": the camera sends " + got + " " + FieldName(pix.field) +
-                           "; set it to progressive, or choose field=top or field=bottom and halve the picture");
+    return Unavailable(path_ + ": the camera sends " + got + " " + FieldName(pix.field) +
+                       "; set it to progressive, or choose field=top or field=bottom and halve the picture");
   }
   if (format_.rows == Rows::kProgressive && wants_field) {
-    return InvalidArgument(path_ + ": the camera sends progressive pictures; leave out field=");
+    return Unavailable(path_ + ": the camera sends progressive pictures; leave out field=");
   }
   if (fourcc == V4L2_PIX_FMT_MJPEG && wants_field) {
-    return InvalidArgument(path_ + ": fields of MJPEG pictures are not read; choose another format");
+    return Unavailable(path_ + ": fields of MJPEG pictures are not read; choose another format");
   }
   const bool is_half = static_cast<int>(pix.height) * 2 == height_px && format_.rows == Rows::kOneField;
   if (static_cast<int>(pix.height) != height_px && !is_half) {
-    return InvalidArgument(path_ + ": asked for " + SizeText(width_px, height_px) + ", the camera sends " + got);
+    return Unavailable(path_ + ": asked for " + SizeText(width_px, height_px) + ", the camera sends " + got);
   }
   format_.fourcc = fourcc;
   format_.width_px = static_cast<int>(pix.width);
@@ -277,8 +277,8 @@ Status V4l2Stream::SetRate(double preferred_rate_hz) {
     }
   }
   if (options_.rate_hz > 0.0 && format_.rate_hz > 0.0 && std::abs(format_.rate_hz - wanted) > wanted * kRateTolerance) {
-    return InvalidArgument(path_ + ": asked for " + FormatDouble(wanted) + " Hz, the camera sends " +
-                           FormatDouble(format_.rate_hz) + " Hz");
+    return Unavailable(path_ + ": asked for " + FormatDouble(wanted) + " Hz, the camera sends " +
+                       FormatDouble(format_.rate_hz) + " Hz");
   }
   return Status::Ok();
 }

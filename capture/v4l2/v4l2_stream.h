@@ -38,8 +38,9 @@ struct V4l2Picture {
   bool is_other_field = false;  // cameras that send fields one by one
 };
 
-// thread-bound(its owner). Errors of all calls: kUnavailable: the device is not there or has gone, or brings no signal;
-// kInvalidArgument: it cannot do what the options ask. Each message begins with the device's name.
+// thread-bound(its owner). Errors of all calls: kUnavailable: the device is not there or has gone, brings no signal, or
+// does not offer what the options ask, which it may do later (the signal decides). kInvalidArgument: it is no camera
+// that is read here, or has no such input. Each message begins with the device's name.
 class V4l2Stream {
  public:
   // wanted_width_px and wanted_height_px: where the options do not say; 0: as the camera is set. preferred_rate_hz:

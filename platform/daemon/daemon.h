@@ -98,6 +98,7 @@ class Daemon {
   void SendSettings();
   void HearWorker();
   void Hear(const WorkerReport& report);
+  void HearOfSignal();
   void Fault(const std::string& what);
   void TakeLeaveOfWorker(const std::string& how);
   void WatchWorker(TimePoint now);
@@ -167,8 +168,11 @@ class Daemon {
   std::uint64_t num_workers_ = 0;
   bool is_worker_given_up_ = false;
   TimePoint last_heard_;
-  WorkerReport report_;     // the last one
-  bool has_signs_ = false;  // of the running procedure, in report_
+  WorkerReport report_;        // the last one
+  bool has_signs_ = false;     // of the running procedure, in report_
+  std::string signal_logged_;  // why there was none, as the log has it; empty: it has that there is one
+  TimePoint next_signal_log_;
+  std::string wait_logged_;  // likewise, for what the worker waits
   std::uint64_t num_faults_ = 0;
   std::string last_fault_;
 

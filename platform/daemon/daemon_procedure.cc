@@ -13,6 +13,7 @@
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/health.h"
 #include "platform/daemon/log.h"
+#include "platform/daemon/supervised_source.h"
 #include "platform/exit_codes.h"
 
 namespace haustra {
@@ -23,6 +24,7 @@ using std::chrono::seconds;
 
 // A worker that talks without end does not keep the service from the rest.
 constexpr int kMaxReportsAtATime = 100;
+constexpr Duration kSignalLogInterval = seconds(1);
 
 haustra_event ProcedureEvent(haustra_event_kind kind, std::uint64_t number) {
   haustra_event event{};
@@ -52,6 +54,7 @@ struct Descriptor {
 void Daemon::StartNextWorker() {
   report_ = {};
   is_worker_given_up_ = has_signs_ = false;
+  signal_logged_.clear();
   last_heard_ = clock_.Now();
   ++num_workers_;
   Result<std::unique_ptr<WorkerProcess>> started = WorkerProcess::Start(start_worker_);
@@ -150,14 +153,20 @@ void Daemon::Hear(const WorkerReport& report) {
     case WorkerNews::kAlive:
       report_ = report;
       has_signs_ = true;
-      return;
+      return HearOfSignal();
     case WorkerNews::kWaits:
       trouble_ = report.text.data();
+      // It looks once a second.
+      if (trouble_ != wait_logged_) {
+        wait_logged_ = trouble_;
+        Log(LogLevel::kWarning, "waiting_for_source", {{"source", config_.source.path}, {"what", trouble_}});
+      }
       if (state_.phase == ServicePhase::kWaiting) ArmLimit();
       return Tell(ServiceEventKind::kWorkerWaits);
     case WorkerNews::kReady:
       if (state_.phase == ServicePhase::kWaiting) {
         trouble_.clear();
+        wait_logged_.clear();
         Log(LogLevel::kInfo, "source_found", {{"source", config_.source.path}});
       }
       return Tell(ServiceEventKind::kWorkerReady);
@@ -186,6 +195,21 @@ void Daemon::Hear(const WorkerReport& report) {
       return Tell(
           {ServiceEventKind::kSessionEnds, report.code == 0 ? kExitInternal : ExitCodeFor(report.status().code())});
   }
+}
+
+// A plug with a loose contact does not fill the log.
+void Daemon::HearOfSignal() {
+  if (state_.phase != ServicePhase::kRunning || last_heard_ < next_signal_log_) return;
+  const std::string why = report_.text.data();
+  const bool has_signal = static_cast<SignalState>(report_.signal) == SignalState::kFrames;
+  if (has_signal ? signal_logged_.empty() : why.empty() || why == signal_logged_) return;
+  if (has_signal) {
+    Log(LogLevel::kInfo, "signal_is_back", {{"source", config_.source.path}});
+  } else {
+    Log(LogLevel::kWarning, "no_signal", {{"source", config_.source.path}, {"what", why}});
+  }
+  signal_logged_ = has_signal ? "" : why;
+  next_signal_log_ = last_heard_ + kSignalLogInterval;
 }
 
 void Daemon::WatchWorker(TimePoint now) {

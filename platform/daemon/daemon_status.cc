@@ -65,7 +65,7 @@ std::string Daemon::StatusText(TimePoint now) const {
   status.worker_pid = worker_ != nullptr ? worker_->pid() : 0;
   status.worker_faults = num_faults_;
   status.last_fault = last_fault_;
-  status.trouble = trouble_;
+  status.trouble = trouble_.empty() && status.service == HAUSTRA_SERVICE_NO_SIGNAL ? report_.text.data() : trouble_;
   status.needs_restart = needs_restart_;
   return ToStatusText(status, counts());
 }

@@ -80,6 +80,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   bool has_changed() const { return has_changed_.load(std::memory_order_relaxed); }
   SignsOfLife signs() const;
   SignalState signal() const { return source_->signal(); }
+  std::string signal_text() const { return source_->signal_text(); }
   ProcedureCounts counts() const;
   void SetSnapshotInterval(Duration interval) { snapshot_interval_ns_.store(interval.count()); }
 

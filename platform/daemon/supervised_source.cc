@@ -30,6 +30,19 @@ void SupervisedSource::Answered() {
   last_answer_ns_.store(clock_.Now().time_since_epoch().count(), std::memory_order_relaxed);
 }
 
+void SupervisedSource::SetSignal(SignalState signal, const std::string& text) {
+  if (text != signal_text_) {
+    const std::lock_guard lock(mutex_);
+    signal_text_ = text;
+  }
+  signal_.store(signal, std::memory_order_relaxed);
+}
+
+std::string SupervisedSource::signal_text() const {
+  const std::lock_guard lock(mutex_);
+  return signal_text_;
+}
+
 Result<Frame> SupervisedSource::Next(TimePoint deadline) {
   if (shown_) {
     witness_(*shown_);
@@ -50,20 +63,20 @@ Result<Frame> SupervisedSource::Next(TimePoint deadline) {
         // A live source stamps with the clock that this one reads.
         if (is_live() && frame->timestamp < begin_) continue;
         last_frame_ = now;
-        signal_.store(SignalState::kFrames, std::memory_order_relaxed);
+        SetSignal(SignalState::kFrames);
         if (witness_) shown_ = *frame;
         return frame;
-      case StatusCode::kNotFound: signal_.store(SignalState::kOver, std::memory_order_relaxed); continue;
+      case StatusCode::kNotFound: SetSignal(SignalState::kOver); continue;
       case StatusCode::kUnavailable:
-        signal_.store(SignalState::kNone, std::memory_order_relaxed);
+        SetSignal(SignalState::kNone, frame.status().message());
         std::this_thread::sleep_for(kPatience);
         continue;
       case StatusCode::kDeadlineExceeded:
-        if (now - last_frame_ > kSilence) signal_.store(SignalState::kNone, std::memory_order_relaxed);
+        if (now - last_frame_ > kSilence) SetSignal(SignalState::kNone, "no picture comes");
         continue;
       case StatusCode::kDataLoss:
         // Of pictures that are all damaged nobody sees anything.
-        if (now - last_frame_ > kSilence) signal_.store(SignalState::kNone, std::memory_order_relaxed);
+        if (now - last_frame_ > kSilence) SetSignal(SignalState::kNone, "all pictures are damaged");
         return frame;
       default: return frame;
     }

@@ -5,7 +5,9 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "hal/clock.h"
@@ -43,11 +45,15 @@ class SupervisedSource final : public FrameSource {
   // thread-safe.
   void RequestStop() { stop_.store(true, std::memory_order_relaxed); }
   SignalState signal() const { return signal_.load(std::memory_order_relaxed); }
+  // Why there is no signal; empty: there is one, or nobody knows.
+  std::string signal_text() const;
   // When the inner source last answered.
   TimePoint last_answer() const { return TimePoint(Duration(last_answer_ns_.load(std::memory_order_relaxed))); }
 
  private:
   void Answered();
+  // Takes the lock where something changes only.
+  void SetSignal(SignalState signal, const std::string& text = {});
 
   std::unique_ptr<FrameSource> inner_;
   const Clock& clock_;
@@ -57,6 +63,8 @@ class SupervisedSource final : public FrameSource {
   TimePoint last_frame_;
   std::atomic<bool> stop_{false};
   std::atomic<SignalState> signal_{SignalState::kWaiting};
+  mutable std::mutex mutex_;
+  std::string signal_text_;  // written by Next
   std::atomic<std::int64_t> last_answer_ns_{0};
 };
 

@@ -134,8 +134,7 @@ class Worker {
         source = std::move(*opened);
         break;
       }
-      const bool may_come = opened.code() == StatusCode::kNotFound || opened.code() == StatusCode::kUnavailable;
-      if (!IsCamera(config.config().source) || !may_come) return opened.status();
+      if (!IsCamera(config.config().source) || opened.code() != StatusCode::kUnavailable) return opened.status();
       Post(MakeReport(WorkerNews::kWaits, opened.status()));
       std::this_thread::sleep_for(kSourceRetry);
     }
@@ -207,6 +206,7 @@ class Worker {
     if (procedure == nullptr) return report;
     report.fault = static_cast<WorkerFault>(procedure->fault());
     report.signal = static_cast<std::uint32_t>(procedure->signal());
+    if (report.news == WorkerNews::kAlive) report.SetText(procedure->signal_text());
     report.has_changed = procedure->has_changed() ? 1 : 0;
     report.counts = procedure->counts();
     const SignsOfLife signs = procedure->signs();

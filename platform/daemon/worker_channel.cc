@@ -99,9 +99,14 @@ WorkerReport MakeReport(WorkerNews news, const Status& status) {
   WorkerReport report;
   report.news = news;
   report.code = static_cast<std::uint32_t>(status.code());
-  const std::size_t length = std::min(status.message().size(), kWorkerTextBytes - 1);
-  std::memcpy(report.text.data(), status.message().data(), length);
+  report.SetText(status.message());
   return report;
+}
+
+void WorkerReport::SetText(std::string_view message) {
+  const std::size_t length = std::min(message.size(), kWorkerTextBytes - 1);
+  std::memcpy(text.data(), message.data(), length);
+  text[length] = '\0';
 }
 
 Result<WorkerReport> ParseWorkerReport(std::span<const std::uint8_t> bytes) {

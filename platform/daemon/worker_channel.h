@@ -49,7 +49,7 @@ struct WorkerRequest {
 };
 
 enum class WorkerNews : std::uint32_t {
-  kAlive,  // signs, counts
+  kAlive,  // signs, counts; text: why there is no signal
   kWaits,  // text: for what
   kReady,
   kFails,   // code, text
@@ -83,6 +83,8 @@ struct WorkerReport {
   std::array<char, kWorkerTextBytes> text{};  // ends with a zero
 
   Status status() const { return Status(static_cast<StatusCode>(code), text.data()); }
+  // As much of it as there is room for.
+  void SetText(std::string_view message);
 };
 
 WorkerReport MakeReport(WorkerNews news, const Status& status = Status::Ok());

@@ -166,7 +166,7 @@ TEST(V4l2Source, WhatTheCameraDoesNotOfferIsRefusedWithWhatItOffers) {
   options.width_px = 1440;
   options.height_px = 1080;
   const auto source = Open(camera, options);
-  EXPECT_EQ(source.code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(source.code(), StatusCode::kUnavailable);
   EXPECT_THAT(source.status().message(),
               HasSubstr("does not offer 1440x1080; it offers YUYV 64x48 (25 Hz), MJPG 96x64 (60, 30 Hz)"));
 
@@ -244,7 +244,7 @@ TEST(V4l2Source, InterlacedPicturesAreRefusedWithAWayOut) {
     ScriptedCamera camera;
     camera.field = field;
     const auto source = Open(camera);
-    EXPECT_EQ(source.code(), StatusCode::kInvalidArgument) << field;
+    EXPECT_EQ(source.code(), StatusCode::kUnavailable) << field;
     EXPECT_THAT(source.status().message(), HasSubstr("field=top or field=bottom"));
   }
   ScriptedCamera camera;
@@ -712,6 +712,47 @@ TEST(V4l2Source, ACameraMayComeLater) {
   EXPECT_EQ(source->Next(kNoDeadline).code(), StatusCode::kUnavailable);
   camera.is_present = true;
   EXPECT_EQ(Indices(*source, 2), (std::vector<int>{0, 1}));
+}
+
+// The tower shows something else for now; the regions and calibrations of the configuration are right.
+TEST(V4l2Source, ACameraWithoutItsModeIsOneThatMayComeLater) {
+  ScriptedCamera camera;
+  camera.modes = {{V4L2_PIX_FMT_YUYV, 96, 64, {25}}};
+  V4l2Options options = Options();
+  options.width_px = 64;
+  options.height_px = 48;
+  EXPECT_EQ(Open(camera, options).code(), StatusCode::kUnavailable);
+  options.may_come_later = true;
+  const auto source = MustOpen(camera, options);
+  ASSERT_NE(source, nullptr);
+  const Result<Frame> other = source->Next(kNoDeadline);
+  EXPECT_EQ(other.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(other.status().message(),
+              HasSubstr("/dev/video0: Tower Camera does not offer 64x48; it offers YUYV 96x64 (25 Hz)"));
+  camera.modes = {CameraMode{}};
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{0, 1}));
+}
+
+TEST(V4l2Source, WhatDoesNotFitTheSizeThatTheCameraHasNowMayFitTheNext) {
+  TempFolder folder;
+  const CameraCalibration calibration{CameraModelKind::kKannalaBrandt, 64, 48, 60, 60, 32, 24};
+  ASSERT_TRUE(WriteCalibration(folder.Path("c.yaml"), calibration).ok());
+  ScriptedCamera camera;
+  camera.modes = {{V4L2_PIX_FMT_YUYV, 96, 64, {25}}};
+  V4l2Options options = Options();
+  options.region = {8, 8, 40, 32};
+  SequenceOptions sequence;
+  sequence.calibration_path = folder.Path("c.yaml");
+  const Status status = Open(camera, options, sequence).status();
+  EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(status.message(), HasSubstr("the calibration is for 64x48, the camera's pictures are 96x64"));
+  camera.modes = {CameraMode{}};
+  EXPECT_NE(MustOpen(camera, options, sequence), nullptr);
+  // With a size of its own the camera has no part in it.
+  options.width_px = 96;
+  options.height_px = 64;
+  camera.modes = {{V4L2_PIX_FMT_YUYV, 96, 64, {25}}};
+  EXPECT_EQ(Open(camera, options, sequence).code(), StatusCode::kInvalidArgument);
 }
 
 // DMA-BUF.

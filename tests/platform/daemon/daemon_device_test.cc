@@ -379,6 +379,66 @@ TEST_F(DaemonDevice, WorkerThatDiesWhileItStartsEndsTheService) {
   EXPECT_EQ(exit_code_, kExitUnavailable);
 }
 
+int NumLines(const std::string& log, const std::string& what) {
+  int num_lines = 0;
+  for (std::size_t at = log.find(what); at != std::string::npos; at = log.find(what, at + 1)) ++num_lines;
+  return num_lines;
+}
+
+TEST_F(DaemonDevice, CameraWithoutItsModeIsWaitedForAndTheLogSaysSoOnce) {
+  RecordProperty("req", "DMN-007");
+  config_.source.path = "v4l2:scripted";
+  config_.log.level = "warning";
+  script_->open_error = static_cast<int>(StatusCode::kUnavailable);
+  testing::internal::CaptureStderr();
+  Start(false);
+  EXPECT_TRUE(Until([&] { return script_->num_opens >= 3 && StatusValue("state") == "waiting_for_source"; }));
+  const std::string offer = "/dev/video7: does not offer 1920x1080; it offers 1280x720";
+  EXPECT_EQ(StatusValue("trouble"), offer);
+  script_->open_error = 0;
+  EXPECT_TRUE(Until([&] { return StatusValue("state") == "idle"; })) << Ask("status");
+  EXPECT_EQ(StatusValue("trouble"), "");
+  Terminate();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(NumLines(log, "waiting_for_source source=v4l2:scripted what=\"" + offer + "\"\n"), 1) << log;
+  EXPECT_EQ(exit_code_, kExitOk);
+}
+
+// No camera brings a calibration that is not there, or another size of a mask.
+TEST_F(DaemonDevice, WhatNoCameraCanMendEndsTheService) {
+  RecordProperty("req", "DMN-001");
+  config_.source.path = "v4l2:scripted";
+  for (const auto& [error, code] :
+       {std::pair{StatusCode::kNotFound, kExitNoInput}, std::pair{StatusCode::kInvalidArgument, kExitBadData}}) {
+    script_->open_error = static_cast<int>(error);
+    ASSERT_NO_FATAL_FAILURE(Start(false));
+    EXPECT_TRUE(HasEnded()) << Ask("status");
+    Terminate();
+    EXPECT_EQ(exit_code_, code);
+  }
+}
+
+TEST_F(DaemonDevice, WhyThereIsNoSignalIsInTheStatusAndOnceInTheLog) {
+  RecordProperty("req", "DMN-007");
+  script_->is_live = true;
+  config_.log.level = "info";
+  testing::internal::CaptureStderr();
+  Start();
+  EXPECT_EQ(Ask("begin"), "procedure 1\n");
+  EXPECT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
+  script_->is_unplugged = true;
+  EXPECT_TRUE(Until([&] { return StatusValue("service") == "no_signal"; })) << Ask("status");
+  EXPECT_EQ(StatusValue("trouble"), "/dev/video7: the tower sends 1280x720");
+  std::this_thread::sleep_for(seconds(2));
+  script_->is_unplugged = false;
+  EXPECT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
+  EXPECT_EQ(StatusValue("trouble"), "");
+  Terminate();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(NumLines(log, "no_signal source=scripted what=\"/dev/video7: the tower sends 1280x720\"\n"), 1) << log;
+  EXPECT_EQ(NumLines(log, "signal_is_back"), 1) << log;
+}
+
 TEST_F(DaemonDevice, WorkerThatHangsAfterItsCameraCameEndsTheService) {
   RecordProperty("req", "DMN-010");
   config_.source.path = "v4l2:scripted";

@@ -77,6 +77,7 @@ class LiveColonSource final : public ColonSource {
   bool is_live() const override { return true; }
   Result<Frame> Next(TimePoint deadline) override {
     std::this_thread::sleep_for(milliseconds(10));
+    if (script_.is_unplugged) return Unavailable("/dev/video7: the tower sends 1280x720");
     Result<Frame> frame = ColonSource::Next(deadline);
     if (!frame.ok()) return frame;
     frame->timestamp = SystemClock().Now();
@@ -103,9 +104,13 @@ int Run(const std::string& path) {
   WorkerParts parts;
   ColonSource* colon = nullptr;  // the source, which is opened before the device is made
   parts.open_source = [script, &colon](const SourceConfig&) -> Result<std::unique_ptr<FrameSource>> {
+    ++script->num_opens;
     if (script->num_waits > 0) {
       --script->num_waits;
-      return NotFound("there is no camera");
+      return Unavailable("there is no camera");
+    }
+    if (const int error = script->open_error; error != 0) {
+      return Status(static_cast<StatusCode>(error), "/dev/video7: does not offer 1920x1080; it offers 1280x720");
     }
     std::unique_ptr<ColonSource> source =
         script->is_live ? std::make_unique<LiveColonSource>(*script) : std::make_unique<ColonSource>(*script);

@@ -22,10 +22,13 @@ struct WorkerScript {
   std::atomic<bool> is_live{false};         // a camera, not a recording
   std::atomic<bool> is_dark{false};         // its frames show nothing
   std::atomic<int> num_waits{0};            // that often there is no camera
+  std::atomic<int> open_error{0};           // the StatusCode that opening the camera gives
+  std::atomic<bool> is_unplugged{false};    // the camera, while it runs
   std::atomic<bool> is_making_held{false};  // the device is not made
   std::atomic<bool> talks_nonsense{false};  // instead of doing anything
   std::atomic<bool> cannot_start{false};    // dies while it makes itself ready
   // What it did.
+  std::atomic<int> num_opens{0};
   std::atomic<int> num_stuck{0};
   std::atomic<int> num_extractions{0};
   std::atomic<int> num_devices{0};

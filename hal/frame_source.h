@@ -45,6 +45,10 @@ class FrameSource {
   // are no files, NumberedFrameName of their place in what was recorded.
   virtual std::string FrameName(std::uint32_t frame_index) const { return NumberedFrameName(frame_index); }
 
+  // thread-safe. While Next brings a device back that had gone, or begins its stream: when the newest call of its
+  // driver began. One that is slow is no hang yet, but one that never returns is. Nothing at all other times.
+  virtual std::optional<TimePoint> recovering_since() const { return std::nullopt; }
+
   // The next frame. kNotFound: the sequence is over. kDataLoss: this frame is damaged (the message says where); the
   // next call goes on after it. kDeadlineExceeded, kUnavailable: none came, device gone.
   virtual Result<Frame> Next(TimePoint deadline) = 0;

@@ -31,6 +31,25 @@ TimePoint Sooner(TimePoint a, TimePoint b) { return std::min(a, b); }
 
 }  // namespace
 
+// The device is closed, opened, or told to begin.
+class V4l2Source::Recovery {
+ public:
+  explicit Recovery(V4l2Source& source) : source_(source) {
+    source.io_.Begin();
+    source.is_recovering_.store(true, std::memory_order_release);
+  }
+  ~Recovery() { source_.is_recovering_.store(false, std::memory_order_release); }
+  Recovery(const Recovery&) = delete;
+  Recovery& operator=(const Recovery&) = delete;
+
+ private:
+  V4l2Source& source_;
+};
+
+std::optional<TimePoint> V4l2Source::recovering_since() const {
+  return is_recovering_.load(std::memory_order_acquire) ? std::optional(io_.newest()) : std::nullopt;
+}
+
 Result<std::unique_ptr<V4l2Source>> V4l2Source::Create(const V4l2Options& options, const SequenceOptions& sequence,
                                                        DeviceIo& io) {
   HAUSTRA_TRY(options.Validate());
@@ -135,6 +154,7 @@ Status V4l2Source::Connect() {
 }
 
 Status V4l2Source::Start() {
+  const Recovery recovery(*this);
   if (const Status status = stream_->Start(); !status.ok()) {
     Disconnect(status.message());
     return Unavailable(gone_);
@@ -144,6 +164,7 @@ Status V4l2Source::Start() {
 }
 
 Status V4l2Source::Reconnect(TimePoint limit) {
+  const Recovery recovery(*this);
   if (io_.Now() < next_attempt_) {
     io_.Sleep(Sooner(next_attempt_, limit) - io_.Now());
     if (io_.Now() < next_attempt_) return Unavailable(gone_);
@@ -159,6 +180,7 @@ Status V4l2Source::Reconnect(TimePoint limit) {
 }
 
 void V4l2Source::Disconnect(std::string reason) {
+  const Recovery recovery(*this);
   held_.reset();
   stream_.reset();
   gone_ = std::move(reason);

@@ -1,6 +1,7 @@
 // Frames from a live camera through V4L2.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -13,6 +14,7 @@
 #include "capture/sequence_options.h"
 #include "capture/v4l2/device_io.h"
 #include "capture/v4l2/frame_counter.h"
+#include "capture/v4l2/timed_device_io.h"
 #include "capture/v4l2/v4l2_options.h"
 #include "capture/v4l2/v4l2_stream.h"
 #include "hal/frame_source.h"
@@ -44,8 +46,9 @@ struct V4l2Counters {
 // Whatever happens to the camera, the source lives on: Next answers kUnavailable, with the reason, while the device is
 // gone or brings no signal, looks for it four times a second, and goes on with frames when it is back. After three
 // seconds without a picture the stream is begun again. A camera that comes back with pictures of another size stays
-// unavailable. Next never waits longer than a second, even with kNoDeadline. thread-bound(the reader), not rt-safe:
-// restarting allocates, and so does a damaged picture, for its message. A whole one asks nothing of the heap.
+// unavailable. Next never waits longer than a second for a picture, even with kNoDeadline. A driver may take its time
+// to bring a device back: recovering_since tells of each call. thread-bound(the reader), not rt-safe: restarting
+// allocates, and so does a damaged picture, for its message. A whole one asks nothing of the heap.
 class V4l2Source final : public FrameSource {
  public:
   // The calibration (of the file that `sequence` names) is that of the picture or of the region. Without a file the
@@ -62,6 +65,7 @@ class V4l2Source final : public FrameSource {
   std::optional<PixelFormat> pixel_format() const override;
   ImageView static_mask() const override { return mask_.view(); }
   Result<Frame> Next(TimePoint deadline) override;
+  std::optional<TimePoint> recovering_since() const override;
 
   const V4l2Counters& counters() const { return counters_; }
   // The newest frame as an MJPEG camera encoded it, the whole picture; empty for other formats. Valid as long as the
@@ -77,6 +81,9 @@ class V4l2Source final : public FrameSource {
  private:
   V4l2Source(const V4l2Options& options, const SequenceOptions& sequence, DeviceIo& io)
       : options_(options), sequence_(sequence), io_(io), deinterlacer_(sequence.deinterlace) {}
+
+  // While there is one.
+  class Recovery;
 
   Status Initialise();
   Status ResolveGeometry(const CameraCalibration* file);
@@ -94,7 +101,8 @@ class V4l2Source final : public FrameSource {
 
   const V4l2Options options_;
   const SequenceOptions sequence_;
-  DeviceIo& io_;
+  capture::internal::TimedDeviceIo io_;
+  std::atomic<bool> is_recovering_{false};
   int width_px_ = 0;  // of the whole progressive picture
   int height_px_ = 0;
   double preferred_rate_hz_ = 0.0;

@@ -68,8 +68,9 @@ struct WatchdogConfig {
   int worker_limit_ms = 5000;
   // A worker whose threads have not ended by then is killed. Below TimeoutStopSec of the unit.
   int stop_limit_ms = 4000;  // [100, 600000]
-  // Making an engine, loading maps, keeping them: what a worker may take for it. A job of the disk: the watchdog is fed
-  // meanwhile, up to this. A CUDA context and a full atlas take seconds; a disk that hangs takes for ever.
+  // Making an engine, loading maps, keeping them: what a worker may take for it. So may each call of a camera's driver
+  // to bring the camera back. A job of the disk: the watchdog is fed meanwhile, up to this. A CUDA context and a full
+  // atlas take seconds; a disk that hangs takes for ever.
   int work_limit_ms = 30000;  // [1000, 600000]
 };
 

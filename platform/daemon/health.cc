@@ -1,5 +1,6 @@
 #include "platform/daemon/health.h"
 
+#include <algorithm>
 #include <cstdio>
 
 namespace haustra {
@@ -7,6 +8,11 @@ namespace haustra {
 TimePoint SignOfTracking(const Heartbeat& beat, TimePoint now, Duration work_limit) {
   const bool has_begun = beat.count() > 1;
   return has_begun || now - beat.last() > work_limit ? beat.last() : now;
+}
+
+TimePoint SignOfCapture(TimePoint last, std::optional<TimePoint> recovering_since, TimePoint now, Duration work_limit) {
+  if (!recovering_since) return last;
+  return now - *recovering_since > work_limit ? std::max(last, *recovering_since) : now;
 }
 
 std::string FindHang(const SignsOfLife& signs, TimePoint now, const WatchdogConfig& limits) {

@@ -2,6 +2,7 @@
 // although its other threads are well.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "hal/core/time.h"
@@ -14,9 +15,14 @@ namespace haustra {
 // lock their memory. That is work, for `work_limit` at most.
 TimePoint SignOfTracking(const Heartbeat& beat, TimePoint now, Duration work_limit);
 
+// When capture was last heard of: `last`, but for a source that brings its device back (FrameSource::recovering_since).
+// That is work while no call of the driver takes longer than `work_limit`.
+TimePoint SignOfCapture(TimePoint last, std::optional<TimePoint> recovering_since, TimePoint now, Duration work_limit);
+
 struct SignsOfLife {
   TimePoint tracking;  // beats many times a second, with or without frames
-  TimePoint capture;   // whenever the source answered (a frame, or that there is none), and while a frame is not due
+  TimePoint capture;   // whenever the source answered (a frame, or that there is none), and while a frame is not due or
+                       // the source brings its device back
   TimePoint mapping;   // between two steps
   TimePoint merging;   // when it owed mapping no answer
 };

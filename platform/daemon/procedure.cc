@@ -148,9 +148,11 @@ std::optional<Status> Procedure::ended() const {
 }
 
 SignsOfLife Procedure::signs() const {
-  const TimePoint tracking =
-      SignOfTracking(tracking_beat_, context_.clock.Now(), std::chrono::milliseconds(config_.watchdog.work_limit_ms));
-  const TimePoint capture = std::max(source_->last_answer(), capture_beat_.last());
+  const TimePoint now = context_.clock.Now();
+  const Duration work_limit = std::chrono::milliseconds(config_.watchdog.work_limit_ms);
+  const TimePoint tracking = SignOfTracking(tracking_beat_, now, work_limit);
+  const TimePoint capture = SignOfCapture(std::max(source_->last_answer(), capture_beat_.last()),
+                                          source_->recovering_since(), now, work_limit);
   return {tracking, capture, mapping_beat_.last(), merging_beat_.last()};
 }
 

@@ -28,6 +28,7 @@ class SupervisedSource final : public FrameSource {
   std::optional<PixelFormat> pixel_format() const override { return inner_->pixel_format(); }
   std::string FrameName(std::uint32_t frame_index) const override { return inner_->FrameName(frame_index); }
   ImageView static_mask() const override { return inner_->static_mask(); }
+  std::optional<TimePoint> recovering_since() const override { return inner_->recovering_since(); }
 
   // Waits for the next frame until the deadline (kDeadlineExceeded; a tenth of a second late at most) or RequestStop
   // (kNotFound). A camera that has gone (kUnavailable) or is silent is asked again and again. A recording that is over

@@ -34,6 +34,7 @@ bool ScriptedCamera::Fails(int* error) {
 }
 
 int ScriptedCamera::Open(const std::string& wanted) {
+  if (on_call) on_call(0);
   if (int error = 0; Fails(&error)) return error;
   if (wanted == "/dev/dma_heap/system") {
     if (has_heap) ++num_opened;
@@ -46,6 +47,7 @@ int ScriptedCamera::Open(const std::string& wanted) {
 }
 
 void ScriptedCamera::Close(int fd) {
+  if (on_call) on_call(0);
   --num_opened;
   heap_.erase(fd);
   exported_.erase(fd);
@@ -53,6 +55,7 @@ void ScriptedCamera::Close(int fd) {
 }
 
 int ScriptedCamera::Ioctl(int fd, unsigned long request, void* argument) {
+  if (on_call) on_call(request);
   const bool is_of_heap = fd == kHeapFd || heap_.contains(fd);
   if (!is_of_heap && (fd != kFd || !is_open_)) return -EBADF;
   if (int error = 0; Fails(&error)) return error;

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -56,6 +57,7 @@ class ScriptedCamera final : public DeviceIo {
   bool has_source_change = false;                // an event is waiting
   int failing_call = -1;                         // that call, counted from 0, fails ...
   int failure = 0;                               // ... with this
+  std::function<void(unsigned long)> on_call;    // before a call is answered: an ioctl, or 0 for another, but for poll
   std::vector<std::uint8_t> jpeg;                // what an MJPEG camera sends
   // DMA-BUF: the system's heap, and what the driver can do with it.
   bool has_heap = true;

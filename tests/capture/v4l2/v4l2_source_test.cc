@@ -714,6 +714,32 @@ TEST(V4l2Source, ACameraMayComeLater) {
   EXPECT_EQ(Indices(*source, 2), (std::vector<int>{0, 1}));
 }
 
+// Seconds for each call, as of a USB device that answers nothing.
+TEST(V4l2Source, WhileADeviceIsBroughtBackEachOfItsCallsIsASignOfLife) {
+  RecordProperty("req", "DMN-002");
+  ScriptedCamera camera;
+  const auto source = MustOpen(camera);
+  int num_slow = 0;
+  camera.on_call = [&](unsigned long request) {
+    const bool is_of_pictures = request == VIDIOC_DQBUF || (request == VIDIOC_QBUF && camera.is_streaming());
+    if (is_of_pictures) return;
+    EXPECT_EQ(source->recovering_since(), camera.now) << "call " << num_slow;
+    camera.Sleep(seconds(5));
+    ++num_slow;
+  };
+  // What is left of a call's second is nothing.
+  EXPECT_EQ(Indices(*source, 2), (std::vector<int>{-1, 0}));
+  EXPECT_EQ(num_slow, 2) << "to begin";
+  EXPECT_EQ(source->recovering_since(), std::nullopt);
+  camera.is_silent = true;
+  for (int i = 0; i < 6; ++i) (void)source->Next(kNoDeadline);
+  EXPECT_GT(num_slow, 10) << "it is closed and opened";
+  EXPECT_EQ(source->recovering_since(), std::nullopt);
+  camera.is_silent = false;
+  EXPECT_EQ(Indices(*source, 3), (std::vector<int>{1, 2, 3}));
+  camera.on_call = nullptr;
+}
+
 // The tower shows something else for now; the regions and calibrations of the configuration are right.
 TEST(V4l2Source, ACameraWithoutItsModeIsOneThatMayComeLater) {
   ScriptedCamera camera;

@@ -439,6 +439,36 @@ TEST_F(DaemonDevice, WhyThereIsNoSignalIsInTheStatusAndOnceInTheLog) {
   EXPECT_EQ(NumLines(log, "signal_is_back"), 1) << log;
 }
 
+// Four seconds until the camera is back.
+TEST_F(DaemonDevice, CameraThatIsSlowToComeBackCostsNoWorker) {
+  RecordProperty("req", "DMN-002,DMN-007");
+  script_->is_live = true;
+  config_.watchdog.capture_limit_ms = 2000;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Ask("begin"), "procedure 1\n");
+  ASSERT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
+  script_->num_slow_calls = 4;
+  EXPECT_TRUE(Until([&] { return script_->num_slow_calls == 0; }));
+  const int num_before = script_->num_extractions;
+  EXPECT_TRUE(Until([&] { return script_->num_extractions > num_before; }));
+  EXPECT_EQ(StatusValue("worker_faults"), "");
+}
+
+TEST_F(DaemonDevice, DriverThatNeverReturnsCostsAWorker) {
+  RecordProperty("req", "DMN-002,DMN-010");
+  script_->is_live = true;
+  config_.watchdog.capture_limit_ms = 2000;
+  config_.watchdog.work_limit_ms = 6000;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Ask("begin"), "procedure 1\n");
+  ASSERT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
+  script_->has_stuck_call = true;
+  EXPECT_TRUE(Until([&] { return StatusValue("worker_faults") == "1"; })) << Ask("status");
+  script_->has_stuck_call = false;
+  EXPECT_TRUE(StatusValue("last_fault").starts_with("capture thread hangs for ")) << Ask("status");
+  EXPECT_TRUE(Until([&] { return StatusValue("procedure") == "2" && StatusValue("service") == "running"; }));
+}
+
 TEST_F(DaemonDevice, WorkerThatHangsAfterItsCameraCameEndsTheService) {
   RecordProperty("req", "DMN-010");
   config_.source.path = "v4l2:scripted";

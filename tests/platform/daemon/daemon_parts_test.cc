@@ -151,6 +151,21 @@ TEST(Health, TrackingIsAtWorkUntilItHasBegun) {
   EXPECT_EQ(hang_at(begin + seconds(8)), "tracking thread hangs for 2.0 s");
 }
 
+// A camera that was unplugged is opened with many calls, and some drivers take seconds for one.
+TEST(Health, CaptureIsAtWorkWhileADeviceIsBroughtBackButNotForEver) {
+  RecordProperty("req", "DMN-002");
+  const WatchdogConfig limits;
+  const TimePoint answer{seconds(100)};
+  const auto hang_at = [&](TimePoint now, std::optional<TimePoint> recovering_since) {
+    const Duration work_limit = milliseconds(limits.work_limit_ms);
+    return FindHang({now, SignOfCapture(answer, recovering_since, now, work_limit), now, now}, now, limits);
+  };
+  EXPECT_EQ(hang_at(answer + seconds(4), std::nullopt), "capture thread hangs for 4.0 s");
+  EXPECT_EQ(hang_at(answer + seconds(4), answer), "");
+  EXPECT_EQ(hang_at(answer + seconds(90), answer + seconds(80)), "");
+  EXPECT_EQ(hang_at(answer + seconds(111), answer + seconds(80)), "capture thread hangs for 31.0 s");
+}
+
 // --- Log.
 
 TEST(Log, RecordIsOneLineWhateverItHolds) {

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -75,8 +76,20 @@ class LiveColonSource final : public ColonSource {
   explicit LiveColonSource(test::WorkerScript& script) : ColonSource(script), script_(script) {}
   std::uint32_t num_frames() const override { return 0; }
   bool is_live() const override { return true; }
+  std::optional<TimePoint> recovering_since() const override {
+    const std::int64_t call_ns = call_ns_;
+    return call_ns == 0 ? std::optional<TimePoint>() : TimePoint(Duration(call_ns));
+  }
   Result<Frame> Next(TimePoint deadline) override {
     std::this_thread::sleep_for(milliseconds(10));
+    while (script_.num_slow_calls > 0 || script_.has_stuck_call) {
+      call_ns_ = SystemClock().Now().time_since_epoch().count();
+      do {
+        std::this_thread::sleep_for(milliseconds(1000));
+      } while (script_.has_stuck_call);
+      --script_.num_slow_calls;
+    }
+    call_ns_ = 0;
     if (script_.is_unplugged) return Unavailable("/dev/video7: the tower sends 1280x720");
     Result<Frame> frame = ColonSource::Next(deadline);
     if (!frame.ok()) return frame;
@@ -89,6 +102,7 @@ class LiveColonSource final : public ColonSource {
 
  private:
   test::WorkerScript& script_;
+  std::atomic<std::int64_t> call_ns_{0};
 };
 
 int Run(const std::string& path) {

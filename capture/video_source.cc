@@ -121,6 +121,7 @@ class VideoSource final : public FrameSource {
   std::optional<std::int64_t> first_pts_;
   std::int64_t first_ns_ = 0;  // time of the picture that is stamped first_pts_
   std::int64_t last_stamp_ns_ = -1;
+  std::optional<std::int64_t> refused_ns_;  // what was stated where they jumped, for the next frame
   std::uint32_t num_jumps_ = 0;
   std::uint32_t first_jump_ = 0;  // picture of the stream
 
@@ -260,6 +261,7 @@ std::optional<std::int64_t> VideoSource::TakeStamp() {
   const bool is_jump = step_ns < -kJumpBackNs || step_ns > std::max(kJumpAheadNs, 10 * period_ns);
   if (is_jump && last_stamp_ns_ >= 0 && period_ns > 0) {
     if (num_jumps_++ == 0) first_jump_ = next_stored_ - 1;
+    refused_ns_ = stamp_ns;
     stamp_ns = first_ns_ = last_stamp_ns_ + period_ns;
     first_pts_ = pts;
   }
@@ -325,6 +327,7 @@ Result<Frame> VideoSource::Next(TimePoint) {
     if (options_.halve) HalveImage(stored_.view(), &half_);
     frame.index = (stored_idx - options_.first_frame) / options_.every_nth;
     frame.timestamp = TimePoint(Duration(*stamp));
+    if (refused_ns_) frame.refused_stamp = TimePoint(Duration(*std::exchange(refused_ns_, std::nullopt)));
     frame.image = options_.halve ? half_.view() : stored_.view();
     return frame;
   }

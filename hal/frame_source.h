@@ -18,6 +18,8 @@ struct Frame {
   ImageView image;          // valid until the next call of Next() on its source
   // The picture was interlaced; it shows one of its two fields, and the rows of the other one are made from that.
   bool shows_one_field = false;
+  // What the camera or the recording says, where `timestamp` is another one in its place, as that would not do.
+  std::optional<TimePoint> refused_stamp = std::nullopt;
 };
 
 // "frame_000042.png": the picture of a frame of a recording, counted from 0. FFmpeg extracts all under these names:

@@ -27,6 +27,12 @@ constexpr Duration kLongestWait = seconds(1);
 constexpr Duration kRetryInterval = milliseconds(250);
 constexpr Duration kSilence = seconds(3);
 
+std::string SecondsText(TimePoint time) {
+  char text[40];
+  std::snprintf(text, sizeof(text), "%.3f s", ToSeconds(time.time_since_epoch()));
+  return text;
+}
+
 TimePoint Sooner(TimePoint a, TimePoint b) { return std::min(a, b); }
 
 }  // namespace
@@ -211,6 +217,7 @@ Result<Frame> V4l2Source::Next(TimePoint deadline) {
   Frame frame;
   frame.index = *index;
   frame.timestamp = held_->timestamp;
+  frame.refused_stamp = held_->refused_stamp;
   if (const Status status = Show(*held_, &frame); !status.ok()) {
     ++counters_.num_damaged;
     return status;
@@ -248,9 +255,11 @@ Result<std::uint32_t> V4l2Source::Wait(TimePoint limit) {
       // While there is a sound one, or another chance for the same frame, nobody has missed anything.
       if (newest || place.is_taken || !place.is_last_chance) continue;
       counter_.Take(place.index);
-      return DataLoss(
-          stream_->path() + ": picture " + std::to_string(picture->sequence) +
-          (picture->is_damaged ? " is damaged" : " has a time stamp that is not later than the one before"));
+      const std::string what = picture->is_damaged
+                                   ? " is damaged"
+                                   : " has the time stamp " + SecondsText(picture->timestamp) +
+                                         ", which is not later than " + SecondsText(last_stamp_) + ", the one before";
+      return DataLoss(stream_->path() + ": picture " + std::to_string(picture->sequence) + what);
     }
     if (place.is_taken) {
       stream_->GiveBack(*picture);

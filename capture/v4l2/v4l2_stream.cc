@@ -442,9 +442,10 @@ Result<V4l2Picture> V4l2Stream::TryDequeue() {
                         std::chrono::microseconds(buffer.timestamp.tv_usec));
   // A stamp from before the stream began, or from the future, is of another clock, whatever the flag says. Once taken,
   // one that lies ahead would make all pictures too early until the clock gets there.
-  picture.is_stamped = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC &&
-                       stamp >= begin_ && stamp <= now;
+  const bool is_monotonic = (buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+  picture.is_stamped = is_monotonic && stamp >= begin_ && stamp <= now;
   picture.timestamp = picture.is_stamped ? stamp : now;
+  if (is_monotonic && !picture.is_stamped) picture.refused_stamp = stamp;
   if (format_.rows == Rows::kOneField) {
     const __u32 chosen = options_.field == FieldChoice::kTop ? V4L2_FIELD_TOP : V4L2_FIELD_BOTTOM;
     picture.is_other_field = buffer.field != chosen;

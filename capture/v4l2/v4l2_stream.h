@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,6 +34,8 @@ struct V4l2Picture {
   std::span<const std::uint8_t> bytes;  // what the camera wrote
   std::uint32_t sequence = 0;
   TimePoint timestamp;
+  // The driver's, where it calls it one of CLOCK_MONOTONIC and it cannot be.
+  std::optional<TimePoint> refused_stamp = std::nullopt;
   bool is_stamped = true;   // by the kernel, on CLOCK_MONOTONIC, since the stream began; else the time of the dequeue
   bool is_damaged = false;  // the driver says so, or bytes are missing
   bool is_other_field = false;  // cameras that send fields one by one

@@ -13,7 +13,9 @@ ScriptedFrameSource::ScriptedFrameSource(const CameraCalibration& calibration, M
   HAUSTRA_CHECK(calibration.width_px >= kFrameTagBytes && calibration.height_px > 0);
 }
 
-void ScriptedFrameSource::AddFrame(TimePoint timestamp) { entries_.push_back({next_index_++, timestamp, {}, {}}); }
+void ScriptedFrameSource::AddFrame(TimePoint timestamp, std::optional<TimePoint> refused_stamp) {
+  entries_.push_back({next_index_++, timestamp, {}, {}, refused_stamp});
+}
 
 void ScriptedFrameSource::AddGap(std::uint32_t num_frames) { next_index_ += num_frames; }
 
@@ -46,7 +48,8 @@ Result<Frame> ScriptedFrameSource::Next(TimePoint deadline) {
   WriteFrameTag(entry.index, pixels_);
   return Frame{entry.index, entry.timestamp,
                ImageView{pixels_.data(), calibration_.width_px, calibration_.height_px, calibration_.width_px,
-                         PixelFormat::kGrey8}};
+                         PixelFormat::kGrey8},
+               false, entry.refused_stamp};
 }
 
 }  // namespace haustra

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,7 +20,7 @@ class ScriptedFrameSource final : public FrameSource {
   explicit ScriptedFrameSource(const CameraCalibration& calibration, ManualClock* clock = nullptr);
 
   // A frame; the time stamp is the caller's, so that duplicate and backward ones can be scripted too.
-  void AddFrame(TimePoint timestamp);
+  void AddFrame(TimePoint timestamp, std::optional<TimePoint> refused_stamp = std::nullopt);
   // Frames that never come: the index goes on, nothing is returned.
   void AddGap(std::uint32_t num_frames);
   // The next call returns this instead of a frame; one index passes (kDataLoss: a damaged frame).
@@ -43,6 +44,7 @@ class ScriptedFrameSource final : public FrameSource {
     TimePoint timestamp;
     StatusCode code = StatusCode::kOk;
     std::string message;
+    std::optional<TimePoint> refused_stamp = std::nullopt;
   };
 
   CameraCalibration calibration_;

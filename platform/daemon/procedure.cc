@@ -16,6 +16,8 @@ namespace haustra {
 namespace {
 
 constexpr Duration kPictureInterval = std::chrono::milliseconds(100);
+// All are counted; of a camera that sends nothing else a line a second is enough.
+constexpr Duration kDamageLogInterval = std::chrono::seconds(1);
 // Somebody who clicks; more come from a program that does not wait.
 constexpr std::size_t kMaxMarkOrders = 16;
 
@@ -314,7 +316,15 @@ void Procedure::OnMapEvent(const MapEvent& event) {
 }
 
 void Procedure::OnDamagedFrame(std::uint32_t frame_index, const std::string& message) {
-  Log(LogLevel::kWarning, "frame_damaged", {{"frame", std::to_string(frame_index)}, {"what", message}});
+  const TimePoint now = context_.clock.Now();
+  if (now < next_damage_log_) {
+    ++num_damage_not_logged_;
+    return;
+  }
+  next_damage_log_ = now + kDamageLogInterval;
+  const std::string num_more = std::to_string(std::exchange(num_damage_not_logged_, 0));
+  Log(LogLevel::kWarning, "frame_damaged",
+      {{"frame", std::to_string(frame_index)}, {"what", message}, {"more_before", num_more}});
 }
 
 }  // namespace haustra

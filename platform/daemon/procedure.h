@@ -81,6 +81,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   SignsOfLife signs() const;
   SignalState signal() const { return source_->signal(); }
   std::string signal_text() const { return source_->signal_text(); }
+  std::optional<TimeJump> TakeTimeJump() { return source_->TakeTimeJump(); }
   ProcedureCounts counts() const;
   void SetSnapshotInterval(Duration interval) { snapshot_interval_ns_.store(interval.count()); }
 
@@ -138,6 +139,8 @@ class Procedure final : private SessionObserver, private SessionHooks {
   std::uint64_t changes_seen_ = 0;                  // mapping thread: when has_changed_ was set last
   TimePoint next_snapshot_;                         // mapping thread
   TimePoint next_depths_;                           // mapping thread
+  TimePoint next_damage_log_;                       // session thread
+  std::uint64_t num_damage_not_logged_ = 0;         // likewise, since the last one
   std::optional<std::uint64_t> published_changes_;  // nothing yet: loaded maps have changed nothing
 
   mutable std::mutex mutex_;  // never taken by the tracking thread

@@ -12,6 +12,8 @@ using std::chrono::milliseconds;
 constexpr Duration kPatience = milliseconds(100);
 // A frame comes every 40 ms; so many missing are no hiccup.
 constexpr Duration kSilence = milliseconds(500);
+// Of a recording, from one frame to the next.
+constexpr Duration kPause = std::chrono::seconds(10);
 
 }  // namespace
 
@@ -22,6 +24,7 @@ SupervisedSource::SupervisedSource(std::unique_ptr<FrameSource> inner, const Clo
 
 void SupervisedSource::Begin() {
   begin_ = last_frame_ = clock_.Now();
+  last_stamp_ = {};
   shown_.reset();
   Answered();
 }
@@ -41,6 +44,24 @@ void SupervisedSource::SetSignal(SignalState signal, const std::string& text) {
 std::string SupervisedSource::signal_text() const {
   const std::lock_guard lock(mutex_);
   return signal_text_;
+}
+
+void SupervisedSource::LookAtTime(const Frame& frame) {
+  const TimePoint before = std::exchange(last_stamp_, frame.timestamp);
+  // While a camera is away time goes on.
+  const bool has_paused = !is_live() && before != TimePoint() && frame.timestamp - before > kPause;
+  if (!frame.refused_stamp && !has_paused) return;
+  const std::lock_guard lock(mutex_);
+  if (time_jump_) {
+    ++time_jump_->num_more;
+  } else {
+    time_jump_ = {before, frame.refused_stamp.value_or(frame.timestamp), frame.timestamp};
+  }
+}
+
+std::optional<TimeJump> SupervisedSource::TakeTimeJump() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(time_jump_, std::nullopt);
 }
 
 Result<Frame> SupervisedSource::Next(TimePoint deadline) {
@@ -63,6 +84,7 @@ Result<Frame> SupervisedSource::Next(TimePoint deadline) {
         // A live source stamps with the clock that this one reads.
         if (is_live() && frame->timestamp < begin_) continue;
         last_frame_ = now;
+        LookAtTime(*frame);
         SetSignal(SignalState::kFrames);
         if (witness_) shown_ = *frame;
         return frame;

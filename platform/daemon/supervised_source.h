@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -14,6 +15,14 @@
 #include "hal/frame_source.h"
 
 namespace haustra {
+
+// A frame whose time stamp is not near the one before, and what became of that.
+struct TimeJump {
+  TimePoint before;            // the time of the frame before; zero: there was none
+  TimePoint stated;            // what the camera or the recording says
+  TimePoint taken;             // what the frame was given
+  std::uint64_t num_more = 0;  // since
+};
 
 enum class SignalState { kWaiting, kFrames, kNone, kOver };
 
@@ -48,11 +57,15 @@ class SupervisedSource final : public FrameSource {
   SignalState signal() const { return signal_.load(std::memory_order_relaxed); }
   // Why there is no signal; empty: there is one, or nobody knows.
   std::string signal_text() const;
+  // The first one since the last call, and how many came after it. Of a recording also the end of a pause of ten
+  // seconds.
+  std::optional<TimeJump> TakeTimeJump();
   // When the inner source last answered.
   TimePoint last_answer() const { return TimePoint(Duration(last_answer_ns_.load(std::memory_order_relaxed))); }
 
  private:
   void Answered();
+  void LookAtTime(const Frame& frame);
   // Takes the lock where something changes only.
   void SetSignal(SignalState signal, const std::string& text = {});
 
@@ -62,10 +75,12 @@ class SupervisedSource final : public FrameSource {
   std::optional<Frame> shown_;  // that the witness has not seen
   TimePoint begin_;
   TimePoint last_frame_;
+  TimePoint last_stamp_;  // zero: none yet
   std::atomic<bool> stop_{false};
   std::atomic<SignalState> signal_{SignalState::kWaiting};
   mutable std::mutex mutex_;
   std::string signal_text_;  // written by Next
+  std::optional<TimeJump> time_jump_;
   std::atomic<std::int64_t> last_answer_ns_{0};
 };
 

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cstdio>
 #include <deque>
 #include <mutex>
 #include <optional>
@@ -39,6 +40,13 @@ using std::chrono::seconds;
 
 constexpr Duration kAliveInterval = milliseconds(50);
 constexpr Duration kSourceRetry = seconds(1);
+constexpr Duration kJumpLogInterval = seconds(60);
+
+std::string SecondsText(TimePoint time) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.3f", ToSeconds(time.time_since_epoch()));
+  return text;
+}
 
 class Worker {
  public:
@@ -60,6 +68,7 @@ class Worker {
         Handle(received->request, std::move(received->files));
       }
       LookAtSession();
+      LookAtTimes();
       SendNews();
       if (clock_.Now() < next_alive) continue;
       // One that does not come through is made up for by the next one.
@@ -199,6 +208,21 @@ class Worker {
     Post(Filled(MakeReport(WorkerNews::kSessionEnds, *ended)));
   }
 
+  // A camera whose clock is another one says so with every frame.
+  void LookAtTimes() {
+    const TimePoint now = clock_.Now();
+    if (!is_running_.load() || now < next_jump_log_) return;
+    const std::optional<TimeJump> jump = procedure_.load()->TakeTimeJump();
+    if (!jump) return;
+    next_jump_log_ = now + kJumpLogInterval;
+    Log(LogLevel::kWarning, "frame_time_jumps",
+        {{"before_s", SecondsText(jump->before)},
+         {"stated_s", SecondsText(jump->stated)},
+         {"what", jump->taken == jump->stated ? "the recording pauses, and so do the frames"
+                                              : SecondsText(jump->taken) + " s is taken"},
+         {"more", std::to_string(jump->num_more)}});
+  }
+
   // With what is known now.
   WorkerReport Filled(WorkerReport report) const {
     report.resident_bytes = ResidentBytes();
@@ -246,6 +270,7 @@ class Worker {
   std::atomic<Procedure*> procedure_{nullptr};
   std::atomic<bool> is_running_{false};
   bool has_said_end_ = false;
+  TimePoint next_jump_log_;
   std::atomic<std::int64_t> snapshot_interval_ns_{0};
   std::mutex mutex_;
   std::deque<WorkerReport> news_;

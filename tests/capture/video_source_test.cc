@@ -290,6 +290,7 @@ TEST_F(VideoSourceTest, JoinedRecordingsGoOnAtTheRateOfTheStream) {
     EXPECT_EQ(frame->timestamp.time_since_epoch().count(), 40'000'000 * i);
     EXPECT_NEAR(frame->image.row(24)[3 * 32], Expanded(30 + 3 * static_cast<int>(i % kNumOfEach)), 5.0);
     EXPECT_EQ(StampRemark(**source).empty(), i < kNumOfEach) << i;
+    EXPECT_EQ(frame->refused_stamp, i == kNumOfEach ? std::optional(TimePoint()) : std::nullopt) << i;
   }
   EXPECT_EQ((*source)->Next(kNoDeadline).code(), StatusCode::kNotFound);
   EXPECT_THAT(StampRemark(**source), AllOf(HasSubstr("joined.ts"), HasSubstr("jump once, at frame 50")));

@@ -562,6 +562,9 @@ TEST(V4l2Source, DamagedPicturesAreReportedAndPassedOver) {
   EXPECT_EQ(Indices(*source, 7), (std::vector<int>{0, -1, 2, -1, 4, -1, 6}));
   EXPECT_EQ(source->counters().num_damaged, 3u);
   EXPECT_EQ(source->counters().num_lost, 0u);
+  camera.faults[7].stamp_shift = -milliseconds(100);
+  EXPECT_THAT(source->Next(kNoDeadline).status().message(),
+              HasSubstr("picture 7 has the time stamp 1000.220 s, which is not later than 1000.280 s, the one before"));
 }
 
 TEST(V4l2Source, AStampAheadOfTheClockCostsOnePictureAtMost) {
@@ -576,6 +579,9 @@ TEST(V4l2Source, AStampAheadOfTheClockCostsOnePictureAtMost) {
     ++num_frames;
     EXPECT_GT(frame->timestamp, before);
     EXPECT_LE(frame->timestamp, camera.now);
+    // What it said is not kept from whoever logs.
+    EXPECT_EQ(frame->refused_stamp.has_value(), frame->index == 5) << frame->index;
+    EXPECT_GT(frame->refused_stamp.value_or(kNoDeadline), camera.now + std::chrono::minutes(59));
     before = frame->timestamp;
   }
   EXPECT_GE(num_frames, 9);

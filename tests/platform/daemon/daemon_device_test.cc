@@ -439,6 +439,36 @@ TEST_F(DaemonDevice, WhyThereIsNoSignalIsInTheStatusAndOnceInTheLog) {
   EXPECT_EQ(NumLines(log, "signal_is_back"), 1) << log;
 }
 
+TEST_F(DaemonDevice, TimesThatJumpAreInTheLogAndDoNotFillIt) {
+  RecordProperty("req", "DMN-007");
+  script_->is_live = script_->do_stamps_jump = true;
+  config_.log.level = "warning";
+  testing::internal::CaptureStderr();
+  Start();
+  EXPECT_EQ(Ask("begin"), "procedure 1\n");
+  EXPECT_TRUE(Until([&] { return script_->num_extractions > 30; })) << Ask("status");
+  Terminate();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(NumLines(log, "frame_time_jumps "), 1) << log;
+  EXPECT_EQ(NumLines(log, " is taken\""), 1) << log;
+}
+
+TEST_F(DaemonDevice, DamagedFramesDoNotFillTheLog) {
+  RecordProperty("req", "DMN-007");
+  script_->is_live = script_->are_all_torn = true;
+  config_.log.level = "warning";
+  testing::internal::CaptureStderr();
+  Start();
+  EXPECT_EQ(Ask("begin"), "procedure 1\n");
+  const auto num_damaged = [&] { return std::stoi("0" + StatusValue("frames_damaged")); };
+  EXPECT_TRUE(Until([&] { return num_damaged() > 100; })) << Ask("status");
+  const int num_all = num_damaged();
+  Terminate();
+  const std::string log = testing::internal::GetCapturedStderr();
+  EXPECT_GE(NumLines(log, "frame_damaged "), 1) << log;
+  EXPECT_LT(NumLines(log, "frame_damaged "), num_all / 2) << log;
+}
+
 // Four seconds until the camera is back.
 TEST_F(DaemonDevice, CameraThatIsSlowToComeBackCostsNoWorker) {
   RecordProperty("req", "DMN-002,DMN-007");

@@ -468,6 +468,33 @@ TEST(SupervisedSource, RecordingThatIsOverWaitsForTheStopAndShowsThatItLives) {
   EXPECT_EQ(code, static_cast<int>(StatusCode::kNotFound));
 }
 
+TEST(SupervisedSource, TimesThatJumpAreToldOfAndCounted) {
+  const SystemClock clock;
+  auto inner = std::make_unique<ScriptedFrameSource>(SmallCamera());
+  inner->AddFrames(2, TimePoint(seconds(1)), milliseconds(40));
+  inner->AddFrame(TimePoint(milliseconds(1080)), TimePoint(seconds(3600)));
+  inner->AddFrame(TimePoint(milliseconds(1120)), TimePoint(seconds(-7)));
+  inner->AddFrame(TimePoint(seconds(30)));
+  SupervisedSource source(std::move(inner), clock);
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  EXPECT_EQ(source.TakeTimeJump(), std::nullopt);
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  const std::optional<TimeJump> jump = source.TakeTimeJump();
+  ASSERT_TRUE(jump);
+  EXPECT_EQ(jump->before, TimePoint(milliseconds(1040)));
+  EXPECT_EQ(jump->stated, TimePoint(seconds(3600)));
+  EXPECT_EQ(jump->taken, TimePoint(milliseconds(1080)));
+  EXPECT_EQ(jump->num_more, 1u);
+  EXPECT_EQ(source.TakeTimeJump(), std::nullopt);
+  // A recording that pauses.
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  const std::optional<TimeJump> pause = source.TakeTimeJump();
+  ASSERT_TRUE(pause);
+  EXPECT_EQ(pause->before, TimePoint(milliseconds(1120)));
+  EXPECT_EQ(pause->stated, TimePoint(seconds(30)));
+  EXPECT_EQ(pause->taken, TimePoint(seconds(30)));
+}
+
 // --- What the control socket answers.
 
 TEST(MetricsText, HistogramIsCumulativeAndEverySampleHasAType) {

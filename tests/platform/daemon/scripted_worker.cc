@@ -94,6 +94,8 @@ class LiveColonSource final : public ColonSource {
     Result<Frame> frame = ColonSource::Next(deadline);
     if (!frame.ok()) return frame;
     frame->timestamp = SystemClock().Now();
+    if (script_.do_stamps_jump) frame->refused_stamp = frame->timestamp + std::chrono::hours(1);
+    if (script_.are_all_torn) return DataLoss("torn");
     if (frame->index < script_.stamps_ns.size()) {
       script_.stamps_ns[frame->index] = frame->timestamp.time_since_epoch().count();
     }

@@ -24,6 +24,8 @@ struct WorkerScript {
   std::atomic<int> num_waits{0};            // that often there is no camera
   std::atomic<int> open_error{0};           // the StatusCode that opening the camera gives
   std::atomic<bool> is_unplugged{false};    // the camera, while it runs
+  std::atomic<bool> do_stamps_jump{false};  // they lie an hour ahead
+  std::atomic<bool> are_all_torn{false};    // pictures that cannot be read
   std::atomic<int> num_slow_calls{0};       // of the camera's driver, a second each, to bring it back
   std::atomic<bool> has_stuck_call{false};  // likewise, and it does not return
   std::atomic<bool> is_making_held{false};  // the device is not made

@@ -108,6 +108,11 @@ class DaemonDevice : public testing::Test {
     const std::size_t begin = at + key.size() + 2;
     return text.substr(begin, text.find('\n', begin) - begin);
   }
+  // Tracking that is late, as on a machine with other work, may lose itself and begin a second map.
+  bool HasMaps() const {
+    const std::string num_maps = StatusValue("maps");
+    return !num_maps.empty() && num_maps != "0";
+  }
   bool Exists(const std::string& name) const { return fs::exists(folder_ + "/" + name); }
 
   const SystemClock clock_;
@@ -176,7 +181,7 @@ TEST_F(DaemonDevice, LostDeviceCostsAWorkerAndTheProcedureGoesOn) {
   EXPECT_EQ(StatusValue("label"), "case-1");
   EXPECT_EQ(StatusValue("worker_faults"), "1");
   EXPECT_EQ(StatusValue("last_fault"), "the vision device is lost");
-  ASSERT_TRUE(Until([&] { return StatusValue("maps") == "1"; })) << "from the checkpoint";
+  ASSERT_TRUE(Until([&] { return HasMaps(); })) << "from the checkpoint";
   EXPECT_EQ(Ask("end wipe"), "wiped\n");
 }
 
@@ -235,7 +240,7 @@ TEST_F(DaemonDevice, ProcedureThatCannotBeWipedKeepsTheNextOneOut) {
   const std::string checkpoint = folder_ + "/checkpoint.atlas";
   for (const std::string how : {"wipe", "keep"}) {
     ASSERT_TRUE(Ask("begin " + how).starts_with("procedure "));
-    ASSERT_TRUE(Until([&] { return StatusValue("maps") == "1"; })) << Ask("status");
+    ASSERT_TRUE(Until([&] { return HasMaps(); })) << Ask("status");
     // No file: it can be neither overwritten nor removed, by anybody.
     fs::create_directory(checkpoint);
     const std::string answer = Ask("end " + how);
@@ -265,7 +270,7 @@ TEST_F(DaemonDevice, CheckpointOfAnotherProcedureIsOfNoUse) {
   fs::copy(folder_ + "/other", folder_ + "/checkpoint.atlas");
   script_->is_lost = true;
   ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "3"; }));
-  EXPECT_FALSE(Until([&] { return StatusValue("maps") == "1"; }, seconds(3))) << Ask("status");
+  EXPECT_FALSE(Until([&] { return HasMaps(); }, seconds(3))) << Ask("status");
   // Nor is it kept under a name that is not its own.
   script_->is_stuck = true;
   ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
@@ -327,7 +332,7 @@ TEST_F(DaemonDevice, WorkerThatIsKilledAtAnyMomentCostsAWorker) {
     ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("busy").empty(); }))
         << Ask("status");
     EXPECT_EQ(StatusValue("label"), label);
-    ASSERT_TRUE(Until([&] { return StatusValue("maps") == "1"; })) << Ask("status");
+    ASSERT_TRUE(Until([&] { return HasMaps(); })) << Ask("status");
     std::thread end([&] {
       const std::string answer = Ask(i % 2 == 0 ? "end wipe" : "end keep");
       EXPECT_TRUE(answer == "wiped\n" || answer == "kept as " + label + "\n" ||
@@ -502,8 +507,9 @@ TEST_F(DaemonDevice, DriverThatNeverReturnsCostsAWorker) {
 TEST_F(DaemonDevice, WorkerThatHangsAfterItsCameraCameEndsTheService) {
   RecordProperty("req", "DMN-010");
   config_.source.path = "v4l2:scripted";
-  config_.watchdog.work_limit_ms = 3000;
-  script_->num_waits = 5;  // longer than the limit, which is for each look
+  // A process has it to start, too, which takes seconds on a machine with other work.
+  config_.watchdog.work_limit_ms = 6000;
+  script_->num_waits = 8;  // longer than the limit, which is for each look
   script_->is_making_held = true;
   ASSERT_NO_FATAL_FAILURE(Start(false));
   ASSERT_TRUE(HasEnded());
@@ -676,7 +682,7 @@ TEST_F(DaemonDevice, ResumedProcedureShowsItsMapBeforeThatChanges) {
   script_->is_dark = true;
   ASSERT_NO_FATAL_FAILURE(Start());
   ASSERT_TRUE(Ask("resume").starts_with("procedure "));
-  EXPECT_TRUE(Until([&] { return StatusValue("maps") == "1"; }, seconds(20))) << Ask("status");
+  EXPECT_TRUE(Until([&] { return HasMaps(); }, seconds(20))) << Ask("status");
 }
 
 TEST_F(DaemonDevice, PoseBearsTheStampOfItsFrame) {

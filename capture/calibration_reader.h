@@ -30,6 +30,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
@@ -42,8 +43,8 @@ Result<CameraCalibration> ReadCalibration(const std::string& path);
 
 // Writes the settings format for pinhole and Kannala-Brandt, our own for OCamCalib and for a calibration with
 // max_half_angle_deg. Numbers are written so that reading gives the same doubles.
-// kInvalidArgument: the calibration is not one that ReadCalibration would accept. kUnavailable: the file cannot be
-// written.
-Status WriteCalibration(const std::string& path, const CameraCalibration& calibration);
+// remark: one line of comment at its head. kInvalidArgument: the calibration is not one that ReadCalibration would
+// accept. kUnavailable: the file cannot be written.
+Status WriteCalibration(const std::string& path, const CameraCalibration& calibration, std::string_view remark = {});
 
 }  // namespace haustra

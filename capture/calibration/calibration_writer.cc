@@ -12,12 +12,15 @@ namespace {
 
 using capture::internal::FormatDouble;
 
+// Before any comment.
+constexpr std::string_view kSettingsHead = "%YAML:1.0\n";
+
 std::string SettingsText(const CameraCalibration& calibration) {
   const bool is_pinhole = calibration.kind == CameraModelKind::kPinhole;
   std::vector<std::string_view> names = {"k1", "k2", "k3", "k4"};
   if (is_pinhole) names = {"k1", "k2", "p1", "p2", "k3"};
 
-  std::string text = "%YAML:1.0\n";
+  std::string text(kSettingsHead);
   text += is_pinhole
               ? "# Pinhole with radial-tangential distortion; pixel centres at integers\n"
               : "# Kannala-Brandt: r = f*(th + k1 th^3 + k2 th^5 + k3 th^7 + k4 th^9); pixel centres at integers\n";
@@ -78,12 +81,14 @@ std::string HaustraText(const CameraCalibration& calibration) {
 
 }  // namespace
 
-Status WriteCalibration(const std::string& path, const CameraCalibration& calibration) {
+Status WriteCalibration(const std::string& path, const CameraCalibration& calibration, std::string_view remark) {
   HAUSTRA_TRY(capture::internal::CheckCalibration(
       calibration, [&path](std::string_view field) { return path + ": not written: " + std::string(field); }));
   const bool needs_own_format = calibration.kind == CameraModelKind::kOcamCalib || calibration.max_half_angle_deg > 0.0;
-  return capture::internal::WriteTextFile(path,
-                                          needs_own_format ? HaustraText(calibration) : SettingsText(calibration));
+  std::string text = needs_own_format ? HaustraText(calibration) : SettingsText(calibration);
+  const std::size_t head = text.starts_with(kSettingsHead) ? kSettingsHead.size() : 0;
+  if (!remark.empty()) text.insert(head, "# " + std::string(remark) + "\n");
+  return capture::internal::WriteTextFile(path, text);
 }
 
 }  // namespace haustra

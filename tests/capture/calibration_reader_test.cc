@@ -377,6 +377,9 @@ TEST_F(CalibrationReaderTest, WrittenCalibrationReadsBackTheSame) {
       original->focal_guess_sigma = max_half_angle_deg / 1000.0;
       const Status written = WriteCalibration(folder_.Path("written.yaml"), *original);
       ASSERT_TRUE(written.ok()) << written.ToString();
+      const std::string plain = folder_.Read("written.yaml");
+      ASSERT_TRUE(WriteCalibration(folder_.Path("written.yaml"), *original, "A remark: of two words").ok());
+      EXPECT_EQ(folder_.Read("written.yaml").find("# A remark: of two words\n"), plain.starts_with("%YAML") ? 10u : 0u);
       const Result<CameraCalibration> read = ReadCalibration(folder_.Path("written.yaml"));
       ASSERT_TRUE(read.ok()) << read.status().ToString();
       EXPECT_EQ(read->kind, original->kind);

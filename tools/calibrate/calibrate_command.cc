@@ -24,9 +24,10 @@ namespace haustra {
 namespace {
 
 constexpr const char* kCalibrateCommand = "calibrate";
-// As WriteCalibration begins its files.
-const FileContent kCalibrationContent{"a calibration that haustra wrote",
-                                      {"%YAML:1.0\n# Pinhole", "%YAML:1.0\n# Kannala-Brandt", "model: "}};
+// As WriteCalibration begins its files. What others have put there may be better than an estimate.
+const FileContent kCalibrationContent{
+    "an estimate of haustra calibrate",
+    {"%YAML:1.0\n# Estimated by haustra calibrate\n", "# Estimated by haustra calibrate\n"}};
 const FileContent kPictureContent{"a PNG picture", {"\x89PNG\r\n\x1a\n"}, false};
 
 struct CalibrateArguments {
@@ -65,7 +66,7 @@ int RunCalibrate(CalibrateArguments arguments) {
                                                     GuessText(result->calibration)));
   }
   CatchStopSignals();  // both files are written to their end
-  if (const Status status = WriteCalibration(arguments.out, result->calibration); !status.ok()) {
+  if (const Status status = WriteCalibration(arguments.out, result->calibration, kEstimateRemark); !status.ok()) {
     return console::FailWriting(kCalibrateCommand, status);
   }
   if (!arguments.picture.empty()) {

@@ -6,6 +6,9 @@
 
 namespace haustra {
 
+// In the files that it writes, and in no others.
+inline constexpr const char* kEstimateRemark = "Estimated by haustra calibrate";
+
 void AddCalibrateCommand(CLI::App& app, std::function<int()>& action);
 
 }  // namespace haustra

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/calibration_reader.h"
 #include "tests/capture/temp_folder.h"
 #include "tests/tools/command/call_command.h"
 #include "tools/calibrate/calibrate_command.h"
@@ -61,6 +62,25 @@ TEST(OutputFile, PictureOfTheSequenceIsNotReplacedByAnother) {
       Call({"calibrate", folder.Path("sequence"), "--out", folder.Path("new.yaml"), "--picture", picture});
   EXPECT_EQ(answer.code, kExitInTheWay);
   EXPECT_THAT(answer.err, HasSubstr(picture + ": lies in " + folder.Path("sequence") + ", which is read"));
+}
+
+// A rendered sequence has the true calibration in it.
+TEST(OutputFile, CalibrationOfAnotherCommandIsNotReplacedByAnEstimate) {
+  const TempFolder folder;
+  CameraCalibration exact{CameraModelKind::kKannalaBrandt, 64, 48, 60, 60, 32, 24};
+  const std::string file = folder.Path("calib.yaml");
+  for (const double max_half_angle_deg : {0.0, 80.0}) {
+    exact.max_half_angle_deg = max_half_angle_deg;
+    ASSERT_TRUE(WriteCalibration(file, exact).ok());
+    const std::string before = folder.Read("calib.yaml");
+    const CommandAnswer answer = Call({"calibrate", folder.Path("sequence"), "--out", file});
+    EXPECT_EQ(answer.code, kExitInTheWay);
+    EXPECT_THAT(answer.err, HasSubstr(file + ": exists already and is not an estimate of haustra calibrate"));
+    EXPECT_EQ(folder.Read("calib.yaml"), before);
+    // Its own may be replaced; then it is the sequence that is not there.
+    ASSERT_TRUE(WriteCalibration(file, exact, kEstimateRemark).ok());
+    EXPECT_EQ(Call({"calibrate", folder.Path("sequence"), "--out", file}).code, kExitNoInput);
+  }
 }
 
 }  // namespace

@@ -43,6 +43,10 @@ int RunCalibrate(CalibrateArguments arguments) {
     return console::Fail(kCalibrateCommand,
                          InvalidArgument("a live camera is recorded first (haustra capture --out FOLDER)"), kExitUsage);
   }
+  if (const Status differ = CheckOutputsDiffer({"--out", arguments.out}, {"--picture", arguments.picture});
+      !differ.ok()) {
+    return console::Fail(kCalibrateCommand, differ, kExitUsage);
+  }
   const std::vector<std::string> inputs = {request.sequence, request.options.mask_path};
   Status writable = CheckOutputFile(arguments.out, kCalibrationContent, arguments.overwrite, inputs);
   if (writable.ok() && !arguments.picture.empty()) {

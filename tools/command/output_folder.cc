@@ -84,6 +84,16 @@ bool HoldsFiles(const fs::path& folder, const fs::path& but) {
   return false;
 }
 
+// One for all spellings, also of what is not there yet.
+fs::path OneSpelling(const std::string& path) {
+  std::error_code error;
+  const fs::path absolute = fs::absolute(path, error);
+  const fs::path canonical = fs::weakly_canonical(absolute, error);
+  return error ? absolute.lexically_normal() : canonical;
+}
+
+std::string OptionText(const NamedOutput& output) { return std::string(output.option) + " " + output.path; }
+
 // Whether `path` lies in `folder`, or is it.
 bool IsIn(const fs::path& folder, const fs::path& path) {
   std::error_code error;
@@ -230,6 +240,21 @@ Status CheckOutputFile(const std::string& path, const FileContent& content, bool
   }
   if (!overwrite) return FailedPrecondition(path + ": exists already; --overwrite replaces it");
   return Status::Ok();
+}
+
+Status CheckOutputsDiffer(const NamedOutput& one, const NamedOutput& other) {
+  if (one.path.empty() || other.path.empty()) return Status::Ok();
+  std::error_code error;
+  const bool is_same = OneSpelling(one.path) == OneSpelling(other.path) || fs::equivalent(one.path, other.path, error);
+  if (!is_same) return Status::Ok();
+  return InvalidArgument(OptionText(one) + " and " + OptionText(other) + " name the same file");
+}
+
+Status CheckNotOfFolder(const NamedOutput& output, const std::string& folder, const FolderContent& content) {
+  const std::string name = OneSpelling(output.path).lexically_relative(OneSpelling(folder)).generic_string();
+  if (output.path.empty() || !std::regex_match(name, OwnNames(content))) return Status::Ok();
+  return InvalidArgument(OptionText(output) + " is a file of " + std::string(content.what) + ", which " + folder +
+                         " is to hold; choose another file");
 }
 
 Status WriteFile(const std::string& path, std::string_view bytes) {

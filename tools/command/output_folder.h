@@ -80,6 +80,18 @@ Status CheckInputsOutside(const std::string& folder, const std::vector<std::stri
 Status CheckOutputFile(const std::string& path, const FileContent& content, bool overwrite,
                        const std::vector<std::string>& inputs);
 
+// What an option of a command names, which is written.
+struct NamedOutput {
+  std::string_view option;
+  std::string path;  // empty: not given
+};
+
+// Whether two are two files, whatever the spelling. kInvalidArgument names both.
+Status CheckOutputsDiffer(const NamedOutput& one, const NamedOutput& other);
+
+// Whether one is none of the files that the command writes into `folder`, too. kInvalidArgument.
+Status CheckNotOfFolder(const NamedOutput& output, const std::string& folder, const FolderContent& content);
+
 // As a whole or not at all (platform/file_sink.h). From then on a stop is a flag (stop_signal.h). Errors of FileSink.
 Status WriteFile(const std::string& path, std::string_view bytes);
 

@@ -53,6 +53,10 @@ int RunEvaluate(const EvaluateArguments& arguments) {
                          InvalidArgument("--table " + arguments.table + ": the name must end in .csv or .md"),
                          kExitUsage);
   }
+  if (const Status differ = CheckOutputsDiffer({"--json", arguments.json}, {"--table", arguments.table});
+      !differ.ok()) {
+    return console::Fail(kEvaluateCommand, differ, kExitUsage);
+  }
   for (const auto& [path, content] : {std::pair(arguments.json, kJsonContent), {arguments.table, kTableContent}}) {
     if (path.empty()) continue;
     const Status status =

@@ -212,6 +212,10 @@ int Run(const RunArguments& arguments) {
   if (arguments.sequence.empty() || arguments.out.empty()) {
     return console::Fail(kRunCommand, InvalidArgument("SEQUENCE and --out are required"), kExitUsage);
   }
+  const NamedOutput atlas{"--save-atlas", arguments.save_atlas};
+  if (const Status status = CheckNotOfFolder(atlas, arguments.out, kRunContent); !status.ok()) {
+    return console::Fail(kRunCommand, status, kExitUsage);
+  }
   if (const Status status = CheckOutputs(arguments); !status.ok()) return console::FailWriting(kRunCommand, status);
   EngineConfig config = loaded->config();
   if (arguments.seed) config.seed = *arguments.seed;

@@ -2,7 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "capture/calibration_reader.h"
@@ -81,6 +83,28 @@ TEST(OutputFile, CalibrationOfAnotherCommandIsNotReplacedByAnEstimate) {
     ASSERT_TRUE(WriteCalibration(file, exact, kEstimateRemark).ok());
     EXPECT_EQ(Call({"calibrate", folder.Path("sequence"), "--out", file}).code, kExitNoInput);
   }
+}
+
+TEST(OutputFile, TwoOutputsOfACommandAreTwoFiles) {
+  const TempFolder folder;
+  const std::string run = folder.Path("run"), sequence = folder.Path("sequence"), plain = folder.Path("f.csv");
+  folder.Write("run/frames.csv", "");
+  std::filesystem::create_directory_symlink(run, folder.Path("link"));
+  for (const auto& [a, b] :
+       {std::pair(plain, plain), {plain, folder.Path("run/../f.csv")}, {run + "/f.csv", folder.Path("link/f.csv")}}) {
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"evaluate", run, "--json", a, "--table", b},
+          {"calibrate", sequence, "--out", a, "--picture", b}}) {
+      const CommandAnswer answer = Call(command);
+      EXPECT_EQ(answer.code, kExitUsage) << command[0] << a << b;
+      EXPECT_THAT(answer.err, HasSubstr(command[2] + " " + a)) << command[0];
+      EXPECT_THAT(answer.err, HasSubstr("name the same file")) << command[0];
+      EXPECT_FALSE(std::filesystem::exists(a));
+    }
+  }
+  const CommandAnswer answer = Call({"run", sequence, "--out", run, "--save-atlas", folder.Path("link/frames.csv")});
+  EXPECT_EQ(answer.code, kExitUsage);
+  EXPECT_THAT(answer.err, HasSubstr("is a file of a run, which " + run + " is to hold"));
 }
 
 }  // namespace

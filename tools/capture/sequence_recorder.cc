@@ -1,7 +1,6 @@
 #include "tools/capture/sequence_recorder.h"
 
 #include <fcntl.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -58,17 +57,17 @@ Result<std::unique_ptr<SequenceRecorder>> SequenceRecorder::Create(const std::st
 }
 
 SequenceRecorder::SequenceRecorder(std::string folder, OutputFolder output, int times, const Options& options)
-    : folder_(std::move(folder)), output_(std::move(output)), options_(options), times_(times) {
+    : folder_(std::move(folder)),
+      output_(std::move(output)),
+      options_(options),
+      times_((fs::path(folder_) / kRecordedTimesName).string(), times) {
   for (int i = 0; i < options.num_buffers; ++i) free_.push_back(std::make_unique<Slot>());
   const unsigned num_cores = std::max(1u, std::thread::hardware_concurrency());
   const unsigned num_threads = options.num_threads > 0 ? static_cast<unsigned>(options.num_threads) : num_cores;
   for (unsigned i = 0; i < num_threads; ++i) threads_.emplace_back([this] { Encode(); });
 }
 
-SequenceRecorder::~SequenceRecorder() {
-  StopThreads();
-  ::close(times_);
-}
+SequenceRecorder::~SequenceRecorder() { StopThreads(); }
 
 void SequenceRecorder::StopThreads() {
   {
@@ -128,7 +127,7 @@ void SequenceRecorder::Encode() {
   }
 }
 
-Status SequenceRecorder::WriteFrame(const Slot& slot, bool to_disk, Image* colour) const {
+Status SequenceRecorder::WriteFrame(const Slot& slot, bool to_disk, Image* colour) {
   const bool is_jpeg = options_.store == Store::kJpeg || !slot.encoded.empty();
   char name[32];
   std::snprintf(name, sizeof(name), "%06u.%s", slot.index, is_jpeg ? "jpg" : "png");
@@ -151,19 +150,11 @@ Status SequenceRecorder::WriteFrame(const Slot& slot, bool to_disk, Image* colou
   return status;
 }
 
-Status SequenceRecorder::WriteTime(const char* name, TimePoint timestamp, bool to_disk) const {
+Status SequenceRecorder::WriteTime(const char* name, TimePoint timestamp, bool to_disk) {
   std::string line = std::string(name) + ' ';
   AppendSeconds(timestamp.time_since_epoch().count(), &line);
   line += '\n';
-  // Lines of several threads do not mix: each is appended by one call.
-  const ssize_t written = ::write(times_, line.data(), line.size());
-  const bool is_whole = written == static_cast<ssize_t>(line.size());
-  if (is_whole && (!to_disk || ::fdatasync(times_) == 0)) return Status::Ok();
-  // A write that ends early is no error to the system: only the next one would be.
-  const std::string why = written >= 0 && !is_whole ? "only " + std::to_string(written) + " of " +
-                                                          std::to_string(line.size()) + " bytes had room on the disk"
-                                                    : std::generic_category().message(errno);
-  return Unavailable((fs::path(folder_) / kRecordedTimesName).string() + ": cannot be written: " + why);
+  return times_.Append(line, to_disk);
 }
 
 Status SequenceRecorder::WriteTimes() {

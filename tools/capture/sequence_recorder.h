@@ -15,14 +15,16 @@
 #include "hal/camera_calibration.h"
 #include "hal/core/status.h"
 #include "hal/frame_source.h"
+#include "tools/command/line_file.h"
 #include "tools/command/output_folder.h"
 
 namespace haustra {
 
 // A frame is in times.recording as soon as it is whole, and its time on the disk about a second later: a recording that
 // is cut can be read up to there (capture/dataset/sequence_listing.h). Frames are copied and encoded by threads of the
-// recorder, so that the camera is not kept waiting; when all its buffers are full a frame is left out, and counted. The
-// folder is for its owner's eyes only (0700): it shows a patient. thread-bound(its owner).
+// recorder, so that the camera is not kept waiting; when all its buffers are full a frame is left out, and counted.
+// When a time cannot be written the recording ends with the one before. The folder is for its owner's eyes only (0700):
+// it shows a patient. thread-bound(its owner).
 class SequenceRecorder {
  public:
   enum class Store {
@@ -72,15 +74,15 @@ class SequenceRecorder {
   SequenceRecorder(std::string folder, OutputFolder output, int times, const Options& options);
   void Encode();
   // With its time, which goes to the disk at once where that is said.
-  Status WriteFrame(const Slot& slot, bool to_disk, Image* colour) const;
-  Status WriteTime(const char* name, TimePoint timestamp, bool to_disk) const;
+  Status WriteFrame(const Slot& slot, bool to_disk, Image* colour);
+  Status WriteTime(const char* name, TimePoint timestamp, bool to_disk);
   Status WriteTimes();
   void StopThreads();
 
   const std::string folder_;
   OutputFolder output_;
   const Options options_;
-  const int times_;  // descriptor of times.recording
+  LineFile times_;  // times.recording
   std::vector<std::thread> threads_;
   mutable std::mutex mutex_;
   std::condition_variable has_work_;

@@ -1,11 +1,16 @@
 #include "tools/capture/sequence_recorder.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <functional>
+#include <thread>
 
 #include "capture/calibration_reader.h"
 #include "capture/dataset/sequence_listing.h"
@@ -121,21 +126,69 @@ TEST_F(SequenceRecorderTest, FrameThatCannotBeWrittenIsNamed) {
   EXPECT_NE(summary.status().message().find("frames/000000.jpg"), std::string::npos) << summary.status().message();
 }
 
-// A limit of file sizes ends a write as a full disk does: after the bytes that still had room, without an error.
+// A limit of file sizes ends a write as a full disk does: after the bytes that still had room, without an error. It
+// holds while there is one.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t num_bytes) : signal_before_(std::signal(SIGXFSZ, SIG_IGN)) {
+    EXPECT_EQ(getrlimit(RLIMIT_FSIZE, &before_), 0);
+    rlimit small = before_;
+    small.rlim_cur = num_bytes;
+    EXPECT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  }
+  ~FileSizeLimit() {
+    setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, signal_before_);
+  }
+  FileSizeLimit(const FileSizeLimit&) = delete;
+  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+ private:
+  rlimit before_ = {};
+  void (*signal_before_)(int);
+};
+
+// There is room again, and frames wait; then the machine goes off.
+TEST_F(SequenceRecorderTest, RecordingStaysReadableAfterATimeThatWasWrittenInPart) {
+  SequenceRecorder::Options options;
+  options.num_threads = 1;
+  Result<std::unique_ptr<SequenceRecorder>> recorder = Start(options);
+  ASSERT_TRUE(recorder.ok());
+  const auto wait_for = [](const std::function<bool()>& is_so) {
+    while (!is_so()) std::this_thread::sleep_for(milliseconds(1));
+  };
+  wait_for([&] { return std::filesystem::file_size(out_ + "/times.recording") == 46; });
+  // Whoever writes these waits until somebody reads.
+  const std::string held[] = {out_ + "/frames/000007.jpg", out_ + "/frames/000008.jpg"};
+  for (const std::string& path : held) ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+  const std::vector<std::uint8_t> encoded(3, 1);
+  EXPECT_TRUE((*recorder)->Add({7, TimePoint(milliseconds(5120)), {}}, encoded));
+  EXPECT_TRUE((*recorder)->Add({8, TimePoint(milliseconds(5160)), {}}, encoded));
+  int readers[2];
+  {
+    const FileSizeLimit limit(46 + 15);
+    readers[0] = open(held[0].c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    wait_for([&] { return !(*recorder)->status().ok(); });
+  }
+  readers[1] = open(held[1].c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  recorder->reset();
+  for (const int reader : readers) close(reader);
+  EXPECT_EQ(folder_.Read("recording/times.recording"), "000004.jpg 5.000000000\n000006.png 5.080000000\n");
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(out_, {});
+  ASSERT_TRUE(source.ok()) << source.status().message();
+  EXPECT_EQ((*source)->num_frames(), 2u);
+}
+
 TEST_F(SequenceRecorderTest, TimeThatIsWrittenInPartIsReportedAsSuch) {
   Result<std::unique_ptr<SequenceRecorder>> recorder = SequenceRecorder::Create(out_, {}, nullptr, {});
   ASSERT_TRUE(recorder.ok());
-  struct rlimit before = {};
-  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
-  const auto signal_before = std::signal(SIGXFSZ, SIG_IGN);
-  struct rlimit small = before;
-  small.rlim_cur = 20;
-  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
-  const std::vector<std::uint8_t> encoded(3, 1);
-  const bool is_taken = (*recorder)->Add({0, TimePoint{}, {}}, encoded);
-  const Result<SequenceRecorder::Summary> summary = (*recorder)->Finish();
-  setrlimit(RLIMIT_FSIZE, &before);
-  std::signal(SIGXFSZ, signal_before);
+  bool is_taken = false;
+  const Result<SequenceRecorder::Summary> summary = [&] {
+    const FileSizeLimit limit(20);
+    const std::vector<std::uint8_t> encoded(3, 1);
+    is_taken = (*recorder)->Add({0, TimePoint{}, {}}, encoded);
+    return (*recorder)->Finish();
+  }();
   EXPECT_TRUE(is_taken);
   EXPECT_EQ(summary.code(), StatusCode::kUnavailable);
   EXPECT_NE(summary.status().message().find("times.recording: cannot be written: only 20 of 23 bytes"),

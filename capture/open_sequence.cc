@@ -39,7 +39,7 @@ Result<SequenceListing> ListFolder(const std::string& folder, const SequenceOpti
 }
 
 Result<std::unique_ptr<FrameSource>> OpenFolder(const std::string& folder, const SequenceOptions& options) {
-  // A recording may have loose images beside it, so it comes before them; after everything that is told by a name.
+  // After everything that is told by a name.
   const bool is_named =
       LooksLikeEuroc(folder) || LooksLikeTum(folder) || LooksLikeC3vd(folder) || IsFolder(Joined(folder, "frames"));
   if (!is_named && LooksLikeEndomapper(folder)) return OpenEndomapper(folder, options);

@@ -13,7 +13,8 @@ namespace haustra {
 
 // Whether the folder holds a recorded video.
 bool LooksLikeEndomapper(const std::string& folder);
-// `folder` is that of one recording. kInvalidArgument: more than one recording. Errors of OpenVideo.
+// `folder` is that of one recording. kInvalidArgument: more than one recording, or pictures beside it but mask.png.
+// Errors of OpenVideo.
 Result<std::unique_ptr<FrameSource>> OpenEndomapper(const std::string& folder, const SequenceOptions& options);
 
 }  // namespace haustra

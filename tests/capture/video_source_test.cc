@@ -197,6 +197,27 @@ TEST_F(VideoSourceTest, WhatGoesWithAVideoMustBeUnambiguous) {
   EXPECT_THAT(OpenSequence(folder_.path(), {}).status().message(), HasSubstr("2 recordings (a.mov, b.mov, ..)"));
 }
 
+TEST_F(VideoSourceTest, FolderWithPicturesAndAVideoIsRefusedByBothNames) {
+  const std::string path = WriteLevels("a.mp4", "mpeg4");
+  folder_.WriteImage("mask.png", FlatImage(64, 48, PixelFormat::kGrey8, 255));
+  EXPECT_TRUE(OpenSequence(folder_.path(), {}).ok()) << "a mask is no picture";
+  folder_.WriteImage("000000.png", FlatImage(64, 48, PixelFormat::kGrey8, 90));
+  folder_.WriteImage("000001.png", FlatImage(64, 48, PixelFormat::kGrey8, 91));
+  const Result<std::unique_ptr<FrameSource>> source = OpenSequence(folder_.path(), {});
+  EXPECT_EQ(source.code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(source.status().message(), HasSubstr("holds a video (a.mp4) and pictures (2, the first is 000000.png)"));
+  EXPECT_TRUE(OpenSequence(path, {}).ok()) << "it is named itself";
+  // What is in frames/ are the pictures that are meant.
+  std::filesystem::create_directory(folder_.Path("frames"));
+  for (const char* name : {"000000.png", "000001.png"}) {
+    std::filesystem::rename(folder_.Path(name), folder_.Path(std::string("frames/") + name));
+  }
+  folder_.Write("times.txt", "0\n0.04\n");
+  const Result<std::unique_ptr<FrameSource>> pictures = OpenSequence(folder_.path(), {});
+  ASSERT_TRUE(pictures.ok()) << pictures.status().ToString();
+  EXPECT_EQ((*pictures)->num_frames(), 2u);
+}
+
 TEST_F(VideoSourceTest, VideoThatDoesNotFitTheCalibrationIsRefused) {
   const std::string path = WriteLevels("a.mov", "mpeg4");
   folder_.Write("calib.yaml", Replaced(kSmallCalibration, "Camera.width: 64", "Camera.width: 128"));

@@ -31,6 +31,7 @@
 #include "tools/exit_codes.h"
 #include "tools/render/render_sequence.h"
 #include "tools/soak/looping_source.h"
+#include "tools/soak/sample_file.h"
 #include "tools/soak/soak_monitor.h"
 
 namespace haustra {
@@ -71,34 +72,6 @@ Result<std::string> RenderInto(const TemporaryFolder& folder) {
   HAUSTRA_TRY(render::RenderSequence(sequence, options, {}));
   return sequence;
 }
-
-struct FileCloser {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
-
-// The table of samples, which can be read as it grows. Begun with the first sample: what fails before leaves an earlier
-// table as it was.
-class SampleFile {
- public:
-  explicit SampleFile(std::string path) : path_(std::move(path)) {}
-
-  void Add(const SoakSample& sample) {
-    if (path_.empty() || !is_written_) return;
-    std::string text = SoakCsvLine(sample);
-    if (file_ == nullptr) {
-      file_.reset(std::fopen(path_.c_str(), "w"));
-      text = SoakCsvHeader() + text;
-    }
-    is_written_ = file_ != nullptr && std::fputs(text.c_str(), file_.get()) >= 0 && std::fflush(file_.get()) == 0;
-  }
-  // False: it could not be, or not to the end.
-  bool is_written() const { return is_written_; }
-
- private:
-  const std::string path_;
-  std::unique_ptr<std::FILE, FileCloser> file_;
-  bool is_written_ = true;
-};
 
 // Of all procedures.
 struct SoakTotals {
@@ -216,7 +189,7 @@ int Soak(const SoakArguments& arguments) {
     }
   }
   line.Leave();
-  if (!csv.is_written()) return console::FailWriting(kSoakCommand, Unavailable(arguments.csv + ": cannot be written"));
+  if (!csv.status().ok()) return console::FailWriting(kSoakCommand, csv.status());
 
   console::Print(
       "%s, device %s, %.1f min of video in %d procedures and %d loops: %llu frames, %llu losses, %llu merges and "

@@ -2,11 +2,9 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -16,6 +14,7 @@
 #include "capture/dataset/sequence_listing.h"
 #include "capture/open_sequence.h"
 #include "tests/capture/temp_folder.h"
+#include "tests/tools/command/file_size_limit.h"
 
 namespace haustra {
 namespace {
@@ -125,28 +124,6 @@ TEST_F(SequenceRecorderTest, FrameThatCannotBeWrittenIsNamed) {
   EXPECT_EQ(summary.code(), StatusCode::kUnavailable);
   EXPECT_NE(summary.status().message().find("frames/000000.jpg"), std::string::npos) << summary.status().message();
 }
-
-// A limit of file sizes ends a write as a full disk does: after the bytes that still had room, without an error. It
-// holds while there is one.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t num_bytes) : signal_before_(std::signal(SIGXFSZ, SIG_IGN)) {
-    EXPECT_EQ(getrlimit(RLIMIT_FSIZE, &before_), 0);
-    rlimit small = before_;
-    small.rlim_cur = num_bytes;
-    EXPECT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
-  }
-  ~FileSizeLimit() {
-    setrlimit(RLIMIT_FSIZE, &before_);
-    std::signal(SIGXFSZ, signal_before_);
-  }
-  FileSizeLimit(const FileSizeLimit&) = delete;
-  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
-
- private:
-  rlimit before_ = {};
-  void (*signal_before_)(int);
-};
 
 // There is room again, and frames wait; then the machine goes off.
 TEST_F(SequenceRecorderTest, RecordingStaysReadableAfterATimeThatWasWrittenInPart) {

@@ -1,5 +1,6 @@
 #include "platform/config/engine_config_table.h"
 
+#include <cmath>
 #include <utility>
 
 #include "platform/config/memory_profiles.h"

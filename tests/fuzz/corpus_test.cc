@@ -55,6 +55,11 @@ TEST(Corpus, Calibration) { Replay("calibration", FuzzCalibration, 200); }
 TEST(Corpus, Trajectory) { Replay("trajectory", FuzzTrajectory, 200); }
 TEST(Corpus, Image) { Replay("image", FuzzImage, 200); }
 TEST(Corpus, Video) { Replay("video", FuzzVideo, 20); }
+TEST(Corpus, DepthFile) { Replay("depth_file", FuzzDepthFile, 500); }
+TEST(Corpus, Vocabulary) { Replay("vocabulary", FuzzVocabulary, 500); }
+TEST(Corpus, Table) { Replay("table", FuzzTable, 200); }
+TEST(Corpus, RangePicture) { Replay("range_picture", FuzzRangePicture, 200); }
+TEST(Corpus, EventScript) { Replay("event_script", FuzzEventScript, 500); }
 TEST(Corpus, CameraSpec) { Replay("camera_spec", FuzzCameraSpec, 500); }
 
 }  // namespace

@@ -14,6 +14,11 @@ void FuzzCalibration(std::span<const std::uint8_t> bytes);  // all formats
 void FuzzTrajectory(std::span<const std::uint8_t> bytes);   // ground truth: TUM, EuRoC, C3VD
 void FuzzImage(std::span<const std::uint8_t> bytes);        // PNG, JPEG
 void FuzzVideo(std::span<const std::uint8_t> bytes);        // headers and frames of recordings
+void FuzzDepthFile(std::span<const std::uint8_t> bytes);    // as it is, and with its checksums put right
+void FuzzVocabulary(std::span<const std::uint8_t> bytes);   // likewise
+void FuzzTable(std::span<const std::uint8_t> bytes);        // marks of a run, the true wall
+void FuzzRangePicture(std::span<const std::uint8_t> bytes);
+void FuzzEventScript(std::span<const std::uint8_t> bytes);  // haustra render --events
 void FuzzCameraSpec(std::span<const std::uint8_t> bytes);   // v4l2:...
 
 }  // namespace haustra::test

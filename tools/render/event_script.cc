@@ -95,10 +95,12 @@ Result<std::vector<Event>> ParseEvents(std::string_view script) {
 std::vector<FrameSpan> FrameSpans(const std::vector<Event>& events, double rate_hz, int num_frames) {
   std::vector<FrameSpan> spans;
   for (const Event& event : events) {
-    const int first = static_cast<int>(std::ceil(event.start_s * rate_hz - 1e-9));
-    const int last = static_cast<int>(std::floor((event.start_s + event.duration_s) * rate_hz + 1e-9));
-    if (first >= num_frames || last < 0) continue;
-    spans.push_back({std::max(first, 0), std::min(std::max(last, first), num_frames - 1), event.kind});
+    // An event may be farther off than an int reaches.
+    const double first = std::ceil(event.start_s * rate_hz - 1e-9);
+    const double last = std::floor((event.start_s + event.duration_s) * rate_hz + 1e-9);
+    if (first >= num_frames || last < 0.0) continue;
+    spans.push_back({static_cast<int>(std::max(first, 0.0)),
+                     static_cast<int>(std::min(std::max(last, first), num_frames - 1.0)), event.kind});
   }
   std::sort(spans.begin(), spans.end(), [](const FrameSpan& a, const FrameSpan& b) {
     return a.first_frame != b.first_frame ? a.first_frame < b.first_frame : a.last_frame < b.last_frame;

@@ -80,6 +80,14 @@ TEST(FrameSpans, ThoseThatShowTheSceneAreNotHidden) {
   EXPECT_FALSE(HidesScene(EventKind::kNarrowBand));
 }
 
+// No number of frames is as large as these.
+TEST(FrameSpans, AnyTimeIsOne) {
+  const auto spans = FrameSpans({{EventKind::kRedout, 1.0, 1e12}, {EventKind::kWater, 1e12, 1.0}}, 25.0, 100);
+  ASSERT_EQ(spans.size(), 1u);
+  EXPECT_EQ(spans[0].first_frame, 25);
+  EXPECT_EQ(spans[0].last_frame, 99);
+}
+
 TEST(FrameSpans, AreCutAtTheEndOfTheSequence) {
   const std::vector<Event> events = {{EventKind::kWater, 3.5, 2.0}, {EventKind::kWater, 9.0, 1.0}};
   const auto spans = FrameSpans(events, 25.0, 100);

@@ -21,7 +21,7 @@ constexpr double kLookAroundShare = 0.5;
 // Inliers beyond chance have to be so many times the spread of chance itself.
 constexpr double kChanceSigmas = 3.0;
 // Of the matches, or of the established points that should be seen where these are fewer. A false pose had 0.13 of its
-// matches; a hundred others, rendered and of living tissue, 0.47 of the matches or 0.6 of what should be seen.
+// matches; ninety others, rendered and of living tissue, 0.47 of the matches or 0.6 of what should be seen.
 constexpr double kEstablishedShare = 1.0 / 3.0;
 
 }  // namespace

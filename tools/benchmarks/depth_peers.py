@@ -34,6 +34,8 @@ import sys
 import cv2
 import numpy as np
 
+from poses import rotation
+
 STEP_PX = 4              # pixels a cell, of the truth and of our depth
 TRUE_UNIT_MM = 1.0 / 256.0
 MIN_ANGLE_DEG = 2.0      # under which two keyframes see what is judged
@@ -104,12 +106,6 @@ class Camera:
     def cell_rays(self):
         x, y = np.meshgrid(np.arange(self.width // STEP_PX), np.arange(self.height // STEP_PX))
         return self.rays(np.stack([x, y], -1) * STEP_PX + 0.5 * (STEP_PX - 1))
-
-
-def rotation(w, x, y, z):
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
 
 
 def read_pgm(path):

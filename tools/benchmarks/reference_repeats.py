@@ -24,6 +24,8 @@ import sys
 
 import numpy as np
 
+from poses import rotation, similarity
+
 GLARE, DARK = 235, 12          # grey; what is beyond shows no wall
 MODELS = {"kannala_brandt": "SIMPLE_RADIAL_FISHEYE", "pinhole": "SIMPLE_RADIAL"}
 SAME_TIME_S = 1e-3
@@ -31,12 +33,6 @@ SAME_TIME_S = 1e-3
 
 class Refusal(Exception):
     """Something is wrong with a file or a step; the text names it."""
-
-
-def rotation(w, x, y, z):
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
 
 
 def lines_of(path):
@@ -75,16 +71,6 @@ class Model:
                 if 0 <= frame - begin < bin_frames * num_bins:
                     sets[(frame - begin) // bin_frames].add(index)
         return [[len(a & b) / max(1, min(len(a), len(b))) for b in sets] for a in sets]
-
-
-def similarity(points, targets):
-    """Scale, rotation and translation that lay `points` on `targets` best (Umeyama 1991)."""
-    mean_p, mean_t = points.mean(0), targets.mean(0)
-    u, singular, v = np.linalg.svd((targets - mean_t).T @ (points - mean_p) / len(points))
-    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
-    turned = u @ sign @ v
-    scale = np.trace(np.diag(singular) @ sign) * len(points) / ((points - mean_p) ** 2).sum()
-    return scale, turned, mean_t - scale * turned @ mean_p
 
 
 def difference(centres, targets):
@@ -137,7 +123,9 @@ def calibration(clip, shrink):
 
     if value("model") not in MODELS:
         raise Refusal(f"{clip / 'calib.yaml'}: model {value('model')} is none of {', '.join(MODELS)}")
-    fx, cx, cy = (float(value(key)) / shrink for key in ("fx", "cx", "cy"))
+    fx = float(value("fx")) / shrink
+    # To COLMAP the middle of the first pixel is 0.5, to calib.yaml 0.
+    cx, cy = ((float(value(key)) + 0.5) / shrink for key in ("cx", "cy"))
     return MODELS[value("model")], f"{fx},{cx},{cy},{value('k1')}"
 
 

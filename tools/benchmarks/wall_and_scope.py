@@ -23,6 +23,8 @@ import re
 
 import numpy as np
 
+from poses import rotation, similarity
+
 ROBUST_PX2 = 6.0     # where the cost of a squared error levels off (Geman and McClure)
 SEED = 1             # of the choice of points
 FAR_ENOUGH = 0.02    # of the median depth: nearer points have no derivative worth using
@@ -61,12 +63,6 @@ class Camera:
         return np.stack(columns, axis=2)
 
 
-def rotation(w, x, y, z):
-    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                     [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
-
-
 def skew(v):
     zero = np.zeros(v.shape[:-1])
     rows = [[zero, -v[..., 2], v[..., 1]], [v[..., 2], zero, -v[..., 0]], [-v[..., 1], v[..., 0], zero]]
@@ -78,16 +74,6 @@ def turned(v):
     if angle < 1e-12:
         return np.eye(3) + k
     return np.eye(3) + np.sin(angle) / angle * k + (1.0 - np.cos(angle)) / angle**2 * k @ k
-
-
-def similarity(a, b):
-    """Scale, rotation and translation that take a to b (Umeyama 1991)."""
-    mean_a, mean_b = a.mean(0), b.mean(0)
-    u, s, v = np.linalg.svd((b - mean_b).T @ (a - mean_a) / len(a))
-    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
-    turn = u @ sign @ v
-    scale = np.trace(np.diag(s) @ sign) / ((a - mean_a) ** 2).sum() * len(a)
-    return scale, turn, mean_b - scale * turn @ mean_a
 
 
 def rows_of(path):

@@ -68,6 +68,11 @@ class ReferenceRepeatsTest(unittest.TestCase):
         with self.assertRaises(reference_repeats.Refusal):
             reference_repeats.difference({0: truth[0]}, truth)
 
+    def test_calibration_of_smaller_pictures_is_in_colmaps_pixels(self):
+        (self.folder / "calib.yaml").write_text(
+            "model: pinhole\nintrinsics:\n  fx: 700\n  fy: 700\n  cx: 639.5\n  cy: 359.5\ncoefficients:\n  k1: -0.1\n")
+        self.assertEqual(reference_repeats.calibration(self.folder, 2), ("SIMPLE_RADIAL", "350.0,320.0,180.0,-0.1"))
+
     def test_frames_are_told_by_their_time(self):
         path = self.folder / "reference.txt"
         path.write_text("# time_s tx ty tz qx qy qz qw\n0.0400 1 2 3 0 0 0 1\n0.0610 4 5 6 0 0 0 1\n")

@@ -88,6 +88,9 @@ Status V4l2Options::Validate() const {
     return InvalidArgument("camera option 'buffers=" + std::to_string(num_buffers) +
                            "': expected a number from 2 to 32");
   }
+  if (format == V4L2_PIX_FMT_MJPEG && field != FieldChoice::kProgressive) {
+    return InvalidArgument("camera option 'field': fields of MJPEG pictures are not read; choose another format");
+  }
   if (!IsRate(max_rate_hz)) return InvalidArgument("camera option 'max-rate': more than 0, up to 1000");
   return Status::Ok();
 }

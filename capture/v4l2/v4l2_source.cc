@@ -42,14 +42,15 @@ class V4l2Source::Recovery {
  public:
   explicit Recovery(V4l2Source& source) : source_(source) {
     source.io_.Begin();
-    source.is_recovering_.store(true, std::memory_order_release);
+    is_within_another_ = source.is_recovering_.exchange(true, std::memory_order_acq_rel);
   }
-  ~Recovery() { source_.is_recovering_.store(false, std::memory_order_release); }
+  ~Recovery() { source_.is_recovering_.store(is_within_another_, std::memory_order_release); }
   Recovery(const Recovery&) = delete;
   Recovery& operator=(const Recovery&) = delete;
 
  private:
   V4l2Source& source_;
+  bool is_within_another_ = false;
 };
 
 std::optional<TimePoint> V4l2Source::recovering_since() const {

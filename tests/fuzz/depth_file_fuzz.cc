@@ -1,5 +1,4 @@
 #include <string>
-#include <vector>
 
 #include "engine/depth/depth_file.h"
 #include "hal/core/check.h"
@@ -37,9 +36,7 @@ void TryDepthFile(std::span<const std::uint8_t> bytes) {
 
 void FuzzDepthFile(std::span<const std::uint8_t> bytes) {
   TryDepthFile(bytes);
-  std::vector<std::uint8_t> sealed(bytes.begin(), bytes.end());
-  SealFile(sealed);
-  TryDepthFile(sealed);
+  TryDepthFile(Sealed(bytes));
 }
 
 }  // namespace haustra::test

@@ -1,6 +1,5 @@
 #include <array>
 #include <string>
-#include <vector>
 
 #include "engine/place/vocabulary_file.h"
 #include "hal/core/check.h"
@@ -33,9 +32,7 @@ void TryVocabulary(std::span<const std::uint8_t> bytes) {
 
 void FuzzVocabulary(std::span<const std::uint8_t> bytes) {
   TryVocabulary(bytes);
-  std::vector<std::uint8_t> sealed(bytes.begin(), bytes.end());
-  SealFile(sealed);
-  TryVocabulary(sealed);
+  TryVocabulary(Sealed(bytes));
 }
 
 }  // namespace haustra::test

@@ -41,6 +41,13 @@ TEST(V4l2Options, TheDeviceAloneIsEnough) {
   EXPECT_FALSE(IsV4l2Spec("/dev/video0"));
 }
 
+// It would be waited for in vain.
+TEST(V4l2Options, NoCameraHasFieldsOfMjpegPictures) {
+  const Result<V4l2Options> options = ParseV4l2Spec("v4l2:/dev/video0,field=top,format=MJPEG");
+  EXPECT_EQ(options.code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(options.status().message(), HasSubstr("fields of MJPEG pictures are not read"));
+}
+
 TEST(V4l2Options, WhatIsWrongIsQuoted) {
   for (const char* part : {"size=1440",
                            "size=0x5",

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "engine/io/byte_order.h"
 #include "engine/io/chunk_file.h"
@@ -41,6 +42,12 @@ inline void SealFile(std::span<std::uint8_t> file) {
     ByteWriter(&checksums).U32(static_cast<std::uint32_t>(crc));
     next = start + static_cast<std::size_t>(size);
   }
+}
+
+inline std::vector<std::uint8_t> Sealed(std::span<const std::uint8_t> file) {
+  std::vector<std::uint8_t> sealed(file.begin(), file.end());
+  SealFile(sealed);
+  return sealed;
 }
 
 }  // namespace haustra::test

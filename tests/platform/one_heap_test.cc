@@ -53,8 +53,9 @@ TEST_F(OneHeap, WhatWasSetAsideSufficesAfterwards) {
   EXPECT_LE(HeapBytes(), before - 50 * kMegabyte);
 }
 
-TEST_F(OneHeap, OtherThreadsUseItToo) {
-  ASSERT_TRUE(HoldHeap(20 * kMegabyte));
+bool OtherThreadsUseTheHeapThatIsHeld() {
+  UseOneHeap();
+  if (!HoldHeap(20 * kMegabyte)) return false;
   const struct mallinfo2 before = ::mallinfo2();
   std::size_t in_use = 0;
   std::thread([&in_use] {
@@ -65,7 +66,16 @@ TEST_F(OneHeap, OtherThreadsUseItToo) {
   EXPECT_GE(in_use, before.uordblks + 10 * kMegabyte);
   EXPECT_EQ(::mallinfo2().hblks, before.hblks) << "mapped by themselves";
   EXPECT_EQ(HeapBytes(), before.arena);
-  ReleaseHeap();
+  return !testing::Test::HasFailure();
+}
+
+using OneHeapDeathTest = OneHeap;
+
+// In a process of its own: a heap that some thread got before UseOneHeap is there for good, and the next thread takes
+// it.
+TEST_F(OneHeapDeathTest, OtherThreadsUseItToo) {
+  testing::FLAGS_gtest_death_test_style = "threadsafe";
+  EXPECT_EXIT(std::exit(OtherThreadsUseTheHeapThatIsHeld() ? 0 : 1), testing::ExitedWithCode(0), "");
 }
 
 // More than the heap could have free.

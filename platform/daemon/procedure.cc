@@ -90,7 +90,10 @@ Procedure::Procedure(const DaemonConfig& config, const Context& context)
   }
 }
 
-Procedure::~Procedure() { Stop(); }
+Procedure::~Procedure() {
+  Stop();
+  if (thread_.joinable()) thread_.join();
+}
 
 void Procedure::Start(std::uint64_t number) {
   number_ = number;
@@ -115,6 +118,7 @@ void Procedure::Run() {
   options.hooks = this;
   options.device = watched_.get();
   const Result<SessionSummary> summary = RunRealTime(*source_, *engine_, context_.clock, options, *this, stop_);
+  OnMapsAtRest();  // also of a session that did not begin
   if (summary.ok() && summary->heap_growth_bytes > 0) {
     Log(LogLevel::kWarning, "heap_grew",
         {{"bytes", std::to_string(summary->heap_growth_bytes)}, {"beyond", "rt.heap_prefault_mb"}});
@@ -133,7 +137,7 @@ void Procedure::RequestStop() {
 void Procedure::Stop() {
   if (!thread_.joinable()) return;
   RequestStop();
-  thread_.join();
+  is_at_rest_.wait(false);
   // Nobody is left to take it.
   std::optional<SaveRequest> request;
   {
@@ -165,7 +169,7 @@ ProcedureCounts Procedure::counts() const {
 
 void Procedure::Save(std::unique_ptr<DescriptorSink> sink, Saved saved) {
   SaveRequest request{std::move(sink), std::move(saved)};
-  if (!thread_.joinable() || ended()) return WriteMaps(std::move(request));
+  if (!thread_.joinable() || is_at_rest_) return WriteMaps(std::move(request));
   {
     const std::lock_guard lock(mutex_);
     if (!save_request_) {
@@ -177,7 +181,7 @@ void Procedure::Save(std::unique_ptr<DescriptorSink> sink, Saved saved) {
 }
 
 void Procedure::Order(MarkOrder order) {
-  if (thread_.joinable() && !ended()) {
+  if (thread_.joinable() && !is_at_rest_) {
     const std::lock_guard lock(mutex_);
     if (mark_orders_.size() < kMaxMarkOrders) {
       mark_orders_.push_back(std::move(order));
@@ -196,6 +200,11 @@ void Procedure::DoOrders() {
     orders.swap(mark_orders_);
   }
   for (const MarkOrder& order : orders) order.done(DoMarkOrder(order, *engine_));
+}
+
+void Procedure::OnMapsAtRest() {
+  is_at_rest_.store(true);
+  is_at_rest_.notify_all();
 }
 
 // Mapping thread, or when that has ended the thread that stopped it. The mapper waits only until the bytes are handed

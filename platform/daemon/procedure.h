@@ -50,14 +50,15 @@ class Procedure final : private SessionObserver, private SessionHooks {
   // the camera model, the device, the vocabulary.
   static Result<std::unique_ptr<Procedure>> Prepare(const DaemonConfig& config, std::unique_ptr<FrameSource> source,
                                                     const Context& context);
-  // Stops. A device that hangs is waited for: let the process end without.
+  // Stops. A driver that hangs is waited for: let the process end without.
   ~Procedure() override;
 
   // Before Start: the maps of a file become stored maps. Errors of Engine::LoadAtlas.
   Status Load(std::span<const std::uint8_t> file) { return engine_->LoadAtlas(file); }
   // Frames are looked at from now on; they are published under this number.
   void Start(std::uint64_t number);
-  // Ends the threads; the maps stay, nothing more is published. Waits for ever for a thread that is stuck in a driver.
+  // Ends the threads; the maps stay, nothing more is published. A capture thread that is stuck in a driver is left to
+  // end by itself; any other one is waited for, for ever.
   void Stop();
 
   using Saved = std::function<void(const Status&)>;
@@ -100,6 +101,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   void OnMapEvent(const MapEvent& event) override;
   void OnLatePose(const LatePose&) override {}
   void OnDamagedFrame(std::uint32_t frame_index, const std::string& message) override;
+  void OnMapsAtRest() override;
   // Capture thread.
   void PublishPicture(const Frame& frame);
   // Tracking thread.
@@ -130,6 +132,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
 
   std::thread thread_;
   std::atomic<bool> stop_{false};
+  std::atomic<bool> is_at_rest_{false};  // the threads that use the engine have ended
   Heartbeat tracking_beat_;
   Heartbeat capture_beat_;  // while a frame is not due; the source tells of the rest
   Heartbeat mapping_beat_;

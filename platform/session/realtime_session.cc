@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <latch>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -18,6 +19,8 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr Duration kLongestWait = milliseconds(100);
+// After a stop; a source that answers no later than it should is done by then.
+constexpr Duration kPatienceWithCapture = 3 * kLongestWait;
 
 // A frame on its way from capture to tracking, with its pixels: three of these exist (mailbox).
 struct FrameSlot {
@@ -108,11 +111,14 @@ class RealTimeSession {
     may_begin = granted.ok();
     if (may_begin) observer.OnStart(threads.report());
     decided.count_down();
+    std::optional<TimePoint> capture_limit;
     while (may_begin && !tracking_done_.load(std::memory_order_acquire)) {
       Report(observer);
       std::this_thread::sleep_for(milliseconds(10));
+      if (!stop.load(std::memory_order_relaxed)) continue;
+      if (!capture_limit) capture_limit = clock_.Now() + kPatienceWithCapture;
+      if (clock_.Now() >= *capture_limit) is_capture_stuck_.store(true, std::memory_order_relaxed);
     }
-    capture.join();
     tracking.join();
     mapping.join();
     merging.join();
@@ -124,8 +130,11 @@ class RealTimeSession {
       depth.join();
       engine_.StopDepth(false);
     }
+    if (may_begin) Report(observer);
+    if (hooks_ != nullptr) hooks_->OnMapsAtRest();
+    capture.join();
     if (!may_begin) return granted;
-    Report(observer);
+    ReportDamage(observer);
     // Damaged frames after the last one that was tracked.
     ReportMissing(end_index_, end_time_, observer);
     if (!status_.ok()) return status_;
@@ -174,6 +183,8 @@ class RealTimeSession {
       // A camera that brings nothing must not keep the session from ending, and one that has gone may come back.
       const TimePoint asked = clock_.Now();
       const Result<Frame> frame = source_.Next(asked + kLongestWait);
+      // Nobody is left to take it.
+      if (is_capture_stuck_.load(std::memory_order_relaxed)) break;
       if (frame.code() == StatusCode::kDeadlineExceeded) continue;
       if (frame.code() == StatusCode::kUnavailable && source_.num_frames() == 0) {
         std::this_thread::sleep_for(milliseconds(10));
@@ -229,8 +240,11 @@ class RealTimeSession {
     video_time_ = numbering.video_time();
     end_index_ = numbering.end_index();
     end_time_ = numbering.end_time();
-    // The end must not overtake the last frame: wait until it was taken.
-    while (num_taken_.load(std::memory_order_acquire) < num_published) std::this_thread::sleep_for(milliseconds(1));
+    // The end must not overtake the last frame: wait until it was taken, or nobody is left to take it.
+    while (num_taken_.load(std::memory_order_acquire) < num_published &&
+           !tracking_done_.load(std::memory_order_acquire)) {
+      std::this_thread::sleep_for(milliseconds(1));
+    }
     frames_.WriteSlot().is_last = true;
     frames_.Publish();
     frame_ready_.Post();
@@ -261,6 +275,7 @@ class RealTimeSession {
       if (!engine_.MayReleaseFrame(clock_.Now() + kIdle)) continue;
       if (heartbeat_ != nullptr) heartbeat_->Beat(clock_.Now());
       if (!frames_.Refresh()) {
+        if (is_capture_stuck_.load(std::memory_order_relaxed)) break;
         (void)frame_ready_.WaitFor(kIdle);
         continue;
       }
@@ -428,6 +443,8 @@ class RealTimeSession {
   SpscRing<DamageNote> damage_;
   std::atomic<std::uint32_t> newest_tracked_{0};
   std::atomic<std::uint64_t> num_taken_{0};  // sequence of the newest frame that tracking has begun
+  // It was told to stop, and has not: tracking ends without it.
+  std::atomic<bool> is_capture_stuck_{false};
   std::atomic<bool> stop_mapping_{false};
   std::atomic<bool> stop_merging_{false};
   std::atomic<bool> stop_depth_{false};

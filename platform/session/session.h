@@ -78,6 +78,9 @@ class SessionHooks {
   // Mapping thread, between two steps and many times a second while there is nothing to do: here the atlas may be read
   // and saved. A new frame waits for no one; the next keyframe waits for this.
   virtual void BetweenMapSteps() {}
+  // Real time, on the thread that runs the session: tracking, mapping and merging have ended, and the engine is the
+  // hook's. Once, before the session returns, which may take as long as a driver that capture waits for.
+  virtual void OnMapsAtRest() {}
 };
 
 struct SessionSummary {

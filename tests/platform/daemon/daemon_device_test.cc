@@ -504,6 +504,34 @@ TEST_F(DaemonDevice, DriverThatNeverReturnsCostsAWorker) {
   EXPECT_TRUE(Until([&] { return StatusValue("procedure") == "2" && StatusValue("service") == "running"; }));
 }
 
+// The maps do not need the camera: all of them are kept, not only those of the last checkpoint.
+TEST_F(DaemonDevice, EndKeepsTheMapsWhileADriverCallOfTheCameraIsStuck) {
+  RecordProperty("req", "DMN-010");
+  script_->is_live = true;
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  script_->has_stuck_call = true;
+  ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
+  EXPECT_EQ(Ask("end keep"), "kept as case-1\n");
+  EXPECT_TRUE(Exists("saved/case-1.atlas"));
+  EXPECT_FALSE(Exists("checkpoint.atlas"));
+  EXPECT_EQ(StatusValue("worker_faults"), "");
+  EXPECT_EQ(StatusValue("state"), "idle");
+}
+
+TEST_F(DaemonDevice, StopSavesTheMapsWhileADriverCallOfTheCameraIsStuck) {
+  RecordProperty("req", "DMN-004");
+  script_->is_live = true;
+  config_.checkpoint.interval_s = 0;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Ask("begin"), "procedure 1\n");
+  ASSERT_TRUE(Until([&] { return HasMaps(); })) << Ask("status");
+  script_->has_stuck_call = true;
+  ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
+  Terminate();
+  EXPECT_EQ(exit_code_, kExitOk);
+  EXPECT_TRUE(Exists("checkpoint.atlas"));
+}
+
 TEST_F(DaemonDevice, WorkerThatHangsAfterItsCameraCameEndsTheService) {
   RecordProperty("req", "DMN-010");
   config_.source.path = "v4l2:scripted";

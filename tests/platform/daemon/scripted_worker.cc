@@ -85,6 +85,7 @@ class LiveColonSource final : public ColonSource {
     while (script_.num_slow_calls > 0 || script_.has_stuck_call) {
       call_ns_ = SystemClock().Now().time_since_epoch().count();
       do {
+        if (script_.has_stuck_call) script_.num_stuck = 1;
         std::this_thread::sleep_for(milliseconds(1000));
       } while (script_.has_stuck_call);
       --script_.num_slow_calls;

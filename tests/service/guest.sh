@@ -167,6 +167,11 @@ echo 'nonsense: 1' >> /etc/haustra/haustra.yaml
 check "a wrong configuration does not start" bash -c '! systemctl start haustrad'
 sleep 2
 check "and is not tried again and again" test "$(show ExecMainStatus) $(show ActiveState)" = "78 failed"
+sed -i '/^nonsense/d; s|^source:|source:\n  calibration: /etc/haustra/none.yaml|' /etc/haustra/haustra.yaml
+systemctl reset-failed haustrad
+check "nor is a calibration that is not there started with" bash -c '! systemctl start haustrad'
+sleep 2
+check "again and again" test "$(show ExecMainStatus) $(show ActiveState)" = "66 failed"
 
 systemd-analyze security haustrad --no-pager | tail -1
 echo "== journal"

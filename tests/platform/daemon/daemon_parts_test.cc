@@ -8,6 +8,8 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <set>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -23,6 +25,7 @@
 #include "platform/daemon/procedure_store.h"
 #include "platform/daemon/status_text.h"
 #include "platform/daemon/supervised_source.h"
+#include "platform/exit_codes.h"
 #include "platform/file_sink.h"
 #include "platform/wipe_file.h"
 
@@ -54,6 +57,19 @@ std::string Read(const std::string& path) {
 }
 
 // --- Configuration.
+
+// Wrong arguments, configuration, calibration or source stay wrong. A device, a disk or another service may come round.
+TEST(ServiceUnit, IsStartedAgainWhereThatMayMendIt) {
+  RecordProperty("req", "DMN-001");
+  const std::string unit = "\n" + Read(HAUSTRA_CONFIG_FOLDER "/service/haustrad.service");
+  const std::string key = "\nRestartPreventExitStatus=";
+  const std::size_t at = unit.find(key);
+  ASSERT_NE(at, std::string::npos);
+  std::istringstream codes(unit.substr(at + key.size(), unit.find('\n', at + 1) - at - key.size()));
+  EXPECT_EQ(std::set<int>(std::istream_iterator<int>(codes), {}),
+            (std::set<int>{kExitUsage, kExitBadData, kExitNoInput, kExitConfig}));
+  EXPECT_NE(unit.find("\nRestart=on-failure\n"), std::string::npos);
+}
 
 TEST(DaemonConfig, OneFileHoldsEngineAndService) {
   const StateFolder folder;

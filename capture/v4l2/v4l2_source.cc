@@ -12,6 +12,7 @@
 #include "capture/static_mask.h"
 #include "capture/v4l2/picture_view.h"
 #include "capture/yuv.h"
+#include "hal/core/seconds_text.h"
 
 namespace haustra {
 namespace {
@@ -26,12 +27,6 @@ using std::chrono::seconds;
 constexpr Duration kLongestWait = seconds(1);
 constexpr Duration kRetryInterval = milliseconds(250);
 constexpr Duration kSilence = seconds(3);
-
-std::string SecondsText(TimePoint time) {
-  char text[40];
-  std::snprintf(text, sizeof(text), "%.3f s", ToSeconds(time.time_since_epoch()));
-  return text;
-}
 
 TimePoint Sooner(TimePoint a, TimePoint b) { return std::min(a, b); }
 
@@ -256,10 +251,10 @@ Result<std::uint32_t> V4l2Source::Wait(TimePoint limit) {
       // While there is a sound one, or another chance for the same frame, nobody has missed anything.
       if (newest || place.is_taken || !place.is_last_chance) continue;
       counter_.Take(place.index);
-      const std::string what = picture->is_damaged
-                                   ? " is damaged"
-                                   : " has the time stamp " + SecondsText(picture->timestamp) +
-                                         ", which is not later than " + SecondsText(last_stamp_) + ", the one before";
+      const std::string what = picture->is_damaged ? " is damaged"
+                                                   : " has the time stamp " + SecondsText(picture->timestamp) +
+                                                         " s, which is not later than " + SecondsText(last_stamp_) +
+                                                         " s, the one before";
       return DataLoss(stream_->path() + ": picture " + std::to_string(picture->sequence) + what);
     }
     if (place.is_taken) {

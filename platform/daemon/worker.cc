@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <cstdio>
 #include <deque>
 #include <mutex>
 #include <optional>
@@ -18,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "hal/core/seconds_text.h"
 #include "platform/assemble.h"
 #include "platform/clock/system_clock.h"
 #include "platform/daemon/descriptor_sink.h"
@@ -41,12 +41,6 @@ using std::chrono::seconds;
 constexpr Duration kAliveInterval = milliseconds(50);
 constexpr Duration kSourceRetry = seconds(1);
 constexpr Duration kJumpLogInterval = seconds(60);
-
-std::string SecondsText(TimePoint time) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.3f", ToSeconds(time.time_since_epoch()));
-  return text;
-}
 
 class Worker {
  public:

@@ -11,6 +11,7 @@
 
 #include "engine/geometry/rng.h"
 #include "tests/fuzz/fuzz_entries.h"
+#include "tests/fuzz/made_corpus.h"
 
 namespace haustra::test {
 namespace {
@@ -47,6 +48,17 @@ void Replay(const std::string& name, Entry entry, int num_changes) {
       if (i % 4 == 0) changed.resize(pick(changed.size()));
       entry(changed);
     }
+  }
+}
+
+// On another architecture the last digits of sines and weights may be others.
+TEST(Corpus, IsWhatTheWritersMakeOfIt) {
+#ifndef __x86_64__
+  GTEST_SKIP() << "the corpus was made on x86-64";
+#endif
+  for (const auto& [name, made] : MadeCorpus()) {
+    std::ifstream file(std::string(HAUSTRA_CORPUS) + "/" + name, std::ios::binary);
+    EXPECT_TRUE(std::string(std::istreambuf_iterator<char>(file), {}) == made) << name << ": see fuzz_make_corpus";
   }
 }
 

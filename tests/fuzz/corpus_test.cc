@@ -73,6 +73,10 @@ TEST(Corpus, Table) { Replay("table", FuzzTable, 200); }
 TEST(Corpus, RangePicture) { Replay("range_picture", FuzzRangePicture, 200); }
 TEST(Corpus, EventScript) { Replay("event_script", FuzzEventScript, 500); }
 TEST(Corpus, CameraSpec) { Replay("camera_spec", FuzzCameraSpec, 500); }
+TEST(Corpus, CpuList) { Replay("cpu_list", FuzzCpuList, 500); }
+TEST(Corpus, Colmap) { Replay("colmap", FuzzColmap, 300); }
+TEST(Corpus, RunOutput) { Replay("run_output", FuzzRunOutput, 300); }
+TEST(Corpus, RequestGate) { Replay("request_gate", FuzzRequestGate, 500); }
 
 }  // namespace
 }  // namespace haustra::test

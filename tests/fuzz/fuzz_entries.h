@@ -20,5 +20,9 @@ void FuzzTable(std::span<const std::uint8_t> bytes);        // marks of a run, t
 void FuzzRangePicture(std::span<const std::uint8_t> bytes);
 void FuzzEventScript(std::span<const std::uint8_t> bytes);  // haustra render --events
 void FuzzCameraSpec(std::span<const std::uint8_t> bytes);   // v4l2:...
+void FuzzCpuList(std::span<const std::uint8_t> bytes);      // rt.*_cpus
+void FuzzColmap(std::span<const std::uint8_t> bytes);       // cameras.txt, images.txt, points3D.txt
+void FuzzRunOutput(std::span<const std::uint8_t> bytes);    // tables and summary.json of a run
+void FuzzRequestGate(std::span<const std::uint8_t> bytes);  // who may see haustra view, and its token
 
 }  // namespace haustra::test

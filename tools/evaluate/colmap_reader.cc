@@ -1,8 +1,11 @@
 #include "tools/evaluate/colmap_reader.h"
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <unordered_map>
+#include <utility>
 
+#include "engine/geometry/se3.h"
 #include "tools/evaluate/statistics.h"
 #include "tools/evaluate/text_input.h"
 
@@ -57,10 +60,13 @@ Result<CameraCalibration> ReadCamera(const std::string& path) {
   }
   const auto values = Numbers(fields, 2, 6 + num_coefficients);
   if (!values) return Bad(path, lines[0].number, "not a camera: size and parameters must be numbers");
+  const auto width = ParseInteger(fields[2]), height = ParseInteger(fields[3]);
+  const auto is_size = [](std::optional<std::int64_t> size) { return size && *size > 0 && std::in_range<int>(*size); };
+  if (!is_size(width) || !is_size(height)) return Bad(path, lines[0].number, "not the size of a picture");
   CameraCalibration camera;
   camera.kind = model == "OPENCV_FISHEYE" ? CameraModelKind::kKannalaBrandt : CameraModelKind::kPinhole;
-  camera.width_px = static_cast<int>((*values)[0]);
-  camera.height_px = static_cast<int>((*values)[1]);
+  camera.width_px = static_cast<int>(*width);
+  camera.height_px = static_cast<int>(*height);
   camera.fx = (*values)[2];
   camera.fy = (*values)[3];
   camera.cx = (*values)[4] - kPixelOrigin;
@@ -80,9 +86,12 @@ Result<std::unordered_map<std::int64_t, Eigen::Vector3d>> ReadCentres(const std:
     const std::vector<std::string_view> fields = SplitBlanks(lines[i].text);
     const std::optional<std::int64_t> id = fields.empty() ? std::nullopt : ParseInteger(fields[0]);
     const auto pose = Numbers(fields, 1, 7);
-    if (!id || !pose) return Bad(path, lines[i].number, "not an image: id, quaternion and translation expected");
-    const Eigen::Quaterniond rotation = Eigen::Quaterniond((*pose)[0], (*pose)[1], (*pose)[2], (*pose)[3]).normalized();
-    centres[*id] = -(rotation.conjugate() * Eigen::Vector3d((*pose)[4], (*pose)[5], (*pose)[6]));
+    if (!id || *id < kFirstImageId || !pose) {
+      return Bad(path, lines[i].number, "not an image: id, quaternion and translation expected");
+    }
+    const Eigen::Quaterniond rotation((*pose)[0], (*pose)[1], (*pose)[2], (*pose)[3]);
+    if (!(std::abs(rotation.norm() - 1.0) < 0.5)) return Bad(path, lines[i].number, "not a rotation");
+    centres[*id] = SE3(rotation, Eigen::Vector3d((*pose)[4], (*pose)[5], (*pose)[6])).Inverse().translation;
   }
   return centres;
 }
@@ -108,7 +117,9 @@ Result<MapGeometry> ReadColmapGeometry(const std::string& folder) {
       if (centre == centres.end()) {
         return Bad(path, line.number, "image '" + std::string(fields[i]) + "' is not in images.txt");
       }
-      distances[*image_id].push_back((point - centre->second).norm());
+      const double distance = (point - centre->second).norm();
+      if (!std::isfinite(distance)) return Bad(path, line.number, "farther away than numbers reach");
+      distances[*image_id].push_back(distance);
     }
   }
   std::vector<double> depths;

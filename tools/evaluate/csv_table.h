@@ -24,6 +24,7 @@ class CsvTable {
   // kInvalidArgument with file, line, column name and value.
   Result<std::int64_t> Integer(std::size_t row, std::size_t column) const;
   Result<double> Number(std::size_t row, std::size_t column) const;
+  const std::string& column(std::size_t column) const { return columns_[column]; }
   // "frames.csv:12: "
   std::string Where(std::size_t row) const;
 

@@ -43,6 +43,13 @@ std::set<int> FindLastingMaps(const RunOutput& run) {
   return lasting;
 }
 
+// Between frames, in time; at most 63 years, so that it can be added to any time stamp.
+std::int64_t DistanceNs(std::int64_t num_frames, std::int64_t period_ns) {
+  constexpr double kLongestNs = 2e18;
+  const double distance_ns = static_cast<double>(num_frames) * static_cast<double>(period_ns);
+  return static_cast<std::int64_t>(std::clamp(distance_ns, -kLongestNs, kLongestNs));
+}
+
 // Frames of the sequence that the run's output does not have, with the times that they must have had.
 std::vector<RunFrame> FindUnansweredFrames(const RunOutput& run, const Reference& reference) {
   if (run.frames.empty()) return {};
@@ -61,7 +68,7 @@ std::vector<RunFrame> FindUnansweredFrames(const RunOutput& run, const Reference
     RunFrame frame;
     frame.frame_idx = i;
     frame.timestamp_ns = are_stamps_known ? reference.frame_stamps_ns[static_cast<std::size_t>(i)]
-                                          : neighbour.timestamp_ns + (i - neighbour.frame_idx) * period_ns;
+                                          : neighbour.timestamp_ns + DistanceNs(i - neighbour.frame_idx, period_ns);
     unanswered.push_back(frame);
   }
   return unanswered;
@@ -252,16 +259,18 @@ void FindTimes(const RunOutput& run, double given_deadline_ms, Evaluation* evalu
 void FindTimesBesideJoining(const RunOutput& run, Evaluation* evaluation) {
   const double period_ms = PeriodMs(run);
   if (period_ms <= 0.0) return;
-  std::vector<std::pair<std::int64_t, std::int64_t>> spans;  // first and last frame
+  std::vector<std::pair<double, double>> spans;  // first and last frame
   for (const StageTime& time : run.times) {
     if (time.stage != "merging/total") continue;
-    spans.emplace_back(time.frame_idx - static_cast<std::int64_t>(std::ceil(time.ms / period_ms)), time.frame_idx + 1);
+    const auto frame_idx = static_cast<double>(time.frame_idx);
+    spans.emplace_back(frame_idx - std::ceil(time.ms / period_ms), frame_idx + 1);
   }
   std::vector<double> joining_ms, other_ms;
   for (const RunFrame& frame : run.frames) {
     if (frame.live_map_id < 0 || frame.is_dropped || frame.is_damaged || frame.frame_ms <= 0.0) continue;
     const bool is_joining = std::any_of(spans.begin(), spans.end(), [&](const auto& span) {
-      return span.first <= frame.frame_idx && frame.frame_idx <= span.second;
+      const auto frame_idx = static_cast<double>(frame.frame_idx);
+      return span.first <= frame_idx && frame_idx <= span.second;
     });
     (is_joining ? joining_ms : other_ms).push_back(frame.frame_ms);
   }

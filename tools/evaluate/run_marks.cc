@@ -19,19 +19,19 @@ Status ReadSummary(const std::string& path, bool* has_marks, RunMarks* marks) {
     for (const nlohmann::json& entry : all.at("set")) {
       RunMark& mark = marks->set.emplace_back();
       mark.label = entry.at("label").get<std::string>();
-      mark.map_id = entry.at("map_id").get<int>();
-      mark.session = entry.at("session").get<std::int64_t>();
-      mark.frame_idx = entry.at("frame_idx").get<std::int64_t>();
+      mark.map_id = IntegerAt<int>(entry, "map_id");
+      mark.session = IntegerAt<std::int64_t>(entry, "session");
+      mark.frame_idx = IntegerAt<std::int64_t>(entry, "frame_idx");
       mark.is_of_this_run = entry.at("of_this_run").get<bool>();
       if (!entry.contains("position")) continue;
       const auto position = entry.at("position").get<std::array<double, 3>>();
       mark.position = Eigen::Vector3d(position[0], position[1], position[2]);
     }
     for (const nlohmann::json& entry : all.at("refused")) {
-      marks->refused.push_back({entry.at("label").get<std::string>(), entry.at("frame_idx").get<std::int64_t>(),
+      marks->refused.push_back({entry.at("label").get<std::string>(), IntegerAt<std::int64_t>(entry, "frame_idx"),
                                 entry.at("reason").get<std::string>()});
     }
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const std::exception& error) {
     return InvalidArgument(path + ": marks: " + error.what());
   }
   return Status::Ok();

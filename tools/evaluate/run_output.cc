@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <set>
+#include <type_traits>
 
 #include "capture/ground_truth.h"
 #include "tools/evaluate/colmap_reader.h"
@@ -25,18 +27,32 @@ std::string MapName(int map_id) {
   return name;
 }
 
+// What a run writes, from end to end.
+struct IntegerRange {
+  std::int64_t low = 0, high = 0;
+};
+constexpr IntegerRange kFrameRange{0, std::numeric_limits<std::uint32_t>::max()};
+constexpr IntegerRange kKeyframeRange{-1, std::numeric_limits<std::uint32_t>::max()};
+constexpr IntegerRange kMapRange{-1, std::numeric_limits<int>::max()};
+constexpr IntegerRange kCountRange{0, std::numeric_limits<int>::max()};
+// Until 2116, counted from 1970; so that times can be subtracted.
+constexpr IntegerRange kStampRange{-(std::int64_t{1} << 61), std::int64_t{1} << 62};
+
 // Copies table fields into plain variables; the first error stays and ends the reading of the row.
 class RowReader {
  public:
   RowReader(const CsvTable& table, std::size_t row) : table_(table), row_(row) {}
 
   template <typename T>
-  RowReader& Integer(std::size_t column, T* value) {
+  RowReader& Integer(std::size_t column, IntegerRange range, T* value) {
     if (!status_.ok()) return *this;
-    if (const Result<std::int64_t> field = table_.Integer(row_, column); field.ok()) {
-      *value = static_cast<T>(*field);
-    } else {
+    if (const Result<std::int64_t> field = table_.Integer(row_, column); !field.ok()) {
       status_ = field.status();
+    } else if (*field < range.low || *field > range.high) {
+      status_ = InvalidArgument(table_.Where(row_) + table_.column(column) + " is " + std::to_string(*field) +
+                                ", not from " + std::to_string(range.low) + " to " + std::to_string(range.high));
+    } else {
+      *value = static_cast<T>(*field);
     }
     return *this;
   }
@@ -64,8 +80,9 @@ Status ReadFrames(const std::string& path, std::vector<RunFrame>* frames) {
   for (std::size_t row = 0; row < table.num_rows(); ++row) {
     RunFrame frame;
     RowReader reader(table, row);
-    reader.Integer(0, &frame.frame_idx).Integer(1, &frame.timestamp_ns).Integer(4, &frame.live_map_id);
-    reader.Integer(5, &frame.map_id).Integer(6, &frame.keyframe_id).Integer(7, &frame.num_inliers);
+    reader.Integer(0, kFrameRange, &frame.frame_idx).Integer(1, kStampRange, &frame.timestamp_ns);
+    reader.Integer(4, kMapRange, &frame.live_map_id).Integer(5, kMapRange, &frame.map_id);
+    reader.Integer(6, kKeyframeRange, &frame.keyframe_id).Integer(7, kCountRange, &frame.num_inliers);
     HAUSTRA_TRY(reader.Number(8, &frame.frame_ms).status());
     frame.state = table.Text(row, 2);
     frame.reason = table.Text(row, 3);
@@ -88,8 +105,8 @@ Status ReadMaps(const std::string& path, std::vector<RunMap>* maps) {
   for (std::size_t row = 0; row < table.num_rows(); ++row) {
     RunMap map;
     RowReader reader(table, row);
-    reader.Integer(0, &map.map_id).Integer(2, &map.num_keyframes).Integer(3, &map.num_points);
-    reader.Integer(4, &map.merged_into);
+    reader.Integer(0, kCountRange, &map.map_id).Integer(2, kCountRange, &map.num_keyframes);
+    reader.Integer(3, kCountRange, &map.num_points).Integer(4, kMapRange, &map.merged_into);
     HAUSTRA_TRY(reader.status());
     map.status = table.Text(row, 1);
     if (!ids.insert(map.map_id).second) {
@@ -106,7 +123,8 @@ Status ReadEvents(const std::string& path, std::vector<RunEventRow>* events) {
   for (std::size_t row = 0; row < table.num_rows(); ++row) {
     RunEventRow event;
     RowReader reader(table, row);
-    reader.Integer(0, &event.frame_idx).Integer(2, &event.map_id).Integer(3, &event.other_map_id);
+    reader.Integer(0, kFrameRange, &event.frame_idx).Integer(2, kMapRange, &event.map_id);
+    reader.Integer(3, kMapRange, &event.other_map_id);
     HAUSTRA_TRY(reader.status());
     event.event = table.Text(row, 1);
     event.details = table.Text(row, 4);
@@ -127,7 +145,7 @@ Status ReadTimes(const std::string& path, std::vector<StageTime>* times) {
   for (std::size_t row = 0; row < table.num_rows(); ++row) {
     StageTime time;
     RowReader reader(table, row);
-    HAUSTRA_TRY(reader.Integer(0, &time.frame_idx).Number(2, &time.ms).status());
+    HAUSTRA_TRY(reader.Integer(0, kFrameRange, &time.frame_idx).Number(2, &time.ms).status());
     time.stage = table.Text(row, 1);
     if (time.ms < 0.0) return InvalidArgument(table.Where(row) + "ms is " + table.Text(row, 2) + ", below zero");
     times->push_back(std::move(time));
@@ -189,8 +207,12 @@ Status ReadGeometry(RunOutput* run) {
 template <typename T>
 std::optional<T> NumberAt(const nlohmann::json& json, const char* key) {
   const auto found = json.find(key);
-  if (found == json.end() || !found->is_number()) return std::nullopt;
-  return found->template get<T>();
+  if (found == json.end()) return std::nullopt;
+  if constexpr (std::is_integral_v<T>) {
+    return IntegerOf<T>(*found);
+  } else {
+    return found->is_number() ? std::optional<T>(found->template get<T>()) : std::nullopt;
+  }
 }
 
 std::string TextAt(const nlohmann::json& json, const char* key) {
@@ -203,7 +225,7 @@ Status ReadMotions(const std::string& path, const nlohmann::json& json, std::vec
   try {
     for (const nlohmann::json& entry : json.at("periodic_motion")) {
       MapMotionRow& motion = motions->emplace_back();
-      motion.map_id = entry.at("map_id").get<int>();
+      motion.map_id = IntegerAt<int>(entry, "map_id");
       motion.longest_period_s = entry.at("longest_period_s").get<double>();
       for (const nlohmann::json& found : entry.at("found")) {
         motion.found.push_back({found.at("from_s").get<double>(), found.at("to_s").get<double>(),
@@ -211,7 +233,7 @@ Status ReadMotions(const std::string& path, const nlohmann::json& json, std::vec
                                 found.at("chance").get<double>()});
       }
     }
-  } catch (const nlohmann::json::exception& error) {
+  } catch (const std::exception& error) {
     return InvalidArgument(path + ": periodic_motion: " + error.what());
   }
   return Status::Ok();
@@ -230,11 +252,11 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
   if (const Status status = figures->part.Validate(); !status.ok()) {
     return InvalidArgument(path + ": " + status.message());
   }
-  figures->frames = NumberAt<std::int64_t>(json, "frames");
-  figures->sequence_frames = NumberAt<std::int64_t>(json, "sequence_frames");
-  figures->dropped = NumberAt<std::int64_t>(json, "dropped");
-  figures->interlaced = NumberAt<std::int64_t>(json, "interlaced");
-  figures->deadline_misses = NumberAt<std::int64_t>(json, "deadline_misses");
+  figures->frames = NumberAt<std::uint32_t>(json, "frames");
+  figures->sequence_frames = NumberAt<std::uint32_t>(json, "sequence_frames");
+  figures->dropped = NumberAt<std::uint32_t>(json, "dropped");
+  figures->interlaced = NumberAt<std::uint32_t>(json, "interlaced");
+  figures->deadline_misses = NumberAt<std::uint32_t>(json, "deadline_misses");
   figures->peak_rss_mb = NumberAt<double>(json, "peak_rss_mb");
   figures->realtime_ratio = NumberAt<double>(json, "realtime_ratio");
   figures->rate = NumberAt<double>(json, "rate");

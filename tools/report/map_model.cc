@@ -1,5 +1,6 @@
 #include "tools/report/map_model.h"
 
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 
@@ -29,7 +30,8 @@ Status ReadKeyframes(const std::string& path, MapModel* model) {
     if (keyframe == nullptr) {
       if (fields.empty()) continue;
       const auto id = ParseInteger(fields[0]);
-      if (!id || fields.size() != 10) return Bad(path, number, "not an image: ten fields expected");
+      if (!id || *id < kFirstImageId || fields.size() != 10)
+        return Bad(path, number, "not an image: ten fields expected");
       std::array<double, 7> pose{};  // qw qx qy qz, x y z
       for (std::size_t i = 0; i < pose.size(); ++i) {
         const auto value = ParseNumber(fields[1 + i]);
@@ -37,7 +39,7 @@ Status ReadKeyframes(const std::string& path, MapModel* model) {
         pose[i] = *value;
       }
       const Eigen::Quaterniond rotation(pose[0], pose[1], pose[2], pose[3]);
-      if (!(rotation.norm() > 0.5)) return Bad(path, number, "not a rotation");
+      if (!(std::abs(rotation.norm() - 1.0) < 0.5)) return Bad(path, number, "not a rotation");
       keyframe = &model->keyframes[*id - kFirstImageId];
       keyframe->cam_from_map = SE3(rotation, Eigen::Vector3d(pose[4], pose[5], pose[6]));
       keyframe->image_name = fields[9];

@@ -98,12 +98,27 @@ TEST_F(ColmapReaderTest, MalformedFilesAreNamedWithTheirLine) {
   EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("cameras.txt:2: camera model 'SIMPLE"));
   folder_.Write("cameras.txt", "1 OPENCV_FISHEYE 720 540 398 398 360 x 0 0 0 0\n");
   EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("cameras.txt:1: not a camera"));
+  for (const char* size : {"0 540", "-720 540", "720.5 540", "720 6e30", "720 99999999999"}) {
+    folder_.Write("cameras.txt", std::string("1 OPENCV_FISHEYE ") + size + " 398 398 360 270 0 0 0 0\n");
+    EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("cameras.txt:1: not the size"))
+        << size;
+  }
   folder_.Write("cameras.txt", "# nothing\n");
   EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("no camera"));
   Write(SmallMap());
   folder_.Write("images.txt", "5 1 0 0 0 0 0\n\n");
   EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("images.txt:1: not an image"));
+  for (const char* id : {"0", "-9223372036854775808"}) {
+    folder_.Write("images.txt", std::string(id) + " 1 0 0 0 0 0 0 1 a.jpg\n\n");
+    EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("images.txt:1: not an image")) << id;
+  }
+  for (const char* rotation : {"0 0 0 0", "1e300 1e300 0 0"}) {
+    folder_.Write("images.txt", std::string("5 ") + rotation + " 0 0 0 1 a.jpg\n\n");
+    EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("images.txt:1: not a rotation"));
+  }
   Write(SmallMap());
+  folder_.Write("points3D.txt", "1 0 0 1e300 1 2 3 0.5 5 0\n");
+  EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("points3D.txt:1: farther away"));
   folder_.Write("points3D.txt", "1 0 0 10 1 2 3 0.5 77 0\n");
   EXPECT_THAT(ReadColmapGeometry(folder_.path()).status().message(), HasSubstr("image '77' is not in images.txt"));
   folder_.Remove("points3D.txt");

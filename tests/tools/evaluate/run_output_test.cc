@@ -177,6 +177,34 @@ TEST_F(RunOutputTest, MalformedFilesAreNamedWithTheirLine) {
   EXPECT_EQ(Read().code(), StatusCode::kInvalidArgument);
 }
 
+// They were cut to the size of what holds them, and another map was meant.
+TEST_F(RunOutputTest, NumbersThatNoRunWritesAreRefused) {
+  Edit("frames.csv", "\n3,", "\n-3,");
+  EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv:5: frame_idx is -3, not from 0 to 4294967295"));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("frames.csv", "120000000", "9223372036854775807");
+  EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv:5: timestamp_ns is 9223372036854775807, not from"));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("frames.csv", ",1,1,", ",1,4294967297,");
+  EXPECT_THAT(Read().status().message(), HasSubstr("map_id is 4294967297, not from -1 to 2147483647"));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("maps.csv", "\n2,", "\n-2,");
+  EXPECT_THAT(Read().status().message(), HasSubstr("maps.csv:3: map_id is -2, not from 0"));
+  WriteRunFolder(folder_, "out", run_);
+  Edit("summary.json", "\"frames\": 30",
+       R"("periodic_motion": [{"map_id": 1e300, "longest_period_s": 0, "found": []}], "frames": 30)");
+  EXPECT_THAT(Read().status().message(), HasSubstr("summary.json: periodic_motion: map_id is 1e+300"));
+}
+
+TEST_F(RunOutputTest, NumberThatDoesNotFitIsNotKnown) {
+  Edit("summary.json", "\"frames\": 30",
+       "\"first_frame\": -1, \"every_nth\": 1e300, \"deadline_misses\": -5, \"frames\": 30");
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  EXPECT_FALSE(run->figures.deadline_misses.has_value());
+  EXPECT_EQ(run->figures.part.StoredFrame(3), 3);
+}
+
 TEST_F(RunOutputTest, RunWithoutFramesIsRefused) {
   folder_.Write(
       "out/frames.csv",

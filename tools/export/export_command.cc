@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "tools/command/common_options.h"
@@ -39,28 +41,37 @@ struct ExportArguments {
   bool overwrite = false;
 };
 
-Status Copy(const std::string& from, const std::string& to) {
-  HAUSTRA_ASSIGN(const std::string bytes, evaluate::ReadText(from));
-  return WriteFile(to, bytes);
+struct ExportedFile {
+  std::string ending;  // of the map's name
+  std::string bytes;
+};
+
+// What becomes of a map. Errors are of files of the run.
+Result<std::vector<ExportedFile>> FilesOf(const ExportArguments& arguments, const ExportedMap& map) {
+  const std::string& format = arguments.format;
+  if (format == "tum") return std::vector<ExportedFile>{{".tum", TumText(map)}};
+  if (format == "csv") return std::vector<ExportedFile>{{".csv", CsvText(map)}};
+  if (format == "glb") return std::vector<ExportedFile>{{".glb", GlbBytes(map)}};
+  if (format == "kitti")
+    return std::vector<ExportedFile>{{".txt", KittiText(map)}, {"_times.txt", KittiTimesText(map)}};
+  const std::string exported = arguments.run + "/maps/" + report::MapFolderName(map.map_id);
+  std::vector<ExportedFile> files;
+  for (const char* ending : {"/cameras.txt", "/images.txt", "/points3D.txt", ".ply"}) {
+    if ((format == "ply") != (std::string_view(ending) == ".ply")) continue;
+    HAUSTRA_ASSIGN(std::string bytes, evaluate::ReadText(exported + ending));
+    files.push_back({ending, std::move(bytes)});
+  }
+  return files;
 }
 
-// `stem`: path of the map's file without its ending.
-Status WriteMap(const ExportArguments& arguments, const ExportedMap& map, const std::string& stem) {
-  const std::string& format = arguments.format;
-  const std::string exported = arguments.run + "/maps/" + report::MapFolderName(map.map_id);
-  if (format == "tum") return WriteFile(stem + ".tum", TumText(map));
-  if (format == "csv") return WriteFile(stem + ".csv", CsvText(map));
-  if (format == "glb") return WriteFile(stem + ".glb", GlbBytes(map));
-  if (format == "ply") return Copy(exported + ".ply", stem + ".ply");
-  if (format == "kitti") {
-    HAUSTRA_TRY(WriteFile(stem + ".txt", KittiText(map)));
-    return WriteFile(stem + "_times.txt", KittiTimesText(map));
-  }
-  std::error_code error;
-  fs::create_directories(stem, error);
-  if (error) return Unavailable(stem + ": cannot be made: " + error.message());
-  for (const char* name : {"/cameras.txt", "/images.txt", "/points3D.txt"}) {
-    HAUSTRA_TRY(Copy(exported + name, stem + name));
+// `stem`: path of the map's files without their ending.
+Status WriteFiles(const std::vector<ExportedFile>& files, const std::string& stem) {
+  for (const ExportedFile& file : files) {
+    const std::string path = stem + file.ending;
+    std::error_code error;
+    fs::create_directories(fs::path(path).parent_path(), error);
+    if (error) return Unavailable(path + ": its folder cannot be made: " + error.message());
+    HAUSTRA_TRY(WriteFile(path, file.bytes));
   }
   return Status::Ok();
 }
@@ -75,12 +86,13 @@ int Export(const ExportArguments& arguments) {
   if (!output.ok()) return console::FailWriting(kExportCommand, output.status());
   const std::atomic<bool>& stop_requested = CatchStopSignals();
   for (const ExportedMap& map : *maps) {
-    const Status status = stop_requested
-                              ? Status(StatusCode::kCancelled, "stopped")
-                              : WriteMap(arguments, map, arguments.out + "/" + report::MapFolderName(map.map_id));
-    if (!status.ok()) {
+    const Result<std::vector<ExportedFile>> files =
+        stop_requested ? Status(StatusCode::kCancelled, "stopped") : FilesOf(arguments, map);
+    const Status written =
+        files.ok() ? WriteFiles(*files, arguments.out + "/" + report::MapFolderName(map.map_id)) : Status::Ok();
+    if (!files.ok() || !written.ok()) {
       output->Discard();
-      return console::FailWriting(kExportCommand, status);
+      return files.ok() ? console::FailWriting(kExportCommand, written) : console::Fail(kExportCommand, files.status());
     }
     console::Tell("map %d: %zu frames, %zu points\n", map.map_id, map.frames.size(), map.points.size());
   }

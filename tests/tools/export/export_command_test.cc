@@ -198,5 +198,12 @@ TEST_F(ExportTest, WhatIsThereIsKeptAndWhatIsMissingNamed) {
   EXPECT_NE(Exported("map_0000.csv"), "");
 }
 
+// It is not the output that is wrong.
+TEST_F(ExportTest, FileOfTheRunThatIsNotThereIsAMissingInput) {
+  folder_.Remove("out/maps/map_0000.ply");
+  EXPECT_EQ(Export("ply"), kExitNoInput);
+  EXPECT_THAT(err_, HasSubstr("map_0000.ply: no such file"));
+}
+
 }  // namespace
 }  // namespace haustra

@@ -182,7 +182,8 @@ std::string ToJson(const LatencyReport& report) {
     json["verdict"][std::string(line.name)] = {{"limit", line.limit}, {"value", line.value}, {"met", line.is_met}};
   }
   if (!report.verdict.empty()) json["met"] = report.is_met();
-  return json.dump(2) + "\n";
+  // Names of files need not be UTF-8.
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
 std::string MakeLatencyPage(const LatencyReport& report) {

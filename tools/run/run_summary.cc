@@ -404,7 +404,8 @@ std::string ToJson(const RunSummary& s) {
                                           {"prefaulted_kb", thread.prefaulted_kb}};
     }
   }
-  return json.dump(2) + "\n";
+  // Names of files need not be UTF-8.
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
 std::string ToText(const RunSummary& s) {

@@ -228,6 +228,15 @@ TEST(Trace, ShowsCaptureTrackingStagesAndMappingWhereTheyRan) {
   EXPECT_NEAR(motion_at, 17000, 1e-6);
 }
 
+TEST(LatencyReport, NameThatIsNotUtf8CostsNoReport) {
+  LatencyRecord record(0, 100, 0, {});
+  record.OnFrame(Outcome(0, 12));
+  LatencyReport report;
+  report.title = "sequence caf\xe9";
+  report.record = &record;
+  EXPECT_EQ(nlohmann::json::parse(ToJson(report))["title"], "sequence caf\xef\xbf\xbd");
+}
+
 TEST(LatencyReport, TextJsonAndPageSayTheSame) {
   LatencyRecord record(0, 100, 0, {});
   for (std::uint32_t i = 0; i < 100; ++i) record.OnFrame(Outcome(i, i == 50 ? 45 : 12));

@@ -241,6 +241,14 @@ TEST(RunSummary, TheSurfaceIsSaidWhereItWasAskedFor) {
   EXPECT_NE(ToText(summary).find("\n  wall          no surface: the disk is full\n"), std::string::npos);
 }
 
+// Names of files are bytes, and errors tell them.
+TEST(RunSummary, NameThatIsNotUtf8CostsNoSummary) {
+  RunSummary summary;
+  summary.surface = SurfaceFigures{"caf\xe9/surface: No space left on device", "", {}};
+  EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["surface"]["reason"],
+            "caf\xef\xbf\xbd/surface: No space left on device");
+}
+
 TEST(RunSummary, TheMotionOfTheWallIsSaidOrThatThereIsNone) {
   RunSummary summary;
   EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["periodic_motion"], nlohmann::json::array());

@@ -20,7 +20,7 @@ using std::chrono::milliseconds;
 
 constexpr Duration kLongestWait = milliseconds(100);
 // After a stop; a source that answers no later than it should is done by then.
-constexpr Duration kPatienceWithCapture = 3 * kLongestWait;
+constexpr Duration kPatienceWithCapture = 5 * kLongestWait;
 
 // A frame on its way from capture to tracking, with its pixels: three of these exist (mailbox).
 struct FrameSlot {

@@ -273,6 +273,35 @@ TEST(RealTimeSession, StopEndsTheSessionWithSuccess) {
   EXPECT_EQ(observer.frames.size(), 8u);
 }
 
+// The hook lets the driver go: a session that waits for capture first would never come to it.
+TEST(RealTimeSession, MapsAreAtRestAfterAStopWhileADriverHoldsCapture) {
+  struct Hooks final : SessionHooks {
+    void OnMapsAtRest() override {
+      ++num_rests;
+      at_rest.release();
+    }
+    std::counting_semaphore<> at_rest{0};
+    int num_rests = 0;
+  } hooks;
+  ScriptedColon colon;
+  colon.Occlude(20);
+  std::atomic<bool> stop{false};
+  HookedSource source(colon.source(), [&](int call) {
+    if (call != 7) return;
+    stop = true;
+    EXPECT_TRUE(hooks.at_rest.try_acquire_for(std::chrono::seconds(60)));
+  });
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, colon.device());
+  RecordingObserver observer;
+  RealTimeOptions options;
+  options.rate = kFast;
+  options.rt.enabled = false;
+  options.hooks = &hooks;
+  ASSERT_TRUE(RunRealTime(source, *engine, SystemClock(), options, observer, stop).ok());
+  EXPECT_EQ(hooks.num_rests, 1);
+  EXPECT_LE(observer.frames.size(), 7u) << "nobody was left to look at the frame that came then";
+}
+
 TEST(RealTimeSession, PaceOfZeroIsRefused) {
   ScriptedColon colon;
   colon.Occlude(1);

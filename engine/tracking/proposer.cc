@@ -11,21 +11,27 @@ Proposer::Proposer(const EngineConfig& config, VisionDevice& device, TrackingLin
                    const ProposedView& frame, const RepliesHeard& heard)
     : config_(config), device_(device), link_(link), noise_(noise), frame_(frame), heard_(heard) {}
 
-bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate, const LocalKeyframe& reference,
-                          double share) const {
+bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate, const LocalMap& map,
+                          const LocalKeyframe& reference, bool has_fewer_points) const {
   const KeyframeConfig& options = config_.keyframes;
   const Course& course = tracking.course;
+  // What the ladder leaves out is not lost from sight. A reference that was reduced itself has left it out, too.
+  const double reduced_share = config_.scheduler.reduced_share;
+  const double of_points = has_fewer_points ? reduced_share : 1.0;
+  const double of_features = frame_.features.is_reduced ? reduced_share : 1.0;
+  const double of_reference = of_points * (reference.is_reduced ? 1.0 : of_features);
   const double spacing_ms = ToMilliseconds(frame_.timestamp - course.keyframe_time);
-  const bool is_thin = static_cast<int>(estimate.matches.size()) < options.low_inliers;
-  // A map of two views has little to lose, and is lost in the next frames unless it grows.
-  if ((spacing_ms < options.min_spacing_ms && !(tracking.is_map_new && is_thin)) || is_mapper_busy()) return false;
+  const bool is_thin = static_cast<double>(estimate.matches.size()) < options.low_inliers * of_points * of_features;
+  // A young map has little to lose, and is lost in the next frames unless it grows.
+  const bool is_young = static_cast<int>(map.keyframes.size()) < config_.mapping.min_map_keyframes;
+  if ((spacing_ms < options.min_spacing_ms && !(is_young && is_thin)) || is_mapper_busy()) return false;
   // Points made of the last keyframes alone may be on something that came between the scope and the wall.
-  if (estimate.num_established < config_.tracking.min_inliers) return false;
+  if (estimate.num_established < config_.tracking.min_inliers && !is_young) return false;
   const double baseline =
       (estimate.cam_from_map.InverseTranslation() - course.keyframe_from_map.InverseTranslation()).norm();
   const double parallax_deg = std::atan2(baseline, estimate.median_depth) / kDegree;
   const bool has_left_reference =
-      estimate.num_established < options.min_tracked_ratio * share * reference.num_established;
+      estimate.num_established < options.min_tracked_ratio * of_reference * reference.num_established;
   const bool has_moved = parallax_deg > options.min_parallax_deg;
   const bool is_late = spacing_ms >= options.max_spacing_ms && parallax_deg > 0.25 * options.min_parallax_deg;
   return has_left_reference || is_thin || has_moved || is_late;
@@ -58,7 +64,6 @@ bool Proposer::ProposeKeyframe(const PoseEstimate& estimate, const LocalMap& map
   Commit();
   tracking->course.keyframe_time = frame_.timestamp;
   tracking->course.keyframe_from_map = estimate.cam_from_map;
-  tracking->is_map_new = false;
   return true;
 }
 

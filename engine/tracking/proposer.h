@@ -28,9 +28,10 @@ class Proposer {
   Proposer(const EngineConfig& config, VisionDevice& device, TrackingLink& link, const NoiseModel& noise,
            const ProposedView& frame, const RepliesHeard& heard);
 
-  // Whether the tracked frame shows what the map lacks. share: of the points that a full frame would have shown.
-  bool IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate, const LocalKeyframe& reference,
-                  double share) const;
+  // Whether the tracked frame shows what the map lacks. `reference` is one of `map`. has_fewer_points: not all points
+  // of the map were searched.
+  bool IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate, const LocalMap& map,
+                  const LocalKeyframe& reference, bool has_fewer_points) const;
   // True: the frame's feature set has the mapper for an owner, and the course begins anew.
   bool ProposeKeyframe(const PoseEstimate& estimate, const LocalMap& map, Tracking* tracking);
   // The initialiser's views and the frame; nothing when the ring is full, and the initialiser keeps its views.

@@ -422,11 +422,7 @@ void Tracker::WatchOverlay(MapId map_id) {
 void Tracker::ConsiderKeyframe(const LocalKeyframe& reference, Tracking* tracking, FrameResult* result) {
   // A pose that was found without a prediction waits for the next frame to confirm it.
   if (result->reason != TrackingReason::kTracked) return;
-  // What is left out is not lost from sight.
-  const double reduced_share = config_.scheduler.reduced_share;
-  const double share = (current_.features.is_reduced && !reference.is_reduced ? reduced_share : 1.0) *
-                       (budget_.has_fewer_points() ? reduced_share : 1.0);
-  if (!proposer_.IsKeyframe(*tracking, search_.estimate(), reference, share)) return;
+  if (!proposer_.IsKeyframe(*tracking, search_.estimate(), local_map(), reference, budget_.has_fewer_points())) return;
   is_set_given_ = result->is_keyframe = proposer_.ProposeKeyframe(search_.estimate(), local_map(), tracking);
 }
 

@@ -67,7 +67,7 @@ void Hear(const MapReply& reply, TrackerState* state) { std::visit(Listener{*sta
 Tracking GoOnFrom(const Start& start, TimePoint now) {
   Tracking tracking;
   tracking.course = {start.map_id, start.cam_from_map, start.frame_index, start.cam_from_map, now};
-  tracking.is_map_new = tracking.is_confirmed = !start.is_found;
+  tracking.is_confirmed = !start.is_found;
   return tracking;
 }
 

@@ -60,7 +60,6 @@ struct Tracking {
   // The last pose is one that the map knows: the map began with it, or it was tracked. One that was chosen without a
   // prediction is not before the next frame confirms it.
   bool is_confirmed = false;
-  bool is_map_new = false;  // the course began with the founding, and no keyframe was proposed since
 };
 
 using TrackerState = std::variant<Lost, AwaitingMap, Tracking>;

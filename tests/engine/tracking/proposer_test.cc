@@ -15,8 +15,15 @@ class ProposerTest : public ::testing::Test {
     reference_.num_established = 100;
     estimate_.matches.resize(300);
     estimate_.num_established = 70;
+    HasKeyframes(colon_.config().mapping.min_map_keyframes);
   }
-  bool IsKeyframe() const { return proposer_.IsKeyframe(tracking_, estimate_, reference_, 1.0); }
+  void HasKeyframes(int num) {
+    map_.keyframes.Clear();
+    for (int i = 0; i < num; ++i) ASSERT_TRUE(map_.keyframes.PushBack(reference_));
+  }
+  bool IsKeyframe(bool has_fewer_points = false) const {
+    return proposer_.IsKeyframe(tracking_, estimate_, map_, reference_, has_fewer_points);
+  }
 
   ScriptedColon colon_;
   TrackingLink link_{colon_.config()};
@@ -26,6 +33,7 @@ class ProposerTest : public ::testing::Test {
   Proposer proposer_{colon_.config(), colon_.device(), link_, noise_, frame_, heard_};
   Tracking tracking_;  // its last keyframe was made at time 0, where the scope still is
   LocalKeyframe reference_;
+  LocalMap map_;
   PoseEstimate estimate_;
 };
 
@@ -53,26 +61,39 @@ TEST_F(ProposerTest, NoKeyframeFollowsTooSoonOrWhileTheMapperIsBusy) {
   EXPECT_FALSE(IsKeyframe());
 }
 
-TEST_F(ProposerTest, AMapOfTwoViewsGrowsAtOnceWhereItIsThin) {
-  tracking_ = GoOnFrom({false, 3, SE3{}, 7}, frame_.timestamp - std::chrono::milliseconds(33));
+TEST_F(ProposerTest, AThinMapGrowsAtOnceWhileItIsYoung) {
+  const int grown = colon_.config().mapping.min_map_keyframes;
+  tracking_.course.keyframe_time = frame_.timestamp - std::chrono::milliseconds(33);
+  HasKeyframes(grown - 1);
   EXPECT_FALSE(IsKeyframe()) << "300 points hold it";
   estimate_.matches.resize(static_cast<std::size_t>(colon_.config().keyframes.low_inliers) - 1);
-  estimate_.num_established = static_cast<int>(estimate_.matches.size());
   EXPECT_TRUE(IsKeyframe());
-  const Tracking young = tracking_;
+  HasKeyframes(2);
+  EXPECT_TRUE(IsKeyframe());
+  HasKeyframes(grown);
+  EXPECT_FALSE(IsKeyframe());
+}
+
+TEST_F(ProposerTest, AYoungMapHasFewEstablishedPointsAndGrowsAllTheSame) {
+  const int grown = colon_.config().mapping.min_map_keyframes;
   estimate_.num_established = colon_.config().tracking.min_inliers - 1;
-  EXPECT_FALSE(IsKeyframe()) << "a keyframe rests on established points all the same";
-  estimate_.num_established = static_cast<int>(estimate_.matches.size());
-  LocalMap map;
-  map.points.resize(1);
-  for (PointMatch& match : estimate_.matches) match = {0, 0};
-  frame_.features.num = 1;
-  ASSERT_TRUE(proposer_.ProposeKeyframe(estimate_, map, &tracking_));
-  link_.num_pending = 0;
-  tracking_.course.keyframe_time = young.course.keyframe_time;
-  EXPECT_FALSE(IsKeyframe()) << "the map has its third keyframe";
-  tracking_ = GoOnFrom({true, 3, SE3{}, 7}, young.course.keyframe_time);
-  EXPECT_FALSE(IsKeyframe()) << "a map that was found again has long grown";
+  HasKeyframes(grown - 1);
+  EXPECT_TRUE(IsKeyframe());
+  HasKeyframes(grown);
+  EXPECT_FALSE(IsKeyframe());
+}
+
+TEST_F(ProposerTest, WhatTheLadderLeavesOutMakesNoFrameThin) {
+  const double share = colon_.config().scheduler.reduced_share;
+  const auto few = static_cast<std::size_t>(share * colon_.config().keyframes.low_inliers);
+  estimate_.num_established = 90;
+  estimate_.matches.resize(few + 1);
+  EXPECT_TRUE(IsKeyframe()) << "all points were searched";
+  EXPECT_FALSE(IsKeyframe(true)) << "one in so many was";
+  frame_.features.is_reduced = reference_.is_reduced = true;
+  EXPECT_FALSE(IsKeyframe()) << "and so where features are left out, though the reference has no more";
+  estimate_.matches.resize(few - 1);
+  EXPECT_TRUE(IsKeyframe()) << "this is thin";
 }
 
 TEST(LocalMap, WhereThereAreTwoKeyframesThePointsOfBothAreEstablished) {

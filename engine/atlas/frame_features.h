@@ -2,8 +2,10 @@
 // the feature set. Fixed capacity, taken at construction. The owner of the struct owns the feature set.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <memory_resource>
+#include <span>
 #include <vector>
 
 #include <Eigen/Core>
@@ -36,6 +38,15 @@ struct FrameFeatures {
   bool is_detected(int i) const { return i < num - num_followed; }
   Eigen::Vector2d pixel(int i) const { return {keypoints[i].x_px, keypoints[i].y_px}; }
   Eigen::Vector3d bearing(int i) const { return ToVector(bearings[i]); }
+  // Overlays, and what the camera model does not reach, have none: a bearing of zero agrees with every motion.
+  bool has_bearing(int i) const { return bearings[i] != Bearing{}; }
 };
+
+// Leaves out the matches of features without a bearing (query: of a, train: of b). Returns how many are left, in their
+// order.
+inline int DropWithoutBearing(const FrameFeatures& a, const FrameFeatures& b, std::span<Match> matches) {
+  const auto has_none = [&](const Match& match) { return !a.has_bearing(match.query) || !b.has_bearing(match.train); };
+  return static_cast<int>(std::remove_if(matches.begin(), matches.end(), has_none) - matches.begin());
+}
 
 }  // namespace haustra

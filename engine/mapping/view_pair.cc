@@ -26,6 +26,7 @@ bool ViewPair::Compare(const Keyframe& a, const Keyframe& b) {
   request.matches = matches_;
   request.num_matches = &num;
   if (!MatchAndWait(device_, Lane::kBackground, request).ok()) return false;
+  num = DropWithoutBearing(a.features, b.features, std::span(matches_).first(static_cast<std::size_t>(num)));
   for (std::int32_t i = 0; i < num; ++i) {
     const Match& match = matches_[i];
     bearings_a_.push_back(a.features.bearing(match.query));

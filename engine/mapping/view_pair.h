@@ -19,7 +19,7 @@ class ViewPair {
   // Everything named outlives it. Holds at most features.max matches.
   ViewPair(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera, VisionDevice& device);
 
-  // Brute force on the background lane; false when the device fails.
+  // Brute force on the background lane; false when the device fails. Features without a bearing are left out.
   bool Compare(const Keyframe& a, const Keyframe& b);
 
   // Of the last Compare, entry by entry: query is a feature of a, train one of b; bearings in the two cameras; the

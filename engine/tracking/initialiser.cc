@@ -14,15 +14,6 @@ namespace {
 // A triangulated point whose rays are nearer to parallel than this says nothing about depth.
 constexpr double kMinPointParallax = 0.15 * kDegree;
 
-// Overlays, and what the camera model does not reach: a zero bearing would agree with every motion. Returns how many
-// are left, in their order.
-int DropWithoutBearing(const FrameFeatures& before, const FrameFeatures& now, std::span<Match> matches) {
-  const auto has_none = [&](const Match& match) {
-    return before.bearing(match.query).isZero() || now.bearing(match.train).isZero();
-  };
-  return static_cast<int>(std::remove_if(matches.begin(), matches.end(), has_none) - matches.begin());
-}
-
 }  // namespace
 
 Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, LaneWait& lane,

@@ -343,7 +343,6 @@ void Tracker::AnswerWithPose(FrameResult* result) {
   Tracking& tracking = std::get<Tracking>(state_);
   const PoseEstimate& estimate = search_.estimate();
   const LocalKeyframe& reference = local_map().keyframes[search_.NearestKeyframe()];
-  tracking.num_predicted = 0;
   tracking.reference = reference.id;
   result->map_id = tracking.course.map_id;
   result->map_epoch = heard_.num_reframings;
@@ -370,7 +369,9 @@ void Tracker::AnswerWithoutMeasurement(FrameResult* result) {
   Tracking* tracking = std::get_if<Tracking>(&state_);
   if (tracking == nullptr) return;
   const auto& keyframes = local_map().keyframes;
-  if (++tracking->num_predicted > FramesWithin(config_.scheduler.max_predicted_ms) || keyframes.empty()) {
+  // Frames that the source dropped count, too.
+  const auto gap = static_cast<int>(current_.frame_index - tracking->course.frame_index);
+  if (gap > FramesWithin(config_.scheduler.max_predicted_ms) || keyframes.empty()) {
     SetLost();
     return;
   }

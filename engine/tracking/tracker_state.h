@@ -56,7 +56,6 @@ struct Tracking {
   std::optional<SE3> velocity;   // cam_now_from_cam_before, one frame
   KeyframeId reference = kNoId;  // keyframe that the last pose was given relative to
   bool has_last_frame = false;   // what it showed can be searched in the next one
-  int num_predicted = 0;         // frames in a row that were answered without a measurement
   // The last pose is one that the map knows: the map began with it, or it was tracked. One that was chosen without a
   // prediction is not before the next frame confirms it.
   bool is_confirmed = false;

@@ -37,7 +37,7 @@ std::string Folder() { return std::string(HAUSTRA_END_TO_END_DATA) + "/second_pr
 std::string AtlasPath() { return Folder() + "/first.atlas"; }
 
 // Five seconds of each procedure: more keyframes stay than by default, so that there are enough to align.
-constexpr const char* kManyKeyframes = "mapping.redundant_share=0.9";
+constexpr const char* kManyKeyframes = "mapping.redundant_share=0.95";
 
 // camera-to-world of every frame of the sequence, mm.
 std::vector<SE3> GroundTruth() {

@@ -295,10 +295,16 @@ Tracker::Outcome Tracker::FindPose(FrameResult* result) {
 
 Tracker::Outcome Tracker::TryStart(const Start& start, FrameResult* result) {
   ForgetLastFrame();
+  const TrackerState before = state_;
   state_ = GoOnFrom(start, current_.timestamp);
   const Outcome outcome = TrackMap(result);
   if (!start.is_found || outcome == Outcome::kNoPose) return outcome;
-  if (outcome == Outcome::kPose && !search_.HasEstablishedWitnesses()) {
+  if (outcome == Outcome::kNoTime) {
+    // Nothing was measured in that map yet. The next frame tries it.
+    state_ = before;
+    return outcome;
+  }
+  if (!search_.HasEstablishedWitnesses()) {
     SetLost();
     result->reason = TrackingReason::kWeakEvidence;
     return Outcome::kNoPose;

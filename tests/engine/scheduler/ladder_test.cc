@@ -199,6 +199,40 @@ TEST(Ladder, StalledDeviceIsAnsweredWithPredictionsAndThenHonestlyWithLost) {
   }
 }
 
+// The pose that the mapper has answered with is of an earlier frame, and nothing has been measured in its map.
+TEST(Ladder, FoundPlaceThatThereWasNoTimeToTryIsNoPoseAndIsTriedAgain) {
+  const auto come_back = [](ScriptedColon& colon) {
+    colon.Move(0.0, 4.0, 100);
+    colon.Occlude(5);
+    colon.Move(12.0, 15.0, 75);
+    colon.Occlude(5);
+    colon.Move(2.0, 1.0, 25);
+  };
+  Camera undisturbed(come_back), camera(come_back);
+  std::vector<Answer> answers = undisturbed.Next(150);
+  const MapId second = answers.back().result.map_id;
+  const auto is_back = [&](const FrameResult& result) {
+    return result.reason == TrackingReason::kRelocalised && result.map_id != second;
+  };
+  while (answers.size() < 195 && !is_back(answers.back().result)) answers.push_back(undisturbed.Next());
+  ASSERT_TRUE(is_back(answers.back().result));
+  const MapId first = answers.back().result.map_id;
+
+  camera.Next(static_cast<int>(answers.size()) - 1);
+  TimedVisionDevice::Model stalled = kFast;
+  stalled.guided = milliseconds(400);
+  camera.SetModel(stalled);
+  const FrameResult untried = camera.Next().result;
+  EXPECT_EQ(untried.state, TrackingState::kLost);
+  EXPECT_EQ(untried.reason, TrackingReason::kNoTime);
+  camera.SetModel(kFast);
+  FrameResult found;
+  for (int i = 0; i < 5 && found.state != TrackingState::kTracking; ++i) found = camera.Next().result;
+  EXPECT_EQ(found.reason, TrackingReason::kRelocalised) << ToString(found.reason);
+  EXPECT_EQ(found.map_id, first);
+  EXPECT_FALSE(found.is_keyframe);
+}
+
 // Too slow for the deadline, but not for a scope that is lost.
 TEST(Ladder, LostFrameTakesItsTimeAndAllFeatures) {
   Camera camera(200);

@@ -117,6 +117,7 @@ JoinLimits Joiner::Limits(TimePoint start) const {
 void Joiner::GoOn() {
   const PlaceTask& task = *places_.Answered();
   if (state_.active != join_map_) {
+    if (!merger_.outcome().has_moved) RefuseJoin(task, FailedPrecondition("join: tracking is in another map"));
     EndJoin(task);
     return;
   }
@@ -151,7 +152,8 @@ void Joiner::RefuseJoin(const PlaceTask& task, const Status& status) {
 void Joiner::EndJoin(const PlaceTask& task) {
   const MergeOutcome& outcome = merger_.outcome();
   if (outcome.has_moved) {
-    if (state_.active == join_map_) settling_rounds_ = state_.config.merging.settling_rounds;
+    settling_rounds_ = state_.config.merging.settling_rounds;
+    settling_map_ = join_map_;
     MapEvent event;
     event.kind = outcome.is_loop ? MapEventKind::kLoopClosed : MapEventKind::kMerged;
     event.frame_index = task.frame_index;
@@ -184,6 +186,7 @@ void Joiner::ReportRejection(const PlaceTask& task, const CommonAreaCounts& coun
 // After a join, when there is nothing else to do: what the seam made known spreads over the map around it, a slice of
 // bundle adjustment at a time.
 bool Joiner::SettleSeam() {
+  if (state_.active != settling_map_) settling_rounds_ = 0;
   if (settling_rounds_ == 0) return false;
   --settling_rounds_;
   const TimePoint start = state_.Now();

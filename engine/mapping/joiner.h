@@ -47,8 +47,6 @@ class Joiner {
   // For when there is nothing else to do. False: nothing was done.
   bool AskForSkipped();
   bool SettleSeam();
-  // Tracking has gone elsewhere.
-  void EndSettling() { settling_rounds_ = 0; }
 
  private:
   void EndQuestion(const PlaceTask& task);
@@ -69,8 +67,9 @@ class Joiner {
   bool is_joining_ = false;
   MapHandle join_map_;        // where tracking is as long as the join goes on
   Duration joining_time_{0};  // of all slices so far
-  int settling_rounds_ = 0;   // left after the last join
-  KeyframeHandle skipped_;    // the newest one that the recogniser was too busy for
+  int settling_rounds_ = 0;   // left after the last join, while tracking stays in its map
+  MapHandle settling_map_;
+  KeyframeHandle skipped_;  // the newest one that the recogniser was too busy for
 };
 
 }  // namespace haustra

@@ -121,7 +121,6 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
     return;
   }
   RetireActiveMap(proposal.view);
-  joiner_.EndSettling();
   state_.active = MapHandle{};
   state_.newest = KeyframeHandle{};
   // Whatever else is missing is seen below.

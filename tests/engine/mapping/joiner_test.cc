@@ -38,8 +38,8 @@ class JoinerTest : public testing::Test {
     state_->active = state_->atlas.keyframe(state_->newest).map;
   }
 
-  // The recogniser says yes; all slices of what follows. What was told of it.
-  std::vector<MapEvent> Join(int max_milliseconds) {
+  // The recogniser says yes; the first slice of what follows.
+  void BeginJoin(int max_milliseconds) {
     join_.colon.config().merging.max_milliseconds = max_milliseconds;
     MakeParts();
     PlaceTask* task = places_->Free();
@@ -52,6 +52,9 @@ class JoinerTest : public testing::Test {
     places_->Ask();
     places_->Answer();
     EXPECT_TRUE(joiner_->TakeAnswer());
+  }
+  // All other slices. What was told of it.
+  std::vector<MapEvent> EndJoin() {
     while (joiner_->is_joining()) joiner_->GoOn();
     EXPECT_FALSE(places_->is_out()) << "the next question may be asked";
     EXPECT_FALSE(state_->is_seam_open);
@@ -59,6 +62,15 @@ class JoinerTest : public testing::Test {
     std::vector<MapEvent> events;
     for (MapEvent event; events_->TryPop(&event);) events.push_back(event);
     return events;
+  }
+  std::vector<MapEvent> Join(int max_milliseconds) {
+    BeginJoin(max_milliseconds);
+    return EndJoin();
+  }
+  // Tracking is found elsewhere.
+  void GoTo(KeyframeHandle keyframe) {
+    state_->newest = keyframe;
+    state_->active = state_->atlas.keyframe(keyframe).map;
   }
   CommonAreaCounts Counts() const {
     const Keyframe &a = join_.atlas.keyframe(join_.plan.keyframe_a), &b = join_.atlas.keyframe(join_.plan.keyframe_b);
@@ -73,18 +85,19 @@ class JoinerTest : public testing::Test {
   }
 
   // One event that says why, with what had been measured; a map that nobody moved, and nothing of it to the tracker.
-  void ExpectNotJoined(const std::vector<MapEvent>& events) {
+  void ExpectNotJoined(const std::vector<MapEvent>& events, CommonAreaVerdict why = CommonAreaVerdict::kNotJoined) {
     ASSERT_EQ(events.size(), 1u);
     EXPECT_EQ(events[0].kind, MapEventKind::kMergeRejected) << ToString(events[0].kind);
-    EXPECT_EQ(ToString(events[0].place.verdict), "not_joined");
+    EXPECT_EQ(ToString(events[0].place.verdict), ToString(why));
     EXPECT_EQ(events[0].frame_index, kFrame);
     EXPECT_EQ(events[0].map_id, Counts().map_a);
     EXPECT_EQ(events[0].other_map_id, Counts().map_b);
     EXPECT_EQ(events[0].place.keyframe_a, Counts().keyframe_a);
     EXPECT_EQ(events[0].place.keyframe_b, Counts().keyframe_b);
     EXPECT_EQ(events[0].place.num_inliers, Counts().num_inliers);
-    EXPECT_EQ(state_->counters.num_loops_left_open, 1u);
-    EXPECT_EQ(state_->counters.num_merges_outdated, 0u);
+    const bool is_outdated = why == CommonAreaVerdict::kOutdated;
+    EXPECT_EQ(state_->counters.num_loops_left_open, is_outdated ? 0u : 1u);
+    EXPECT_EQ(state_->counters.num_merges_outdated, is_outdated ? 1u : 0u);
     EXPECT_TRUE(link_->replies.is_empty());
     join_.atlas.keyframes().ForEach([&](KeyframeHandle handle, const Keyframe& keyframe) {
       ASSERT_EQ(state_->atlas.keyframe(handle).cam_from_map.translation, keyframe.cam_from_map.translation);
@@ -144,6 +157,30 @@ TEST_F(JoinerTest, MergeThatHadNoTimeIsToldAsNotJoinedAndNeverAsMerged) {
 TEST_F(JoinerTest, LoopWithoutASolutionIsToldAsNotJoined) {
   MakeLoop(LoopShape{.num_keyframes = 4}, &join_);
   ExpectNotJoined(Join(10000));
+}
+
+TEST_F(JoinerTest, JoinWhoseMapTrackingLeavesBeforeTheFirstMoveIsToldAsOutdated) {
+  MakeTwoMaps(12, 10, 0.2, Sim3{}, Sim3{}, &join_);
+  join_.colon.config().merging.slice_milliseconds = 1;
+  BeginJoin(10000);
+  ASSERT_TRUE(joiner_->is_joining());
+  ASSERT_EQ(state_->counters.num_reframings, 0u);
+  GoTo(join_.plan.keyframe_b);
+  ExpectNotJoined(EndJoin(), CommonAreaVerdict::kOutdated);
+}
+
+TEST_F(JoinerTest, SettlingEndsWhenTrackingIsInAnotherMap) {
+  MakeLoop(LoopShape{.num_keyframes = 40}, &join_);
+  const int elsewhere = join_.colon.AddMap(&join_.atlas, 0.0, 1.0, 6, Sim3{}).first + 5;
+  ASSERT_EQ(Join(10000).size(), 1u);
+  ASSERT_EQ(state_->counters.num_reframings, 2u);
+  ASSERT_TRUE(joiner_->SettleSeam()) << "nothing is left to settle: the test shows nothing";
+  const std::uint64_t num_told = state_->counters.num_reframings;
+  GoTo(join_.frame(elsewhere).keyframe);
+  EXPECT_FALSE(joiner_->SettleSeam());
+  EXPECT_EQ(state_->counters.num_reframings, num_told);
+  GoTo(join_.plan.keyframe_a);
+  EXPECT_FALSE(joiner_->SettleSeam()) << "it has ended";
 }
 
 }  // namespace

@@ -2,7 +2,8 @@
 // so (engine/merging). One question is out at a time, and it is out until the join that it leads to is done; of the
 // keyframes that come meanwhile the newest is asked about next. A join is made in slices, in sequential mode in one.
 // When tracking leaves the map it ends where it is (merger.h says why it may). After a join the map around the seam
-// settles by bundle adjustment in slices, when there is nothing else to do. Never waits for the recogniser.
+// settles by bundle adjustment in slices, when there is nothing else to do and tracking is there. Never waits for the
+// recogniser.
 // thread-bound(mapping); uses the heap (solvers).
 #pragma once
 
@@ -67,9 +68,9 @@ class Joiner {
   bool is_joining_ = false;
   MapHandle join_map_;        // where tracking is as long as the join goes on
   Duration joining_time_{0};  // of all slices so far
-  int settling_rounds_ = 0;   // left after the last join, while tracking stays in its map
-  MapHandle settling_map_;
-  KeyframeHandle skipped_;  // the newest one that the recogniser was too busy for
+  int settling_rounds_ = 0;   // left after the last join
+  MapHandle settling_map_;    // in it
+  KeyframeHandle skipped_;    // the newest one that the recogniser was too busy for
 };
 
 }  // namespace haustra

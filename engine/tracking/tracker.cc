@@ -298,12 +298,9 @@ Tracker::Outcome Tracker::TryStart(const Start& start, FrameResult* result) {
   const TrackerState before = state_;
   state_ = GoOnFrom(start, current_.timestamp);
   const Outcome outcome = TrackMap(result);
-  if (!start.is_found || outcome == Outcome::kNoPose) return outcome;
-  if (outcome == Outcome::kNoTime) {
-    // Nothing was measured in that map yet. The next frame tries it.
-    state_ = before;
-    return outcome;
-  }
+  // Nothing was measured in that map yet. The next frame tries it.
+  if (outcome == Outcome::kNoTime) state_ = before;
+  if (!start.is_found || outcome != Outcome::kPose) return outcome;
   if (!search_.HasEstablishedWitnesses()) {
     SetLost();
     result->reason = TrackingReason::kWeakEvidence;

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <memory>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -55,9 +54,10 @@ Result<std::vector<ExportedFile>> FilesOf(const ExportArguments& arguments, cons
   if (format == "kitti")
     return std::vector<ExportedFile>{{".txt", KittiText(map)}, {"_times.txt", KittiTimesText(map)}};
   const std::string exported = arguments.run + "/maps/" + report::MapFolderName(map.map_id);
+  const std::vector<const char*> endings =
+      format == "ply" ? std::vector{".ply"} : std::vector{"/cameras.txt", "/images.txt", "/points3D.txt"};
   std::vector<ExportedFile> files;
-  for (const char* ending : {"/cameras.txt", "/images.txt", "/points3D.txt", ".ply"}) {
-    if ((format == "ply") != (std::string_view(ending) == ".ply")) continue;
+  for (const char* ending : endings) {
     HAUSTRA_ASSIGN(std::string bytes, evaluate::ReadText(exported + ending));
     files.push_back({ending, std::move(bytes)});
   }

@@ -233,6 +233,25 @@ TEST(Ladder, FoundPlaceThatThereWasNoTimeToTryIsNoPoseAndIsTriedAgain) {
   EXPECT_FALSE(found.is_keyframe);
 }
 
+// Nor does a new map end before it was tried, however long the device takes.
+TEST(Ladder, NewMapThatThereWasNoTimeToTryIsTriedAgain) {
+  Camera camera(200);
+  FrameResult proposed = camera.Next().result;
+  while (proposed.reason != TrackingReason::kMapProposed) proposed = camera.Next().result;
+  TimedVisionDevice::Model stalled = kFast;
+  stalled.guided = milliseconds(400);
+  camera.SetModel(stalled);
+  const FrameResult untried = camera.Next().result;
+  EXPECT_NE(untried.state, TrackingState::kTracking);
+  EXPECT_EQ(untried.reason, TrackingReason::kNoTime);
+  camera.SetModel(kFast);
+  FrameResult later = untried;
+  for (int i = 0; i < 15 && later.reason == TrackingReason::kNoTime; ++i) later = camera.Next().result;
+  EXPECT_GE(later.frame_index, untried.frame_index + 6) << "a prediction would have lasted";
+  EXPECT_EQ(later.reason, TrackingReason::kTracked) << ToString(later.reason);
+  EXPECT_EQ(later.map_id, 0);
+}
+
 // Too slow for the deadline, but not for a scope that is lost.
 TEST(Ladder, LostFrameTakesItsTimeAndAllFeatures) {
   Camera camera(200);

@@ -84,6 +84,26 @@ bool Evictor::MakeMapRoom() {
   return false;
 }
 
+// Every entry can be used again but those of maps with marks.
+bool Evictor::HasMapRoom() const {
+  bool has_room = atlas_.maps().size() < atlas_.maps().capacity();
+  atlas_.maps().ForEach([&](MapHandle handle, const Map&) { has_room = has_room || !atlas_.HasMarks(handle); });
+  return has_room;
+}
+
+bool Evictor::HasKeyframeRoom(int wanted) const {
+  if (static_cast<int>(atlas_.num_keyframe_ids()) + wanted > atlas_.capacity().max_keyframe_ids) return false;
+  const int min_map = config_.mapping.min_map_keyframes;
+  int num_free = NumFreeKeyframes();
+  atlas_.maps().ForEach([&](MapHandle handle, const Map& map) {
+    const auto num = static_cast<int>(map.keyframes.size());
+    if (num_free >= wanted) return;
+    const bool is_small = num <= config_.memory.small_map_keyframes || (!IsInactive(map) && num < min_map);
+    num_free += is_small && !atlas_.HasMarks(handle) ? num : std::max(0, num - min_map);
+  });
+  return num_free >= wanted;
+}
+
 void Evictor::Protect(KeyframeHandle newest) {
   std::fill(is_protected_.begin(), is_protected_.end(), std::uint8_t{0});
   if (atlas_.GetKeyframe(newest) == nullptr) return;

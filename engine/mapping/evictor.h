@@ -54,6 +54,10 @@ class Evictor {
   // At most a quarter of the pool.
   bool MakePointRoom(int wanted, KeyframeHandle newest);
   bool MakeMapRoom();
+  // Whether a new map would find room once tracking has left the active one, which is stored then, or dropped when it
+  // is too small to be kept: its entry, and `wanted` keyframes with their ids. Nothing goes.
+  bool HasMapRoom() const;
+  bool HasKeyframeRoom(int wanted) const;
 
   const EvictionCounters& counters() const { return counters_; }
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/optim/bundle_adjustment.h"
+#include "hal/core/check.h"
 
 namespace haustra {
 namespace {
@@ -40,7 +41,7 @@ bool Founder::Adjust(const KeyframeProposal& proposal) {
   return num_good >= state_.config.initialisation.min_points && num_good * 2 >= proposal.num_pairs;
 }
 
-bool Founder::Fill(const KeyframeProposal& proposal, SpscRing<LatePose>* late_poses) {
+void Founder::Fill(const KeyframeProposal& proposal, SpscRing<LatePose>* late_poses) {
   std::vector<double> depths;
   for (const BundlePoint& point : problem_.points) depths.push_back(point.position.norm());
   std::nth_element(depths.begin(), depths.begin() + depths.size() / 2, depths.end());
@@ -51,10 +52,9 @@ bool Founder::Fill(const KeyframeProposal& proposal, SpscRing<LatePose>* late_po
                                         SE3{}, proposal.reference.features);
   state_.newest = state_.atlas.AddKeyframe(state_.active, proposal.view.frame_index, proposal.view.timestamp, second,
                                            proposal.view.features);
-  if (!reference_ || !state_.newest) return false;
+  HAUSTRA_CHECK(reference_ && state_.newest);
   AddPoints(proposal, unit);
   PlaceBetween(proposal, late_poses);
-  return true;
 }
 
 void Founder::AddPoints(const KeyframeProposal& proposal, double unit) {

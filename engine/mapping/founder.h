@@ -20,11 +20,10 @@ class Founder {
   // Adjusts both views and their points; false when what is left does not carry a map. Touches nothing else.
   bool Adjust(const KeyframeProposal& proposal);
 
-  // After Adjust, with an empty map that is the active one: fills it and makes the second view the newest keyframe.
-  // Takes over the feature sets of both views and releases those of the views between, whose poses go to `late_poses`.
-  // False when the pool of keyframes is full: then the map is to be dropped, and the proposal still owns its feature
-  // sets.
-  bool Fill(const KeyframeProposal& proposal, SpscRing<LatePose>* late_poses);
+  // After Adjust, with an empty map that is the active one, and room for two keyframes: fills it and makes the second
+  // view the newest keyframe. Takes over the feature sets of both views and releases those of the views between, whose
+  // poses go to `late_poses`.
+  void Fill(const KeyframeProposal& proposal, SpscRing<LatePose>* late_poses);
 
   // Of the last Fill: the first keyframe, and the points that were made; some may have gone again.
   KeyframeHandle reference() const { return reference_; }

@@ -168,9 +168,9 @@ bool KeyframeInserter::IsRedundant(KeyframeHandle handle) const {
   return num_seen_elsewhere > state_.config.mapping.redundant_share * keyframe.num_points;
 }
 
-void KeyframeInserter::CountRefused() {
+void KeyframeInserter::CountRefused(KeyframeId wanted) {
   ++state_.counters.num_keyframes_refused;
-  if (state_.atlas.num_keyframe_ids() >= static_cast<KeyframeId>(state_.atlas.capacity().max_keyframe_ids)) {
+  if (state_.atlas.num_keyframe_ids() + wanted > static_cast<KeyframeId>(state_.atlas.capacity().max_keyframe_ids)) {
     ++state_.counters.num_keyframe_ids_refused;
   }
 }

@@ -38,8 +38,8 @@ class KeyframeInserter {
   // The new keyframe, which is the newest one then. Invalid: its map is no longer the active one or has been moved too
   // often since, or the pool is full (counted). Takes over the feature set in any case.
   KeyframeHandle Insert(const KeyframeProposal& proposal);
-  // A keyframe for which the pool had no room, here or elsewhere.
-  void CountRefused();
+  // A keyframe for which the pool had no room, here or elsewhere; or a founding's `wanted` ones.
+  void CountRefused(KeyframeId wanted = 1);
 
  private:
   void CheckRelief(KeyframeHandle handle);

@@ -3,6 +3,7 @@
 #include "engine/io/atlas_reader.h"
 #include "engine/io/atlas_writer.h"
 #include "engine/place/make_retrieval.h"
+#include "hal/core/check.h"
 
 namespace haustra {
 namespace {
@@ -12,6 +13,8 @@ namespace {
 constexpr std::size_t kWorkspacePerPoint = 32;
 constexpr std::size_t kWorkspacePerKeyframe = 256;
 constexpr std::size_t kWorkspacePerFeature = 4096;
+
+constexpr int kFoundingViews = 2;  // that become keyframes
 
 }  // namespace
 
@@ -116,33 +119,22 @@ Status Mapper::SaveAtlas(ByteSink& sink) const {
 void Mapper::FoundMap(const KeyframeProposal& proposal) {
   // Relocalisation came first: the half-made map is dropped (system.md 8).
   const bool is_overtaken = proposal.num_found_heard != publisher_.num_found();
-  if (is_overtaken || !founder_.Adjust(proposal)) {
+  // A map that is not made takes no other's place.
+  if (is_overtaken || !founder_.Adjust(proposal) || !HasRoomForMap()) {
     RefuseFounding(proposal);
     return;
   }
   RetireActiveMap(proposal.view);
   state_.active = MapHandle{};
   state_.newest = KeyframeHandle{};
-  // Whatever else is missing is seen below.
-  (void)evictor_.MakeKeyframeRoom(2, state_.newest);
+  HAUSTRA_CHECK(evictor_.MakeKeyframeRoom(kFoundingViews, state_.newest));
+  // With too few the map is made of fewer points.
   (void)evictor_.MakePointRoom(proposal.num_pairs, state_.newest);
-  if (evictor_.MakeMapRoom()) state_.active = state_.atlas.CreateMap();
-  if (!state_.active) {
-    ++state_.counters.num_maps_refused;
-    RefuseFounding(proposal);
-    return;
-  }
-  if (!founder_.Fill(proposal, &late_poses_)) {
-    inserter_.CountRefused();
-    std::vector<FeatureSetHandle> sets;
-    state_.atlas.DropMap(state_.active, &sets);
-    state_.active = MapHandle{};
-    state_.newest = KeyframeHandle{};
-    RefuseFounding(proposal);
-    return;
-  }
+  HAUSTRA_CHECK(evictor_.MakeMapRoom());
+  state_.active = state_.atlas.CreateMap();
+  founder_.Fill(proposal, &late_poses_);
   for (const MapPointHandle point : founder_.created()) trial_.Begin(state_.active, point);
-  state_.counters.num_keyframes += 2;
+  state_.counters.num_keyframes += kFoundingViews;
   state_.counters.num_points_created += founder_.created().size();
   for (const KeyframeHandle keyframe : {founder_.reference(), state_.newest}) {
     // A keyframe that retrieval does not know is not found again; nothing else depends on it.
@@ -151,6 +143,17 @@ void Mapper::FoundMap(const KeyframeProposal& proposal) {
   publisher_.AnnounceFounding(proposal.founding_id);
   Report(MapEventKind::kMapCreated, proposal.view, state_.active);
   publisher_.Publish();
+}
+
+// Counts what there is no room for.
+bool Mapper::HasRoomForMap() {
+  if (!evictor_.HasMapRoom()) {
+    ++state_.counters.num_maps_refused;
+    return false;
+  }
+  if (evictor_.HasKeyframeRoom(kFoundingViews)) return true;
+  inserter_.CountRefused(kFoundingViews);
+  return false;
 }
 
 void Mapper::RefuseFounding(const KeyframeProposal& proposal) {

@@ -78,6 +78,7 @@ class Mapper {
 
  private:
   void FoundMap(const KeyframeProposal& proposal);
+  bool HasRoomForMap();
   void RefuseFounding(const KeyframeProposal& proposal);
   void RetireActiveMap(const ProposedView& view);
   void RemoveFromRetrieval(MapHandle map);

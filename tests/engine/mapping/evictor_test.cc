@@ -179,5 +179,40 @@ TEST_F(EvictorTest, MapWithAMarkStays) {
   EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
 }
 
+// What is said of the room for a new map holds when the active map was stored.
+TEST(EvictorRoom, IsThereWhereItCanBeMade) {
+  for (const bool is_marked : {false, true}) {
+    for (const int num_keyframes : {4, 5, 6, 8, 9}) {
+      SCOPED_TRACE(num_keyframes);
+      EngineConfig config;
+      config.memory.max_keyframes = num_keyframes;
+      config.memory.small_map_keyframes = 8;
+      config.mapping.min_map_keyframes = 4;
+      Atlas atlas({num_keyframes, 16, 1, 64, 16, 1});
+      NoRetrieval retrieval;
+      Evictor evictor(
+          config, atlas, retrieval, [](FeatureSetHandle) {}, [](MapHandle) {});
+      const MapHandle map = atlas.CreateMap();
+      KeyframeHandle keyframe;
+      for (int i = 0; i < num_keyframes; ++i) {
+        keyframe = atlas.AddKeyframe(map, static_cast<std::uint32_t>(i), TimePoint{}, SE3{}, FrameFeatures(16));
+      }
+      Mark mark;
+      mark.label = MarkLabel::From("polyp").value();
+      if (is_marked) {
+        ASSERT_TRUE(atlas.AddMark(mark, keyframe, {map, {0.0, 0.0, 2.0}, {0.0, 0.0, -1.0}, 0.1}));
+      }
+      const bool has_keyframe_room = evictor.HasKeyframeRoom(2), has_map_room = evictor.HasMapRoom();
+      EXPECT_FALSE(evictor.HasKeyframeRoom(64 - num_keyframes + 1)) << "there are no ids for them";
+      EXPECT_EQ(atlas.keyframes().size(), static_cast<std::uint32_t>(num_keyframes)) << "nothing goes";
+      EXPECT_EQ(has_keyframe_room, !is_marked || num_keyframes >= 6);
+      EXPECT_EQ(has_map_room, !is_marked);
+      atlas.map(map).status = MapStatus::kStored;
+      EXPECT_EQ(evictor.MakeKeyframeRoom(2, {}), has_keyframe_room);
+      EXPECT_EQ(evictor.MakeMapRoom(), has_map_room);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace haustra

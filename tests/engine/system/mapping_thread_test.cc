@@ -107,5 +107,47 @@ TEST_F(MappingThread, NoStepIsBegunWhileTheRepliesHaveNoRoom) {
   EXPECT_EQ(mapper_.counters().num_keyframes, before + 1);
 }
 
+// A second wall is founded when the first map has had all keyframe ids. A map that is not made takes no other's place:
+// neither of one that would be kept nor of one that would be dropped.
+TEST(MappingFullPools, RefusedMapLeavesTheActiveOneAsItWas) {
+  for (const int num_ids : {3, 8}) {
+    SCOPED_TRACE(num_ids);
+    EngineConfig config = SmallEngineConfig();
+    config.memory.max_keyframe_ids = num_ids;
+    config.mapping.redundant_share = 1.0;  // none is culled
+    config.merging.enabled = false;
+    ScriptedColon colon(TimePoint{}, config);
+    colon.Move(0.0, 2.0, 60);
+    colon.Occlude(5);
+    colon.Move(12.0, 14.0, 50);
+    colon.Occlude(5);
+    colon.Move(0.2, 0.3, 10);
+    TrackingLink link(config);
+    PlaceMailbox places(config, std::pmr::get_default_resource());
+    Mapper mapper(config, colon.camera(), colon.device(), link, places, nullptr, false, nullptr);
+    Tracker tracker(config, colon.camera(), colon.device(), link, nullptr, 1.0);
+    FrameResult result;
+    for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+      result = tracker.Track(*frame, kNoDeadline);
+      while (mapper.Step()) continue;
+    }
+    int num_refused = 0;
+    for (MapEvent event; mapper.events().TryPop(&event);) {
+      num_refused += event.kind == MapEventKind::kMapRefused;
+      EXPECT_NE(event.kind, MapEventKind::kMapStored);
+      EXPECT_NE(event.kind, MapEventKind::kMapDropped);
+    }
+    EXPECT_GT(num_refused, 0);
+    EXPECT_GT(mapper.counters().num_keyframe_ids_refused, 0u);
+    mapper.atlas().maps().ForEach([](MapHandle, const Map& map) { EXPECT_EQ(map.status, MapStatus::kActive); });
+    EXPECT_EQ(mapper.atlas().maps().size(), 1u);
+    EXPECT_EQ(mapper.atlas().keyframes().size(), static_cast<std::uint32_t>(num_ids));
+    link.snapshots.Refresh();
+    EXPECT_EQ(link.snapshots.ReadSlot().map_id, 0u);
+    EXPECT_GT(link.snapshots.ReadSlot().num_points, 0);
+    EXPECT_EQ(result.state, TrackingState::kTracking) << "it is found again";
+  }
+}
+
 }  // namespace
 }  // namespace haustra::test

@@ -173,7 +173,7 @@ struct MemoryConfig {
   int max_keyframes = 1500;        // over all maps (paper: 1 196 after a whole procedure) [16, 100000]
   int max_map_points = 180000;     // over all maps (paper: 129 538) [1000, 10000000]
   int max_maps = 256;              // [2, 10000]
-  int max_keyframe_ids = 40000;    // keyframes ever made in one run, culled ones included [100, 10000000]
+  int max_keyframe_ids = 40000;    // of one run: loaded keyframes, and all made, culled ones too [100, 10000000]
   int max_local_points = 8000;     // of a snapshot [500, 100000]
   // The tracker asks for a keyframe only when the mapper is idle, but for one in need; more would be stale work [2,
   // 32].

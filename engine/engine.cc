@@ -131,7 +131,8 @@ FrameResult Engine::Track(const Frame& frame, TimePoint deadline, TimePoint next
 }
 
 Status Engine::LoadAtlas(std::span<const std::uint8_t> file) {
-  HAUSTRA_ASSIGN(const SavedAtlas saved, ReadAtlas(file));
+  HAUSTRA_ASSIGN(SavedAtlas saved, ReadAtlas(file));
+  RenumberKeyframes(&saved);
   return mapper_.LoadAtlas(saved);
 }
 

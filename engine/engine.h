@@ -56,7 +56,8 @@ class Engine {
          double scene_share, const Vocabulary* vocabulary = nullptr, DepthMatcher* depth = nullptr);
 
   // Before the first frame: the maps of an atlas file (engine/io/atlas_format.h) become stored maps of this engine,
-  // which tracking may find itself in and maps of this run may be joined with. Nothing is changed on error:
+  // which tracking may find itself in and maps of this run may be joined with. Their keyframes get new ids, from 0 on:
+  // each run has all ids of memory.max_keyframe_ids but those. Nothing is changed on error:
   // kInvalidArgument (not an atlas file), kDataLoss (damaged), kFailedPrecondition (other version, camera or
   // descriptors), kCapacityExceeded (a pool is too small).
   Status LoadAtlas(std::span<const std::uint8_t> file);

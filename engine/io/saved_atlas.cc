@@ -228,4 +228,17 @@ std::string AtlasFilePlace(std::string_view section, std::uint64_t offset) {
 
 Status CheckSavedAtlas(const SavedAtlas& atlas) { return Checker(atlas).Check(); }
 
+void RenumberKeyframes(SavedAtlas* atlas) {
+  std::vector<SavedKeyframe>& keyframes = atlas->keyframes;
+  for (SavedPoint& point : atlas->points) {
+    const auto by = std::lower_bound(keyframes.begin(), keyframes.end(), point.first_keyframe_id,
+                                     [](const SavedKeyframe& keyframe, KeyframeId id) { return keyframe.id < id; });
+    point.first_keyframe_id =
+        std::min(static_cast<KeyframeId>(by - keyframes.begin()), static_cast<KeyframeId>(keyframes.size()) - 1);
+  }
+  for (std::size_t i = 0; i < keyframes.size(); ++i) keyframes[i].id = static_cast<KeyframeId>(i);
+  atlas->traces.clear();
+  atlas->counters.next_keyframe_id = static_cast<KeyframeId>(keyframes.size());
+}
+
 }  // namespace haustra

@@ -104,6 +104,10 @@ struct SavedAtlas {
 // section, offset and entity of the first fault. Capacities are not looked at. O(n log n).
 Status CheckSavedAtlas(const SavedAtlas& atlas);
 
+// For a new run, of a checked atlas: the keyframes have the ids 0, 1, 2 in their order, and those that were culled are
+// forgotten, as no frame of a new run refers to them. A point made by one of them counts as made by the next one.
+void RenumberKeyframes(SavedAtlas* atlas);
+
 // "atlas file, section 'KEYF' at byte 1234: " for a fault in it.
 std::string AtlasFilePlace(std::string_view section, std::uint64_t offset);
 

@@ -422,6 +422,35 @@ std::string MarkedFile() {
   return home.Save();
 }
 
+TEST(AtlasFile, NewRunBeginsWithIdsWithoutGaps) {
+  const std::vector<std::uint8_t> file = BytesOf(SmallFile());
+  SavedAtlas saved = ReadAtlas(file).value();
+  const SavedAtlas before = saved;
+  RenumberKeyframes(&saved);
+  EXPECT_EQ(CheckSavedAtlas(saved).ToString(), "ok");
+  ASSERT_EQ(saved.keyframes.size(), before.keyframes.size());
+  EXPECT_EQ(saved.counters.next_keyframe_id, saved.keyframes.size());
+  EXPECT_LT(saved.counters.next_keyframe_id, before.counters.next_keyframe_id);
+  EXPECT_TRUE(saved.traces.empty());
+  EXPECT_EQ(saved.counters.session, before.counters.session);
+  for (std::size_t i = 0; i < saved.keyframes.size(); ++i) {
+    EXPECT_EQ(saved.keyframes[i].id, i);
+    EXPECT_EQ(saved.keyframes[i].frame_index, before.keyframes[i].frame_index);
+  }
+  // Who was made by a keyframe that is there still is; the others in the order that they had.
+  for (std::size_t i = 0; i < saved.points.size(); ++i) {
+    const KeyframeId now = saved.points[i].first_keyframe_id, then = before.points[i].first_keyframe_id;
+    ASSERT_LT(now, saved.keyframes.size());
+    EXPECT_GE(before.keyframes[now].id, std::min(then, before.keyframes.back().id));
+    if (now > 0) {
+      EXPECT_LT(before.keyframes[now - 1].id, then);
+    }
+  }
+  AtlasHome home({16, 64, 8, 5, AtlasHome::kFeatures, 4});
+  EXPECT_EQ(RestoreAtlas(saved, home.camera, false, home.device, &home.atlas, nullptr).ToString(), "ok");
+  EXPECT_EQ(CheckInvariants(home.atlas).ToString(), "ok");
+}
+
 TEST(AtlasFile, MarksAreSavedAndLoaded) {
   AtlasHome home, other;
   home.FillMarked();

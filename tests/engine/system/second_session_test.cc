@@ -232,8 +232,36 @@ TEST_F(SecondSession, MapBegunElsewhereIsMergedWithTheLoadedOne) {
   Session third;
   const std::string saved = second.Save();
   ASSERT_EQ(third.Load(saved).ToString(), "ok");
-  EXPECT_EQ(third.Save(), saved);
   EXPECT_EQ(third.engine().atlas().session(), 2u);
+  // What is loaded has new ids, and keeps them when it is loaded once more.
+  const std::string renumbered = third.Save();
+  Session fourth;
+  ASSERT_EQ(fourth.Load(renumbered).ToString(), "ok");
+  EXPECT_EQ(fourth.Save(), renumbered);
+}
+
+// A patient's atlas is carried on from procedure to procedure; each has all ids but those of what it loads.
+TEST_F(SecondSession, IdsOfKeyframesDoNotRunOutOverTheYears) {
+  EngineConfig config = test::SmallEngineConfig();
+  config.memory.max_keyframe_ids = 2 * static_cast<int>(first_->engine().atlas().num_keyframe_ids());
+  std::string file = *file_;
+  std::size_t num_made = first_->engine().atlas().num_keyframe_ids();
+  for (std::uint32_t number = 1; number <= 5; ++number) {
+    SCOPED_TRACE(number);
+    Session session(config);
+    ASSERT_EQ(session.Load(file).ToString(), "ok");
+    const std::size_t num_loaded = session.engine().atlas().num_keyframe_ids();
+    EXPECT_EQ(num_loaded, session.engine().atlas().keyframes().size());
+    session.Move(1.0, 3.5, 60);
+    session.Run();
+    EXPECT_EQ(session.results().back().state, TrackingState::kTracking);
+    num_made += session.engine().atlas().num_keyframe_ids() - num_loaded;
+    EXPECT_EQ(session.engine().mapper_counters().num_keyframe_ids_refused, 0u);
+    EXPECT_EQ(session.engine().atlas().session(), number);
+    EXPECT_EQ(CheckInvariants(session.engine().atlas()).ToString(), "ok");
+    file = session.Save();
+  }
+  EXPECT_GT(num_made, static_cast<std::size_t>(config.memory.max_keyframe_ids)) << "all runs together";
 }
 
 TEST_F(SecondSession, PlaceThatTheLoadedMapDoesNotHoldStaysApart) {

@@ -1,5 +1,7 @@
 #include "engine/place/place_recogniser.h"
 
+#include "engine/place/rival_poses.h"
+
 namespace haustra {
 namespace {
 
@@ -44,7 +46,8 @@ void PlaceRecogniser::Verify(PlaceTask* task) {
 
 bool PlaceRecogniser::HasRival(PlaceTask* task, const PlaceCandidate& accepted) {
   const CommonArea& area = task->area;
-  const Eigen::Vector3d centre = task->query.first().cam_from_map.InverseTranslation();
+  const SE3& cam_from_map = task->query.first().cam_from_map;
+  const double agreement = config_.place.recognition.rival_agreement;
   for (const int i : accepted.rivals) {
     const PlaceCandidate& candidate = task->candidates[static_cast<std::size_t>(i)];
     const bool is_accepted = verifier_.Verify(task->query, candidate.group, rng_, &rival_);
@@ -52,8 +55,7 @@ bool PlaceRecogniser::HasRival(PlaceTask* task, const PlaceCandidate& accepted) 
     task->report.tried.push_back(rival_.counts);
     if (rival_.counts.verdict == CommonAreaVerdict::kImplausibleDrift) return true;
     if (!is_accepted || candidate.group.map_id != accepted.group.map_id) continue;
-    const double apart = (area.b_from_a * centre - rival_.b_from_a * centre).norm();
-    if (apart > config_.place.recognition.rival_agreement * area.median_depth_in_b) return true;
+    if (AreRivals(cam_from_map, area.b_from_a, rival_.b_from_a, area.median_depth_in_b, agreement)) return true;
   }
   return false;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/geometry/ellipse_spread.h"
+#include "engine/place/rival_poses.h"
 #include "engine/place/strongest_features.h"
 
 namespace haustra {
@@ -99,7 +100,6 @@ bool Relocaliser::HasRival(const Atlas& atlas, const FrameFeatures& features, st
                            const Relocalisation& accepted) {
   const RecognitionConfig& recognition = config_.place.recognition;
   const double min_votes = recognition.rival_share * accepted.counts.num_votes;
-  const double max_apart = recognition.rival_agreement * accepted.median_depth;
   int num_tried = 0;
   for (std::size_t i = accepted_idx + 1; i < candidates_.size() && num_tried < options_.max_candidates; ++i) {
     const RetrievalCandidate& candidate = candidates_[i];
@@ -107,8 +107,9 @@ bool Relocaliser::HasRival(const Atlas& atlas, const FrameFeatures& features, st
     if (atlas.keyframe(candidate.keyframe).map != accepted.map) continue;
     ++num_tried;
     if (TryNext(atlas, features, candidate, &rival_) != RelocalisationVerdict::kAccepted) continue;
-    const double apart = (accepted.cam_from_map.InverseTranslation() - rival_.cam_from_map.InverseTranslation()).norm();
-    if (apart > max_apart) return true;
+    if (AreRivals(accepted.cam_from_map, rival_.cam_from_map, accepted.median_depth, recognition.rival_agreement)) {
+      return true;
+    }
   }
   return false;
 }

@@ -287,7 +287,8 @@ void AddRecognition(Fields* out) {
   out->push_back(Recognition<&C::rival_share>("rival_share", {0, 1}, "",
                                               "a rival place needs this share of the votes of the best to be heard"));
   out->push_back(Recognition<&C::rival_agreement>(
-      "rival_agreement", {0.01, 10}, "", "camera positions by two verified places of one map, over the median depth"));
+      "rival_agreement", {0.01, 10}, "",
+      "poses by two verified places of one map: positions over the median depth, angles in radians"));
 }
 
 template <auto kMember>
@@ -381,7 +382,7 @@ void AddMemory(Fields* out) {
   out->push_back(Memory<&C::max_map_points>("max_map_points", {1000, 10000000}, "points", "of all maps"));
   out->push_back(Memory<&C::max_maps>("max_maps", {2, 10000}, "maps", "of the atlas"));
   out->push_back(Memory<&C::max_keyframe_ids>("max_keyframe_ids", {100, 10000000}, "keyframes",
-                                              "ever made in one run, culled ones included"));
+                                              "of one run: loaded keyframes, and all made, culled ones too"));
   out->push_back(Memory<&C::max_local_points>("max_local_points", {500, 100000}, "points", "of a local map snapshot"));
   out->push_back(
       Memory<&C::max_proposals>("max_proposals", {2, 32}, "", "keyframes and maps that wait for the mapper"));

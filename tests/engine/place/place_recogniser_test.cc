@@ -92,6 +92,18 @@ TEST_F(PlaceRecogniserTest, TwoPlacesOfOneMapThatAgreeAreAmbiguous) {
   EXPECT_EQ(ToString(task_.report.tried.back().verdict), "ambiguous");
 }
 
+// The scope stands between the two places.
+TEST_F(PlaceRecogniserTest, TwoPlacesSeenFromTheSamePositionAreAmbiguous) {
+  RecordProperty("req", "MRG-001");
+  const int wall = colon_.AddWall(3.0, 10.0, 25 * 97);
+  const SE3 turned(ExpSO3({0.0, std::numbers::pi, 0.0}), {0.0, 0.0, 6.0});  // about (0, 0, 3)
+  colon_.AddMovedTwin(wall, 25 * 97, turned);
+  colon_.AddMapOfTwins(&atlas_, 2.9, 4.5, 16, turned, Sim3{});
+  const int first = colon_.AddMap(&atlas_, 3.0, 3.1, 10, map_from_world_).first;
+  EXPECT_FALSE(Recognise(first + 4));
+  EXPECT_EQ(ToString(task_.area.counts.verdict), "ambiguous");
+}
+
 TEST_F(PlaceRecogniserTest, LostDeviceIsReported) {
   colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});

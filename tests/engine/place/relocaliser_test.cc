@@ -90,6 +90,18 @@ TEST_F(RelocaliserTest, SecondPlaceThatAgreesMakesItAmbiguous) {
   EXPECT_EQ(ToString(tried_.back().verdict), "ambiguous");
 }
 
+// The scope stands between two walls that cannot be told apart, and looks at one of them.
+TEST_F(RelocaliserTest, SecondPlaceSeenFromTheSamePositionMakesItAmbiguous) {
+  RecordProperty("req", "MRG-001");
+  const int wall = colon_.AddWall(3.0, 10.0, 25 * 97);
+  const SE3 turned(ExpSO3({0.0, std::numbers::pi, 0.0}), {0.0, 0.0, 6.0});  // about (0, 0, 3)
+  colon_.AddMovedTwin(wall, 25 * 97, turned);
+  colon_.AddMapOfTwins(&atlas_, 2.9, 4.5, 16, turned, map_from_world_);
+  EXPECT_FALSE(Relocalise(See(colon_.ViewFrom(3.02))));
+  ASSERT_GE(tried_.size(), 1u);
+  EXPECT_EQ(ToString(tried_.back().verdict), "ambiguous");
+}
+
 TEST_F(RelocaliserTest, ExcludedMapIsNotSearched) {
   colon_.AddWall(0.0, 12.0, 4000);
   colon_.AddMap(&atlas_, 0.0, 8.0, 30, map_from_world_);

@@ -72,6 +72,15 @@ class SyntheticColon {
     return twin;
   }
 
+  // A copy of `count` landmarks from `first` that looks the same and is the same wall in another place.
+  void AddMovedTwin(int first, int count, const SE3& twin_from_wall) {
+    for (int i = first; i < first + count; ++i) {
+      Landmark landmark = landmarks_[i];
+      landmark.position = twin_from_wall * landmark.position;
+      landmarks_.push_back(landmark);
+    }
+  }
+
   // A view along the tube from z, a little off the axis.
   SE3 ViewFrom(double z) {
     const SE3 wobble = RandomPose(rng_, 0.15, 0.0);
@@ -180,6 +189,19 @@ class SyntheticColon {
     const int last = static_cast<int>(frames_.size());
     AddPoints(atlas, first, last, 0.005, [](int, int) { return 0; });
     return {first, last};
+  }
+
+  // A map of the wall and of its moved twin: of each view from z = begin to end, what shows the twin in the same way.
+  void AddMapOfTwins(Atlas* atlas, double begin, double end, int num, const SE3& twin_from_wall,
+                     const Sim3& map_from_world) {
+    const MapHandle map = atlas->CreateMap();
+    const int first = static_cast<int>(frames_.size());
+    for (int i = 0; i < num; ++i) {
+      const SE3 view = ViewFrom(begin + (end - begin) * i / (num - 1));
+      AddKeyframe(atlas, map, view, map_from_world);
+      AddKeyframe(atlas, map, view * twin_from_wall.Inverse(), map_from_world);
+    }
+    AddPoints(atlas, first, static_cast<int>(frames_.size()), 0.005, [](int, int) { return 0; });
   }
 
   // Of copies, as the recogniser does.

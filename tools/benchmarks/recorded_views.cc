@@ -55,8 +55,8 @@ Status AddTruth(const std::string& path, const SequenceOptions& part, RecordedSe
 
 }  // namespace
 
-Result<RecordedSequence> ReadViews(const std::string& path, int every_nth, const EngineConfig& config, int num_threads,
-                                   VisionDevice& device) {
+Result<RecordedSequence> ReadViews(const std::string& path, int every_nth, const EngineConfig& config,
+                                   const std::string& extractor_name, int num_threads, VisionDevice& device) {
   SequenceOptions options;
   options.every_nth = static_cast<std::uint32_t>(every_nth);
   HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(path, options));
@@ -66,7 +66,7 @@ Result<RecordedSequence> ReadViews(const std::string& path, int every_nth, const
   EngineConfig small = config;
   small.memory.max_keyframes = 1;
   HAUSTRA_ASSIGN(const std::unique_ptr<VisionDevice> extractor,
-                 CreateVisionDevice("cpu", small, source->calibration(), num_threads));
+                 CreateVisionDevice(extractor_name, small, source->calibration(), num_threads));
   HAUSTRA_TRY(extractor->SetStaticMask(source->static_mask()));
   std::vector<std::uint8_t> descriptors(static_cast<std::size_t>(config.features.max) * kDescriptorBytes);
   while (true) {

@@ -32,8 +32,9 @@ struct RecordedSequence {
 };
 
 // Every n-th frame, its features extracted as config.features says, on a device of the sequence's own (size and mask
-// are its own), and written to a set of `device`. num_threads: of the extractor. Errors name the path.
-Result<RecordedSequence> ReadViews(const std::string& path, int every_nth, const EngineConfig& config, int num_threads,
-                                   VisionDevice& device);
+// are its own), and written to a set of `device`. Name and threads are those of the extractor (platform/assemble.h).
+// Errors name the path.
+Result<RecordedSequence> ReadViews(const std::string& path, int every_nth, const EngineConfig& config,
+                                   const std::string& extractor_name, int num_threads, VisionDevice& device);
 
 }  // namespace haustra::benchmarks

@@ -1,7 +1,7 @@
 // Recall and time of both retrievals on sequences with ground truth.
 //
 //   haustra_retrieval_benchmark SEQUENCE... [--vocabulary FILE] [--every 8] [--distractors 2] [--gap 5]
-//                               [--database 1200] [--depth 4] [--words 0] [--set KEY=VALUE]
+//                               [--database 1200] [--depth 4] [--words 0] [--device cpu] [--set KEY=VALUE]
 //
 // Each SEQUENCE with a groundtruth.txt is tested in turn; the others are the rest of the atlas. Of the tested one every
 // --every-th frame is a keyframe, of the others every --distractors-th, the clear ones, as many as make --database
@@ -36,7 +36,7 @@
 #include "engine/place/make_retrieval.h"
 #include "engine/place/strongest_features.h"
 #include "engine/place/vocabulary.h"
-#include "kernels/cpu/cpu_vision_device.h"
+#include "platform/assemble.h"
 #include "platform/config/engine_config_table.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/benchmarks/recorded_views.h"
@@ -62,6 +62,7 @@ struct Arguments {
   int features = 800;  // of a picture, for training
   int words = 0;       // features of a view that are looked up in a vocabulary; 0: retrieval.max_descriptors
   int threads = 2;
+  std::string device = "cpu";  // extracts, keeps, matches
 };
 
 constexpr int kMaxResults = 10;
@@ -284,10 +285,10 @@ class Benchmark {
       HAUSTRA_ASSIGN(const std::unique_ptr<FrameSource> source, OpenSequence(path, options));
       plan.max_feature_sets += static_cast<int>(source->num_frames());
     }
-    HAUSTRA_ASSIGN(device_, CreateCpuVisionDevice(plan, Engine::ExtractOptionsFor(config_), 1));
+    HAUSTRA_ASSIGN(device_, CreateVisionDevice(arguments_.device, plan, Engine::ExtractOptionsFor(config_), 1));
     for (const std::string& path : arguments_.sequences) {
       HAUSTRA_ASSIGN(RecordedSequence sequence,
-                     ReadViews(path, arguments_.distractors, config_, arguments_.threads, *device_));
+                     ReadViews(path, arguments_.distractors, config_, arguments_.device, arguments_.threads, *device_));
       std::printf("%s: %zu frames read%s\n", path.c_str(), sequence.views.size(),
                   sequence.has_truth ? "" : ", no groundtruth.txt");
       std::fflush(stdout);
@@ -459,6 +460,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 8000))
       ->capture_default_str();
   app.add_option("--threads", arguments.threads, "For reading the sequences")->capture_default_str();
+  app.add_option("--device", arguments.device, "cpu or cuda")->capture_default_str();
   app.add_option("--set", arguments.assignments, "Overrides one key of the configuration: section.key=value");
   CLI11_PARSE(app, argc, argv);
   return haustra::benchmarks::Run(arguments);

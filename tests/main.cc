@@ -4,8 +4,9 @@
 //     test_hal slot_pool_test.cc status_test.cc [GoogleTest's flags]
 //
 // Beside sources a filter may only leave tests out (GTEST_FILTER=-*DeathTest*).
-// Tests of a header (a contract) stand in the header. Sources without any test, and a run without a test, fail; a run in
-// which every test was skipped ends with 77, which ctest shows as skipped. GoogleTest alone would call all three a success.
+// Tests of a header (a contract) stand in the header. Sources without any test, and a run without a test, fail; a run
+// in which every test was skipped ends with 77, which ctest shows as skipped. GoogleTest alone would call all three a
+// success.
 #include <gtest/gtest.h>
 
 #include <cstdio>

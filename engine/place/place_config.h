@@ -56,8 +56,8 @@ struct CommonAreaConfig {
 };
 
 struct RecognitionConfig {
-  int max_candidates = 3;        // verified for one keyframe [1, 20]
-  double rival_share = 0.5;      // a rival place needs this share of the votes of the best to be heard [0, 1]
+  int max_candidates = 3;    // verified for one keyframe [1, 20]
+  double rival_share = 0.5;  // a rival place needs this share of the votes of the best to be heard [0, 1]
   // Two verified places of one map agree within it (place/rival_poses.h) [0.01, 10].
   double rival_agreement = 0.3;
 };

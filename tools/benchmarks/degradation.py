@@ -81,6 +81,7 @@ CURVES = {
     "lensdrops": ("drops on the lens", "of 12 % of the height", option("lens-drops"), [0, 4, 8, 16, 32]),
     "stool": ("film of stool", "% of the wall", option("stool"), [0, 10, 20, 40, 60]),
     "blood": ("blood", "% of the wall", option("blood"), [0, 10, 20, 40, 60]),
+    "fluid": ("pools of liquid", "% of the radius deep", option("fluid"), [0, 15, 30, 45, 60]),
     "collapse": ("lumen that closes", "% of the radius", option("collapse"), [0, 5, 10, 20, 40]),
     "narrowband": ("narrow-band light", "s", event("narrowband"), [0, 1, 2, 4, 8]),
     "instrument": ("instrument in view", "s", event("instrument"), [0, 1, 2, 4, 8]),

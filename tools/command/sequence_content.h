@@ -7,6 +7,6 @@ namespace haustra {
 
 inline constexpr FolderContent kSequenceContent{
     "a sequence",
-    R"(depth(/\d{6,}\.pgm)?|frames(/\d{6,}\.(jpg|png))?|times\.(txt|recording)|calib(_true)?\.yaml|mask\.png|groundtruth\.txt|(events|revisits|seen_wall)\.csv)"};
+    R"(depth(/\d{6,}\.pgm)?|frames(/\d{6,}\.(jpg|png))?|normals(/\d{6,}\.png)?|times\.(txt|recording)|calib(_true)?\.yaml|mask\.png|groundtruth\.txt|(events|revisits|seen_wall)\.csv)"};
 
 }  // namespace haustra

@@ -20,7 +20,8 @@ Colon::Colon(const ColonStyle& style, std::uint64_t seed)
       rng_(seed, 0x5ce),
       centreline_(CurveShape(style), rng_),
       lumen_(style.lumen, style.length_mm, style.twin, rng_),
-      mesh_(centreline_, lumen_, style.dome_mm) {
+      mesh_(centreline_, lumen_, style.dome_mm),
+      fluid_(style.fluid, centreline_, seed) {
   if (style.remodel > 0.0) mesh_.Remodel(style.remodel, style.remodel_seed, style.lumen.min_opening_mm);
 }
 

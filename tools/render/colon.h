@@ -8,6 +8,7 @@
 #include "tools/render/breathing.h"
 #include "tools/render/centreline.h"
 #include "tools/render/colon_mesh.h"
+#include "tools/render/fluid_level.h"
 #include "tools/render/lumen_shape.h"
 #include "tools/render/twin_segment.h"
 
@@ -26,6 +27,7 @@ struct ColonStyle {
   double remodel = 0.0;
   std::uint64_t remodel_seed = 0;
   static constexpr double kMaxRemodel = 0.15;
+  double fluid = 0.0;  // depth of the pools of liquid over the usual radius, [0, FluidLevel::kMaxShare]
 };
 
 class Colon {
@@ -36,6 +38,7 @@ class Colon {
   const Centreline& centreline() const { return centreline_; }
   const LumenShape& lumen() const { return lumen_; }
   const ColonMesh& mesh() const { return mesh_; }
+  const FluidLevel& fluid() const { return fluid_; }
 
  private:
   ColonStyle style_;
@@ -43,6 +46,7 @@ class Colon {
   Centreline centreline_;
   LumenShape lumen_;
   ColonMesh mesh_;
+  FluidLevel fluid_;
 };
 
 }  // namespace haustra::render

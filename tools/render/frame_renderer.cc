@@ -8,6 +8,7 @@
 #include "engine/surface/depth_map.h"
 #include "tools/render/blood.h"
 #include "tools/render/lighting.h"
+#include "tools/render/liquid_look.h"
 #include "tools/render/narrow_band.h"
 
 namespace haustra::render {
@@ -15,8 +16,12 @@ namespace {
 
 // Samples of one pixel whose ranges differ by more than this share see different walls.
 constexpr float kEdgeRatio = 1.05f;
+// Where the liquid on the wall is thinner than so many pixels it ends nearby.
+constexpr float kShorePx = 8.0f;
 // What lies far down the lumen fades out before the rendered part of the wall ends: from so far on it is black.
 constexpr float kBlackMm = 165.0f, kFadeMm = 50.0f;
+
+float FadeAt(float range_mm) { return std::clamp((kBlackMm - range_mm) * (1.0f / kFadeMm), 0.0f, 1.0f); }
 
 }  // namespace
 
@@ -43,9 +48,36 @@ FrameRenderer::FrameRenderer(const Colon& colon, const MucosaTexture& mucosa, co
   }
 }
 
-void FrameRenderer::Accumulate(std::span<const ExposureMoment> rows_seen, float weight, LinearImage* image) {
+void FrameRenderer::Project(std::span<const ExposureMoment> rows_seen) {
   mesh_.Project(colon_, camera_, rows_seen);
   visibility_.Rasterise(mesh_);
+  if (!colon_.fluid().is_active()) return;
+  const double time_s = rows_seen[rows_seen.size() / 2].time_s;
+  colon_.fluid().FindLevels(colon_.mesh(), colon_.style().breathing, time_s, &liquid_level_mm_);
+}
+
+float FrameRenderer::LiquidMm(int ring, const Eigen::Vector3f& ray, float wall_mm, const ExposureMoment& moment) const {
+  constexpr float kNowhere = std::numeric_limits<float>::infinity();
+  if (liquid_level_mm_.empty()) return kNowhere;
+  // A quad at the shore has one ring in the liquid; no quad has its rings in two pools.
+  const std::size_t first = mesh_.first_ring + ring;
+  const double level_mm = std::max(liquid_level_mm_[first], liquid_level_mm_[first + 1]);
+  if (level_mm == FluidLevel::kDry) return kNowhere;
+  const Eigen::Vector3d& up = colon_.fluid().up();
+  const auto camera_mm = static_cast<float>(up.dot(moment.world_from_cam.translation) - level_mm);
+  const auto rise = static_cast<float>((moment.world_from_cam.rotation * ray.cast<double>()).dot(up));
+  // From below it is never seen: a ray that seems to is one at the edge of a crest (ShadeRay says why).
+  if (camera_mm <= 0.0f || camera_mm + rise * wall_mm >= 0.0f) return kNowhere;
+  // The wall is under the liquid and nothing stands before it: the ray has come through the surface of this pool.
+  return camera_mm / -rise;
+}
+
+float FrameRenderer::LiquidFootprintMm(float range_mm, float rise) const {
+  return range_mm / static_cast<float>(camera_.focal_px()) / std::max(-rise, 0.05f);
+}
+
+void FrameRenderer::Accumulate(std::span<const ExposureMoment> rows_seen, float weight, LinearImage* image) {
+  Project(rows_seen);
   for (int y = 0; y < image->height; ++y) {
     const ExposureMoment& moment = rows_seen.size() > 1 ? rows_seen[y] : rows_seen.front();
     for (int x = 0; x < image->width; ++x) {
@@ -58,11 +90,12 @@ void FrameRenderer::Accumulate(std::span<const ExposureMoment> rows_seen, float 
   }
 }
 
-void FrameRenderer::MeasureRange(const ExposureMoment& moment, int step_px, std::vector<float>* range_mm) {
-  mesh_.Project(colon_, camera_, std::span(&moment, 1));
-  visibility_.Rasterise(mesh_);
+void FrameRenderer::MeasureRange(const ExposureMoment& moment, int step_px, std::vector<float>* range_mm,
+                                 std::vector<Eigen::Vector3f>* normals) {
+  Project(std::span(&moment, 1));
   const int width = camera_.width_px() / step_px, height = camera_.height_px() / step_px;
   range_mm->assign(std::size_t(width) * height, 0.0f);
+  if (normals != nullptr) normals->assign(range_mm->size(), Eigen::Vector3f::Zero());
   for (int row = 0; row < height; ++row) {
     for (int column = 0; column < width; ++column) {
       const double x = CellCentrePx(column, step_px), y = CellCentrePx(row, step_px);
@@ -70,7 +103,8 @@ void FrameRenderer::MeasureRange(const ExposureMoment& moment, int step_px, std:
       if (window_.coverage(static_cast<int>(x), static_cast<int>(y)) < 1.0f) continue;
       if (!camera_.Unproject({x, y}, &bearing)) continue;
       const Eigen::Vector3f ray = bearing.cast<float>();
-      float range = std::numeric_limits<float>::infinity();
+      float range = std::numeric_limits<float>::infinity(), liquid = range;
+      Eigen::Vector3f normal = Eigen::Vector3f::Zero();
       // The sample that lies nearest: of two a pixel, half a pixel apart.
       const int sample_x = static_cast<int>(std::lround(2.0 * x + 0.5));
       const int sample_y = static_cast<int>(std::lround(2.0 * y + 0.5));
@@ -79,23 +113,28 @@ void FrameRenderer::MeasureRange(const ExposureMoment& moment, int step_px, std:
         int corners[3];
         ProjectedMesh::Corners(triangle, corners);
         const Eigen::Vector3f& a = mesh_.vertices[corners[0]].position;
-        const Eigen::Vector3f normal =
-            (mesh_.vertices[corners[1]].position - a).cross(mesh_.vertices[corners[2]].position - a);
+        normal = (mesh_.vertices[corners[1]].position - a).cross(mesh_.vertices[corners[2]].position - a);
         const float along = normal.dot(ray), met = normal.dot(a);
         // At the edge of the wall the ray may miss the triangle of the sample beside it; the plane is then no wall.
         const float beside = 1.0f / visibility_.inverse_range(sample_x, sample_y);
         if (std::abs(along) > 1e-12f && std::abs(met / along - beside) < 0.1f * beside) range = met / along;
+        liquid = LiquidMm(static_cast<int>(triangle >> 1) / ProjectedMesh::kM, ray, range, moment);
       }
       InstrumentHit hit;
-      if (moment.instrument.Meet(ray, &hit)) range = std::min(range, hit.range_mm);
-      if (range < kBlackMm) (*range_mm)[std::size_t(row) * width + column] = range;
+      if (moment.instrument.Meet(ray, &hit) && hit.range_mm < range) {
+        range = hit.range_mm;
+        normal = hit.normal;
+      }
+      if (!(range < kBlackMm) || liquid < range) continue;
+      const std::size_t cell = std::size_t(row) * width + column;
+      (*range_mm)[cell] = range;
+      if (normals != nullptr) (*normals)[cell] = (normal.dot(ray) > 0.0f ? -normal : normal).normalized();
     }
   }
 }
 
 void FrameRenderer::FindSeenWall(const ExposureMoment& moment, SeenWall* seen) {
-  mesh_.Project(colon_, camera_, std::span(&moment, 1));
-  visibility_.Rasterise(mesh_);
+  Project(std::span(&moment, 1));
   const Eigen::Matrix3d world_from_cam = moment.world_from_cam.matrix3();
   for (int y = 0; y < camera_.height_px(); ++y) {
     for (int x = 0; x < camera_.width_px(); ++x) {
@@ -110,8 +149,10 @@ void FrameRenderer::FindSeenWall(const ExposureMoment& moment, SeenWall* seen) {
         if (triangle == VisibilityBuffer::kNothing) continue;
         const double range_mm = 1.0 / visibility_.inverse_range(i, j);
         if (has_hit && hit.range_mm < range_mm) continue;
-        const int quad = static_cast<int>(triangle >> 1);
-        seen->Note(mesh_.first_ring + quad / ProjectedMesh::kM, quad % ProjectedMesh::kM, range_mm, ray_in_world);
+        const int quad = static_cast<int>(triangle >> 1), ring = quad / ProjectedMesh::kM;
+        const float liquid_mm = LiquidMm(ring, ray, static_cast<float>(range_mm), moment);
+        if (liquid_mm < static_cast<float>(range_mm)) continue;
+        seen->Note(mesh_.first_ring + ring, quad % ProjectedMesh::kM, range_mm, ray_in_world);
       }
     }
   }
@@ -132,10 +173,16 @@ void FrameRenderer::ShadePixel(int x, int y, const ExposureMoment& moment, float
     const std::uint32_t triangle = visibility_.triangle(2 * x, 2 * y);
     if (triangle == VisibilityBuffer::kNothing) {
       rgb[0] = rgb[1] = rgb[2] = 0.0f;
-    } else {
-      ShadeRay(triangle, rays_[index], moment, rgb);
+      return;
     }
-    return;
+    Liquid liquid;
+    const float wall_mm = ShadeRay(triangle, rays_[index], moment, rgb, &liquid);
+    if (liquid.range_mm >= wall_mm) return;
+    // The bright line along the shore may be thinner than a pixel.
+    if (wall_mm - liquid.range_mm > kShorePx * wall_mm / static_cast<float>(camera_.focal_px())) {
+      CoverWithLiquid(liquid, rays_[index], wall_mm, moment, rgb);
+      return;
+    }
   }
   rgb[0] = rgb[1] = rgb[2] = 0.0f;
   for (int k = 0; k < 4; ++k) {
@@ -144,16 +191,21 @@ void FrameRenderer::ShadePixel(int x, int y, const ExposureMoment& moment, float
     const float dx = (k & 1) != 0 ? 0.25f : -0.25f, dy = (k >> 1) != 0 ? 0.25f : -0.25f;
     const Eigen::Vector3f ray = (rays_[index] + dx * ray_dx_[index] + dy * ray_dy_[index]).normalized();
     float sample[3] = {0.0f, 0.0f, 0.0f};
-    float wall_mm = std::numeric_limits<float>::infinity();
-    if (triangle != VisibilityBuffer::kNothing) wall_mm = ShadeRay(triangle, ray, moment, sample);
+    float far_mm = std::numeric_limits<float>::infinity();
+    Liquid liquid;
+    if (triangle != VisibilityBuffer::kNothing) far_mm = ShadeRay(triangle, ray, moment, sample, &liquid);
     InstrumentHit hit;
-    if (is_near_instrument && instrument.Meet(ray, &hit) && hit.range_mm < wall_mm) ShadeInstrument(ray, hit, sample);
+    if (is_near_instrument && instrument.Meet(ray, &hit) && hit.range_mm < far_mm) {
+      ShadeInstrument(ray, hit, sample);
+      far_mm = hit.range_mm;
+    }
+    if (liquid.range_mm < far_mm) CoverWithLiquid(liquid, ray, far_mm, moment, sample);
     for (int c = 0; c < 3; ++c) rgb[c] += 0.25f * sample[c];
   }
 }
 
 float FrameRenderer::ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray, const ExposureMoment& moment,
-                              float rgb[3]) const {
+                              float rgb[3], Liquid* liquid) const {
   int corners[3];
   ProjectedMesh::Corners(triangle, corners);
   const ProjectedMesh::Vertex& a = mesh_.vertices[corners[0]];
@@ -210,10 +262,62 @@ float FrameRenderer::ShadeRay(std::uint32_t triangle, const Eigen::Vector3f& ray
   MucosaSample mucosa = mucosa_.Sample(footprint);
   if (moment.blood_share > 0.0f) CoverWithBlood(moment.blood_share, &mucosa);
   if (moment.is_narrow_band) ShowInNarrowBand(&mucosa);
+  liquid->range_mm = LiquidMm(ring, ray, range, moment);
+  if (liquid->range_mm < range) {
+    mucosa.wetness = 0.0f;  // no air touches it
+    liquid->shore_slope = ShoreSlope(point, ray, liquid->range_mm, moment);
+  }
   Shade(point, mucosa, moment.instrument, rgb);
-  const float fade = std::clamp((kBlackMm - range) * (1.0f / kFadeMm), 0.0f, 1.0f);
+  const float fade = FadeAt(range);
   for (int k = 0; k < 3; ++k) rgb[k] *= fade;
   return range;
+}
+
+Eigen::Vector2f FrameRenderer::ShoreSlope(const SurfacePoint& wall, const Eigen::Vector3f& ray, float liquid_mm,
+                                          const ExposureMoment& moment) const {
+  const FluidLevel& fluid = colon_.fluid();
+  const Eigen::Quaterniond cam_from_world = moment.world_from_cam.rotation.conjugate();
+  const Eigen::Vector3f up = (cam_from_world * fluid.up()).cast<float>();
+  const Eigen::Vector3f through = wall.position - liquid_mm * ray;
+  // The wall goes on to the shore as a plane.
+  const float facing_up = up.dot(wall.normal);
+  const Eigen::Vector3f level = wall.normal - facing_up * up;
+  const float steep = level.norm();
+  if (steep < 1e-3f) return Eigen::Vector2f::Zero();
+  const Eigen::Vector3f to_shore = level / -steep;
+  const float depth_mm = -up.dot(through);
+  const float to_shore_mm = to_shore.dot(through) + depth_mm * std::max(facing_up, 0.0f) / steep;
+  const float slope =
+      MeniscusSlope(steep / std::max(facing_up, 1e-3f), to_shore_mm, LiquidFootprintMm(liquid_mm, up.dot(ray)));
+  return slope * Eigen::Vector2f(to_shore.dot((cam_from_world * fluid.level_x()).cast<float>()),
+                                 to_shore.dot((cam_from_world * fluid.level_y()).cast<float>()));
+}
+
+void FrameRenderer::CoverWithLiquid(const Liquid& liquid, const Eigen::Vector3f& ray, float far_mm,
+                                    const ExposureMoment& moment, float rgb[3]) const {
+  const FluidLevel& fluid = colon_.fluid();
+  const Eigen::Quaterniond cam_from_world = moment.world_from_cam.rotation.conjugate();
+  SurfacePoint point;
+  point.position = liquid.range_mm * ray;
+  point.normal = (cam_from_world * fluid.up()).cast<float>();
+  point.along = (cam_from_world * fluid.level_x()).cast<float>();
+  point.around = (cam_from_world * fluid.level_y()).cast<float>();
+  point.footprint_mm = liquid.range_mm / static_cast<float>(camera_.focal_px());
+  const float rise = point.normal.dot(ray);
+  LiquidSurface surface = fluid.SurfaceAt(moment.world_from_cam * point.position.cast<double>(), moment.time_s,
+                                          LiquidFootprintMm(liquid.range_mm, rise));
+  surface.slope_x += liquid.shore_slope.x();
+  surface.slope_y += liquid.shore_slope.y();
+  const Eigen::Vector3f normal = point.normal - surface.slope_x * point.along - surface.slope_y * point.around;
+  LiquidLook look = LookInto(surface, far_mm - liquid.range_mm, -normal.normalized().dot(ray), -rise);
+  if (moment.is_narrow_band) {
+    ShowInNarrowBand(&look.sample);
+    ShowInNarrowBand(&look.through);
+  }
+  float liquid_rgb[3];
+  Shade(point, look.sample, moment.instrument, liquid_rgb);
+  const float fade = FadeAt(liquid.range_mm);
+  for (int c = 0; c < 3; ++c) rgb[c] = look.through[c] * rgb[c] + fade * liquid_rgb[c];
 }
 
 }  // namespace haustra::render

@@ -22,4 +22,9 @@ void ShowInNarrowBand(MucosaSample* sample) {
   sample->rgb[2] = kBlueShare * at_415;
 }
 
+void ShowInNarrowBand(std::array<float, 3>* through) {
+  const float at_540 = std::pow((*through)[1], kPower540), at_415 = std::pow((*through)[2], kPower415);
+  *through = {at_540, at_415, at_415};
+}
+
 }  // namespace haustra::render

@@ -3,11 +3,15 @@
 // towards cyan. reentrant.
 #pragma once
 
+#include <array>
+
 #include "tools/render/mucosa_texture.h"
 
 namespace haustra::render {
 
 // From the reflectance in white light. Wetness and relief stay.
 void ShowInNarrowBand(MucosaSample* sample);
+// The same of what a clear layer lets through.
+void ShowInNarrowBand(std::array<float, 3>* through);
 
 }  // namespace haustra::render

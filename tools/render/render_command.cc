@@ -30,7 +30,7 @@ struct RenderArguments {
   std::uint64_t seed = 1;
   std::optional<std::uint64_t> path_seed;
   std::optional<double> breathing_percent, contraction_percent, tangential_percent, remodel_percent;
-  std::optional<double> collapse_percent, collapse_period_s, stool_percent, blood_percent, blood_s;
+  std::optional<double> collapse_percent, collapse_period_s, stool_percent, blood_percent, blood_s, fluid_percent;
   std::optional<int> lens_drops;
   std::optional<double> drop_size_percent;
   render::Shutter shutter;
@@ -38,6 +38,7 @@ struct RenderArguments {
   int quality = 92;
   std::optional<double> tilt_deg;
   bool with_depth = false;
+  bool with_normals = false;
   bool with_seen_wall = false;
   bool overwrite = false;
 };
@@ -67,6 +68,7 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   if (arguments.contraction_percent) breathing.wave_amplitude = *arguments.contraction_percent / 100.0;
   if (arguments.tangential_percent) breathing.tangential = *arguments.tangential_percent / 100.0;
   if (arguments.remodel_percent) options.preset.colon.remodel = *arguments.remodel_percent / 100.0;
+  if (arguments.fluid_percent) options.preset.colon.fluid = *arguments.fluid_percent / 100.0;
   if (arguments.collapse_percent) breathing.pressure.collapse = *arguments.collapse_percent / 100.0;
   if (arguments.collapse_period_s) breathing.pressure.period_s = *arguments.collapse_period_s;
   render::MucosaStyle& mucosa = options.preset.mucosa;
@@ -81,6 +83,7 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   }
   if (arguments.tilt_deg) options.preset.path.tilt_deg = *arguments.tilt_deg;
   options.with_depth = arguments.with_depth;
+  options.with_normals = arguments.with_normals;
   options.with_seen_wall = arguments.with_seen_wall;
   options.overwrite = arguments.overwrite;
   options.num_threads =
@@ -184,6 +187,10 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
       ->add_option("--blood-spread", arguments->blood_s,
                    "Until blood has spread over its share, s; 0: from the start; by default 10")
       ->check(NumberBetween(0.0, 3600.0));
+  command
+      ->add_option("--fluid", arguments->fluid_percent,
+                   "Pools of liquid on the low side of the colon, their depth in % of the radius; by default 0")
+      ->check(NumberBetween(0.0, 100.0 * render::FluidLevel::kMaxShare));
   command->add_option("--lens-drops", arguments->lens_drops, "Drops that stay on the lens, at a time; by default 0")
       ->check(CLI::Range(0, 40));
   command
@@ -208,6 +215,8 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
       "of the first coefficient; calib_true.yaml is right");
   command->add_flag("--depth", arguments->with_depth,
                     "Write true depth, too: depth/NNNNNN.pgm, the range along the ray at a quarter of the size");
+  command->add_flag("--normals", arguments->with_normals,
+                    "Write true normals, too: normals/NNNNNN.png, in the camera, at a quarter of the size");
   command->add_flag("--seen-wall", arguments->with_seen_wall,
                     "Write which part of the wall the frames show, too: seen_wall.csv");
   command

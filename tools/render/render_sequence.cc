@@ -14,6 +14,7 @@
 #include "tools/command/sequence_content.h"
 #include "tools/render/exposure.h"
 #include "tools/render/interlace.h"
+#include "tools/render/normal_picture.h"
 #include "tools/render/out_of_range.h"
 #include "tools/render/revisits.h"
 #include "tools/render/seen_wall.h"
@@ -41,12 +42,17 @@ class FirstError {
   Status status_;
 };
 
-Status WriteRange(const std::string& folder, int frame, const SequenceModel& model, FrameRenderer* renderer) {
+// Depth, normals or both, as the options say.
+Status WriteGeometry(const std::string& folder, int frame, const SequenceModel& model, FrameRenderer* renderer) {
+  const RenderOptions& options = model.options();
   RangePicture picture;
-  picture.width = model.options().width_px / RangePicture::kStepPx;
-  picture.height = model.options().height_px / RangePicture::kStepPx;
-  model.MeasureRange(frame, RangePicture::kStepPx, renderer, &picture.range_mm);
-  return WriteFile(DepthPath(folder, frame), RangePictureBytes(picture));
+  picture.width = options.width_px / RangePicture::kStepPx;
+  picture.height = options.height_px / RangePicture::kStepPx;
+  std::vector<Eigen::Vector3f> normals;
+  model.MeasureRange(frame, RangePicture::kStepPx, renderer, &picture.range_mm, &normals);
+  if (options.with_depth) HAUSTRA_TRY(WriteFile(DepthPath(folder, frame), RangePictureBytes(picture)));
+  if (!options.with_normals) return Status::Ok();
+  return WritePng(NormalsPath(folder, frame), NormalPicture(normals, picture.width, picture.height).view());
 }
 
 Status WriteDescription(const std::string& folder, const SequenceModel& model) {
@@ -98,6 +104,8 @@ Status RenderOptions::Validate() const {
   const double remodel = preset.colon.remodel;
   if (!(remodel >= 0.0 && remodel <= ColonStyle::kMaxRemodel))
     return OutOfRange("remodel", remodel, "[0, 0.15] of the radius");
+  const double fluid = preset.colon.fluid;
+  if (!(fluid >= 0.0 && fluid <= FluidLevel::kMaxShare)) return OutOfRange("fluid", fluid, "[0, 0.6] of the radius");
   const PressureCurve& pressure = breathing.pressure;
   if (!(pressure.collapse >= 0.0 && pressure.collapse <= PressureCurve::kMaxCollapse)) {
     return OutOfRange("collapse", pressure.collapse, "[0, 0.4] of the radius");
@@ -133,6 +141,7 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
   HAUSTRA_ASSIGN(OutputFolder output, OutputFolder::Create(folder, kSequenceContent, options.overwrite));
   HAUSTRA_TRY(MakeFramesFolder(folder));
   if (options.with_depth) HAUSTRA_TRY(MakeDepthFolder(folder));
+  if (options.with_normals) HAUSTRA_TRY(MakeNormalsFolder(folder));
   HAUSTRA_TRY(WriteDescription(folder, *model));
 
   const int num_frames = options.num_frames(), num_threads = options.num_threads;
@@ -183,7 +192,9 @@ Status RenderSequence(const std::string& folder, const RenderOptions& options, c
         model->sensor().Develop(gain[i], begin + i, &second_light[i], &second_fields[worker]);
         WeaveFields(second_fields[worker], &pictures[worker]);
       }
-      if (options.with_depth) error.Note(WriteRange(folder, begin + i, *model, renderers[worker].get()));
+      if (options.with_depth || options.with_normals) {
+        error.Note(WriteGeometry(folder, begin + i, *model, renderers[worker].get()));
+      }
       if (options.with_seen_wall) model->FindSeenWall(begin + i, renderers[worker].get(), &seen_walls[worker]);
       error.Note(WriteJpeg(FramePath(folder, begin + i), pictures[worker].view(), options.jpeg_quality));
       const std::lock_guard<std::mutex> lock(progress_mutex);

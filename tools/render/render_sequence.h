@@ -2,6 +2,7 @@
 //   frames/%06d.jpg, times.txt (s), calib.yaml, mask.png,
 //   calib_true.yaml  the camera that took the pictures; only when calib.yaml was made to differ from it
 //   depth/%06d.pgm   true range of every fourth pixel (tools/command/range_picture.h); only when asked for
+//   normals/%06d.png true normals of the same (normal_picture.h); only when asked for
 //   seen_wall.csv    which part of the wall the frames show (seen_wall.h); only when asked for
 //   groundtruth.txt  TUM, world_from_cam, mm; the middle of the exposure
 //   events.csv       first_frame,last_frame,kind,visible
@@ -38,6 +39,7 @@ struct RenderOptions {
   Shutter shutter;
   CalibrationError calibration_error;
   bool with_depth = false;      // depth/%06d.pgm, too
+  bool with_normals = false;    // normals/%06d.png, too
   bool with_seen_wall = false;  // seen_wall.csv, too
   bool overwrite = false;       // replace a sequence that is already there
   // Once it is set the work ends with kCancelled; looked at once a frame. Null: it is always done.

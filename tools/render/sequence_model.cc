@@ -80,8 +80,9 @@ ExposureMoment SequenceModel::MomentAt(double time_s) const {
           blood_share};
 }
 
-void SequenceModel::MeasureRange(int frame, int step_px, FrameRenderer* renderer, std::vector<float>* range_mm) const {
-  renderer->MeasureRange(MomentAt(TimeS(frame)), step_px, range_mm);
+void SequenceModel::MeasureRange(int frame, int step_px, FrameRenderer* renderer, std::vector<float>* range_mm,
+                                 std::vector<Eigen::Vector3f>* normals) const {
+  renderer->MeasureRange(MomentAt(TimeS(frame)), step_px, range_mm, normals);
 }
 
 void SequenceModel::FindSeenWall(int frame, FrameRenderer* renderer, SeenWall* seen) const {

@@ -47,7 +47,8 @@ class SequenceModel {
   // The same of a picture whose middle row is half exposed at that time.
   void Expose(double time_s, FrameRenderer* renderer, LinearImage* light) const;
   // FrameRenderer::MeasureRange at the time of the frame, with all rows at once.
-  void MeasureRange(int frame, int step_px, FrameRenderer* renderer, std::vector<float>* range_mm) const;
+  void MeasureRange(int frame, int step_px, FrameRenderer* renderer, std::vector<float>* range_mm,
+                    std::vector<Eigen::Vector3f>* normals = nullptr) const;
   // FrameRenderer::FindSeenWall at the time of the frame, with all rows at once. Frames in which events hide the scene
   // show nothing.
   void FindSeenWall(int frame, FrameRenderer* renderer, SeenWall* seen) const;

@@ -33,7 +33,11 @@ Status MakeFramesFolder(const std::string& folder) { return MakeFolder(folder + 
 
 Status MakeDepthFolder(const std::string& folder) { return MakeFolder(folder + "/depth"); }
 
+Status MakeNormalsFolder(const std::string& folder) { return MakeFolder(folder + "/normals"); }
+
 std::string DepthPath(const std::string& folder, int frame) { return folder + Line("/depth/%06d.pgm", frame); }
+
+std::string NormalsPath(const std::string& folder, int frame) { return folder + Line("/normals/%06d.png", frame); }
 
 std::string FramePath(const std::string& folder, int frame) { return folder + Line("/frames/%06d.jpg", frame); }
 

@@ -13,8 +13,11 @@ namespace haustra::render {
 
 Status MakeFramesFolder(const std::string& folder);
 Status MakeDepthFolder(const std::string& folder);
+Status MakeNormalsFolder(const std::string& folder);
 // "FOLDER/depth/000042.pgm"
 std::string DepthPath(const std::string& folder, int frame);
+// "FOLDER/normals/000042.png"
+std::string NormalsPath(const std::string& folder, int frame);
 // "FOLDER/frames/000042.jpg"
 std::string FramePath(const std::string& folder, int frame);
 

@@ -78,6 +78,7 @@ TEST_F(RenderSequenceTest, StrengthsOfZeroChangeNoByte) {
   options.preset.lens_drops = {0, 30.0, 5.0, 6.0, 2.0};
   options.preset.mucosa.stool = 0.0;
   options.preset.mucosa.blood = {0.0, 1.0};
+  options.preset.colon.fluid = 0.0;
   ASSERT_TRUE(RenderSequence(Folder("b"), options, nullptr).ok());
   EXPECT_EQ(Content(Folder("a")), Content(Folder("b")));
 }
@@ -93,6 +94,10 @@ TEST_F(RenderSequenceTest, EveryStrengthGivesTheSameBytesOnAnyNumberOfThreads) {
   options.preset.lens_drops.count = 6;
   options.preset.mucosa.stool = 0.2;
   options.preset.mucosa.blood = {0.2, 0.2};
+  options.preset.colon.fluid = 0.5;
+  options.with_depth = true;
+  options.with_normals = true;
+  options.with_seen_wall = true;
   options.num_threads = 1;
   ASSERT_TRUE(RenderSequence(Folder("a"), options, nullptr).ok());
   options.num_threads = 3;
@@ -102,6 +107,34 @@ TEST_F(RenderSequenceTest, EveryStrengthGivesTheSameBytesOnAnyNumberOfThreads) {
   EXPECT_NE(Content(Folder("a")).at("frames/000003.jpg"), Content(Folder("c")).at("frames/000003.jpg"));
   // The truth is about the camera alone.
   EXPECT_EQ(Content(Folder("a")).at("groundtruth.txt"), Content(Folder("c")).at("groundtruth.txt"));
+}
+
+TEST_F(RenderSequenceTest, LiquidIsOfTheColonAndOutOfRangeIsNamed) {
+  RenderOptions options = Small(0.2);
+  options.preset.colon.fluid = 0.61;
+  EXPECT_EQ(options.Validate().message(), "fluid is 0.61, must be in [0, 0.6] of the radius");
+  options.preset.colon.fluid = -0.1;
+  EXPECT_FALSE(options.Validate().ok());
+  options.preset.colon.fluid = 0.5;
+  options.with_normals = true;
+  ASSERT_TRUE(RenderSequence(Folder("wet"), options, nullptr).ok());
+  ASSERT_TRUE(RenderSequence(Folder("dry"), Small(0.2), nullptr).ok());
+  auto wet = Content(Folder("wet")), dry = Content(Folder("dry"));
+  EXPECT_EQ(wet.size(), dry.size() + 5u);
+  EXPECT_NE(wet.at("frames/000002.jpg"), dry.at("frames/000002.jpg"));
+  const auto normals = ReadImage(Folder("wet") + "/normals/000002.png", ChannelChoice::kAsStored);
+  ASSERT_TRUE(normals.ok()) << normals.status().message();
+  EXPECT_EQ(normals->width(), 60);
+  EXPECT_EQ(normals->height(), 45);
+  // The rest of the truth is about the camera alone.
+  for (const char* file : {"groundtruth.txt", "calib.yaml", "events.csv", "revisits.csv", "times.txt", "mask.png"}) {
+    EXPECT_EQ(wet.at(file), dry.at(file)) << file;
+  }
+  // Its pictures are those of a sequence: another one may take its place.
+  options = Small(0.2);
+  options.overwrite = true;
+  ASSERT_TRUE(RenderSequence(Folder("wet"), options, nullptr).ok());
+  EXPECT_EQ(Content(Folder("wet")), dry);
 }
 
 TEST_F(RenderSequenceTest, WrongCalibrationLeavesPicturesAndTheTruthAsTheyAre) {

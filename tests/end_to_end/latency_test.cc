@@ -65,6 +65,13 @@ TEST(Latency, BadRequirementIsRefusedWithItsLineBeforeAnythingRuns) {
   EXPECT_NE(run.err.find("requirement.yaml:2:1: fast: unknown"), std::string::npos) << run.ToString();
 }
 
+TEST(Latency, WarmUpThatTakesAllTheTimeIsAWrongArgument) {
+  const CommandResult run = HaustraOnCpu({"latency", "/no/such/sequence", "--seconds", "2"});
+  EXPECT_EQ(run.exit_code, 64) << run.ToString();
+  EXPECT_NE(run.err.find("--seconds 2 leaves nothing after --warm-up 2"), std::string::npos) << run.ToString();
+  EXPECT_EQ(HaustraOnCpu({"latency", "/no/such/sequence", "--seconds", "2", "--warm-up", "1"}).exit_code, 66);
+}
+
 TEST(Latency, SequenceOrRenderedIsAsked) {
   EXPECT_EQ(Haustra({"latency"}).exit_code, 64);
   EXPECT_EQ(HaustraOnCpu({"latency", SequenceFolder("standard"), "--rendered"}).exit_code, 64);

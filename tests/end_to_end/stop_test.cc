@@ -259,5 +259,23 @@ TEST(StoppedLatency, SaysAfterHowLongAndWritesWhatWasMeasured) {
   EXPECT_NE(ReadBytes(out + "/latency.json").find("of 600.0 s"), std::string::npos);
 }
 
+TEST(StoppedLatency, WhileItWarmsUpHasMeasuredNothing) {
+  const std::string scratch = ScratchFolder(), out = scratch + "/out", requirement = scratch + "/requirement.yaml";
+  WriteBytes(out + "/latency.json", "earlier");
+  WriteBytes(requirement, "max_ms: 100000\nmisses: 0\n");
+  Command command(HaustraCommand({"latency", SequenceFolder("standard"), "--rate", HAUSTRA_END_TO_END_RATE, "--seconds",
+                                  "600", "--warm-up", "500", "--loop", "1", "--out", out, "--overwrite", "--require",
+                                  requirement, "--device", "cpu"}));
+  // The last thing before it measures.
+  const std::string aside = out + "/replaced-" + std::to_string(command.pid());
+  while (command.IsRunning() && !Exists(aside)) std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  command.Signal(SIGTERM);
+  const CommandResult result = command.Wait(kHangLimit);
+  EXPECT_EQ(result.exit_code, kExitStopped) << result.ToString();
+  EXPECT_EQ(result.out.find("REQUIREMENT MET"), std::string::npos) << result.ToString();
+  EXPECT_EQ(ReadBytes(out + "/latency.json"), "earlier");
+  EXPECT_FALSE(Exists(aside));
+}
+
 }  // namespace
 }  // namespace haustra::end_to_end

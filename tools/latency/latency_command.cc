@@ -44,6 +44,8 @@ namespace {
 constexpr const char* kLatencyCommand = "latency";
 constexpr FolderContent kLatencyContent{"a measurement", R"(latency\.(html|json)|histogram\.txt|trace\.json)"};
 
+constexpr double kDefaultSeconds = 60.0;
+
 struct LatencyArguments : ConfigurationOptions {
   std::string sequence;
   bool rendered = false;
@@ -97,6 +99,17 @@ Status WriteResults(const std::string& folder, const LatencyReport& report) {
   return WriteFile(folder + "/latency.html", MakeLatencyPage(report));
 }
 
+// What became of the frames, and what to change.
+Status NothingMeasured(const LatencyRecord& record, double seconds) {
+  char text[200];
+  std::snprintf(
+      text, sizeof(text),
+      "no frame was measured in %.1f s: %llu to warm up, %.0f dropped; give more --seconds, a shorter --warm-up, "
+      "or a smaller --rate where frames are dropped",
+      seconds, static_cast<unsigned long long>(record.num_warm_up()), record.Values().drops);
+  return FailedPrecondition(text);
+}
+
 // A device beside the one that is measured, small but never idle.
 Result<std::unique_ptr<VisionDevice>> MakeStressDevice(const LatencyArguments& arguments,
                                                        const CameraCalibration& calibration) {
@@ -146,6 +159,16 @@ int Measure(LatencyArguments arguments) {
     const Result<Requirement> loaded = LoadRequirement(arguments.require);
     if (!loaded.ok()) return console::Fail(kLatencyCommand, loaded.status());
     requirement = *loaded;
+  }
+  // So long as asked for; else as the requirement needs, with room for a dropped frame; else a minute.
+  const double asked_frames = requirement ? requirement->limits.back().value_or(0.0) : 0.0;
+  const bool ends_by_count = arguments.seconds == 0.0 && asked_frames >= 1;
+  const double stated_s = arguments.seconds > 0.0 ? arguments.seconds : kDefaultSeconds;
+  if (!ends_by_count && stated_s <= arguments.warm_up_s) {
+    char text[120];
+    std::snprintf(text, sizeof(text), "--seconds %g leaves nothing after --warm-up %g; give more, or a shorter warm-up",
+                  stated_s, arguments.warm_up_s);
+    return console::Fail(kLatencyCommand, InvalidArgument(text), kExitUsage);
   }
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
   if (!loaded.ok()) return console::Fail(kLatencyCommand, loaded.status(), kExitConfig);
@@ -200,15 +223,10 @@ int Measure(LatencyArguments arguments) {
 
   const double rate_hz = (calibration.rate_hz > 0 ? calibration.rate_hz : 25.0) * arguments.rate;
   const auto warm_up_frames = static_cast<std::uint32_t>(std::ceil(arguments.warm_up_s * rate_hz));
-  // So long as asked for; else as the requirement needs, with room for a dropped frame; else a minute.
-  const std::optional<double> asked_frames = requirement ? requirement->limits.back() : std::nullopt;
-  const bool ends_by_count = arguments.seconds == 0.0 && asked_frames.has_value() && *asked_frames >= 1;
-  const double seconds = arguments.seconds > 0.0 ? arguments.seconds
-                         : ends_by_count         ? arguments.warm_up_s + 1.05 * *asked_frames / rate_hz + 5.0
-                                                 : 60.0;
+  const double seconds = ends_by_count ? arguments.warm_up_s + 1.05 * asked_frames / rate_hz + 5.0 : stated_s;
   std::atomic<bool> stop{false};
   LatencyRecord record(warm_up_frames, static_cast<std::size_t>(std::lround(arguments.trace_s * rate_hz)),
-                       ends_by_count ? static_cast<std::uint64_t>(*asked_frames) : 0, [&stop] { stop = true; });
+                       ends_by_count ? static_cast<std::uint64_t>(asked_frames) : 0, [&stop] { stop = true; });
 
   LatencyReport report;
   report.title = "haustra latency " + (arguments.rendered ? std::string("(rendered)") : arguments.sequence);
@@ -264,6 +282,11 @@ int Measure(LatencyArguments arguments) {
     std::snprintf(text, sizeof(text), "stopped after %.1f of %.1f s", measured_s, seconds);
     stopped = text;
     report.settings.push_back({"length", stopped});
+  }
+  if (record.num_measured() == 0) {
+    if (output) output->Discard();
+    if (!stopped.empty()) return console::Fail(kLatencyCommand, Status(StatusCode::kCancelled, stopped));
+    return console::Fail(kLatencyCommand, NothingMeasured(record, seconds));
   }
   report.board_after = ReadBoardState("");
   if (requirement) report.verdict = Judge(*requirement, record.Values());

@@ -133,7 +133,8 @@ std::string PairsHtml(const std::vector<std::pair<std::string, std::string>>& pa
 }  // namespace
 
 bool LatencyReport::is_met() const {
-  return std::all_of(verdict.begin(), verdict.end(), [](const RequirementLine& line) { return line.is_met; });
+  return record->num_measured() > 0 &&
+         std::all_of(verdict.begin(), verdict.end(), [](const RequirementLine& line) { return line.is_met; });
 }
 
 std::string ToText(const LatencyReport& report) {

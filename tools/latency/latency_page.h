@@ -19,7 +19,7 @@ struct LatencyReport {
   BoardState board_after;
   const LatencyRecord* record = nullptr;
   std::vector<RequirementLine> verdict;  // empty: nothing was required
-  // All lines are met.
+  // Something was measured, and all lines are met.
   bool is_met() const;
 };
 

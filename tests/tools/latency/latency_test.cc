@@ -260,6 +260,18 @@ TEST(LatencyReport, TextJsonAndPageSayTheSame) {
   EXPECT_THAT(page, HasSubstr("new Chart('histogram'"));
 }
 
+TEST(LatencyReport, MeasurementWithoutAFrameMeetsNoRequirement) {
+  LatencyRecord record(10, 100, 0, {});
+  for (std::uint32_t i = 0; i < 10; ++i) record.OnFrame(Outcome(i, 12));
+  LatencyReport report;
+  report.record = &record;
+  report.verdict = Judge(*ParseRequirement("max_ms: 40\nmisses: 0\n", "r"), record.Values());
+  EXPECT_FALSE(report.is_met());
+  EXPECT_THAT(ToText(report), HasSubstr("REQUIREMENT NOT MET"));
+  EXPECT_FALSE(nlohmann::json::parse(ToJson(report)).at("met").get<bool>());
+  EXPECT_THAT(MakeLatencyPage(report), HasSubstr("Requirement not met"));
+}
+
 TEST(BoardState, ReadsWhatTheBoardHasAndNothingElse) {
   namespace fs = std::filesystem;
   const fs::path root = fs::path(::testing::TempDir()) / "haustra_board";

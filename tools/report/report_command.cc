@@ -1,7 +1,9 @@
 #include "tools/report/report_command.h"
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "tools/command/common_options.h"
@@ -19,22 +21,27 @@ constexpr const char* kReportCommand = "report";
 
 struct ReportArguments {
   report::ReportRequest request;
-  std::string html;
+  std::optional<std::string> html;  // nothing: beside the run
   bool overwrite = false;
 };
 
 int RunReport(const ReportArguments& arguments) {
   const report::ReportRequest& request = arguments.request;
+  // Else a run that is not there would pass for a place that cannot be written to.
+  if (std::error_code error; !arguments.html && !std::filesystem::is_directory(request.run, error)) {
+    return console::Fail(kReportCommand, NotFound(request.run + ": no such folder"));
+  }
+  const std::string html = arguments.html.value_or((std::filesystem::path(request.run) / "report.html").string());
   const FileContent content{"a report of haustra", {report::kRunPageStart}};
-  const Status checked = CheckOutputFile(arguments.html, content, arguments.overwrite,
+  const Status checked = CheckOutputFile(html, content, arguments.overwrite,
                                          {request.groundtruth, request.events, request.pictures.sequence});
   if (!checked.ok()) return console::FailWriting(kReportCommand, checked);
   const Result<std::string> page = report::MakeRunReport(request);
   if (!page.ok()) return console::Fail(kReportCommand, page.status());
-  if (const Status status = WriteFile(arguments.html, *page); !status.ok()) {
+  if (const Status status = WriteFile(html, *page); !status.ok()) {
     return console::FailWriting(kReportCommand, status);
   }
-  console::Tell("%s (%.1f MB)\n", arguments.html.c_str(), static_cast<double>(page->size()) * 1e-6);
+  console::Tell("%s (%.1f MB)\n", html.c_str(), static_cast<double>(page->size()) * 1e-6);
   return kExitOk;
 }
 
@@ -45,7 +52,7 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("report", "Show a run as one HTML page that needs no network");
   report::ReportRequest& request = arguments->request;
   command->add_option("out", request.run, "Output folder of haustra run")->required();
-  command->add_option("--html", arguments->html, "The page")->required();
+  command->add_option("--html", arguments->html, "The page (default: OUT/report.html)");
   AddOverwriteFlag(*command, arguments->overwrite);
   CLI::Option* groundtruth = command->add_option(
       "--groundtruth", request.groundtruth,

@@ -168,7 +168,7 @@ TEST_F(UsageErrorTest, OptionThatIsNoneIsNamedBeforeWhatIsMissing) {
   EXPECT_EQ(FirstLine("run seq --every_nth=3"), "haustra run: --every_nth: no such option; did you mean --every-nth?");
   EXPECT_EQ(FirstLine("run seq --undistort"), "haustra run: --undistort: no such option");
   EXPECT_EQ(FirstLine("report o --hmtl page.html"), "haustra report: --hmtl: no such option; did you mean --html?");
-  EXPECT_EQ(FirstLine("report o"), "haustra report: --html is required");
+  EXPECT_EQ(FirstLine("export o --format tum"), "haustra export: --out is required");
   EXPECT_EQ(FirstLine("run seq seq"), "haustra run: seq: one word too many");
 }
 

@@ -75,6 +75,20 @@ TEST_F(ReportCommandTest, OverwriteReplacesAnEarlierPageAndNoResultOfTheRun) {
   EXPECT_EQ(folder_.Read("out/frames.csv"), frames);
 }
 
+TEST_F(ReportCommandTest, PageGoesBesideTheRunUnlessAnotherPlaceIsNamed) {
+  ASSERT_EQ(Run({"report", At("out")}), kExitOk) << err_;
+  const std::string page = folder_.Read("out/report.html");
+  EXPECT_THAT(page, HasSubstr("No ground truth was given"));
+  EXPECT_EQ(Run({"report", At("out"), "--groundtruth", At("groundtruth.txt")}), kExitInTheWay);
+  EXPECT_THAT(err_, HasSubstr("out/report.html: exists already; --overwrite replaces it"));
+  EXPECT_EQ(folder_.Read("out/report.html"), page);
+  EXPECT_EQ(Run({"report", At("out"), "--groundtruth", At("groundtruth.txt"), "--overwrite"}), kExitOk) << err_;
+  EXPECT_NE(folder_.Read("out/report.html"), page);
+  EXPECT_EQ(Run({"report", At("none")}), kExitNoInput);
+  EXPECT_THAT(err_, HasSubstr("none: no such folder"));
+  EXPECT_EQ(Run({"report", At("out/frames.csv")}), kExitNoInput);
+}
+
 TEST_F(ReportCommandTest, RunWhoseMapsAreGoneHasNoReport) {
   std::filesystem::remove_all(At("out/maps"));
   EXPECT_EQ(Run({"report", At("out"), "--html", At("r.html")}), kExitNoInput);
@@ -131,7 +145,6 @@ TEST_F(ReportCommandTest, DamagedModelIsNamedWithItsLine) {
 }
 
 TEST_F(ReportCommandTest, UsageAndWriteErrorsHaveTheirCodes) {
-  EXPECT_EQ(Run({"report", At("out")}), kExitUsage);
   EXPECT_EQ(Run({"report", "--html", At("r.html")}), kExitUsage);
   EXPECT_EQ(Run({"report", At("out"), "--html", At("r.html"), "--events", At("e.csv")}), kExitUsage);
   EXPECT_EQ(Run({"report", At("out"), "--html", At("no/such/r.html")}), kExitIo);

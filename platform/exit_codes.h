@@ -32,15 +32,16 @@ inline constexpr ExitCodeMeaning kExitCodeMeanings[] = {
     {kExitNotMet, "measured, and not good enough; refused by the service"},
     {kExitUsage, "wrong arguments"},
     {kExitBadData, "a file or a frame is not what it should be"},
-    {kExitNoInput, "a file or folder to read is not there"},
+    {kExitNoInput, "a file or folder to read is not there, other than a configuration"},
     {kExitUnavailable, "a device, a service or a file to read cannot be reached"},
     {kExitInternal, "internal error"},
     {kExitSystem, "the operating system refuses something"},
     {kExitInTheWay, "something is where the output should go"},
     {kExitIo, "the output cannot be written"},
     {kExitBusy, "somebody else uses it"},
-    {kExitConfig, "configuration, or an input that does not meet what is asked of it"},
-    {kExitStopped, "stopped (Ctrl-C, SIGTERM, SIGHUP) before it was done"},
+    {kExitConfig, "a configuration is wrong or not there, or an input does not meet what is asked of it"},
+    {kExitStopped,
+     "stopped (Ctrl-C, SIGTERM, SIGHUP) before it was done; run and capture write what they have, and end with 0"},
 };
 
 inline int ExitCodeFor(StatusCode code) {

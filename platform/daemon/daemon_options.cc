@@ -23,13 +23,13 @@ void AddDaemonOptions(CLI::App& app, DaemonArguments& arguments) {
       "  0  stopped as told\n"
       "  64 wrong arguments\n"
       "  65 source or calibration is not what it should be\n"
-      "  66 no such source\n"
+      "  66 no such source or calibration\n"
       "  69 device not available\n"
       "  70 internal error\n"
       "  71 the system refuses\n"
       "  74 files cannot be written\n"
       "  75 another haustrad uses the state folder\n"
-      "  78 configuration");
+      "  78 a configuration that is wrong or not there, or whose memory plan does not fit");
 }
 
 }  // namespace haustra

@@ -38,6 +38,21 @@ TEST_F(CommandLineTest, EveryCommandHasADescriptionQuietAndExitCodes) {
   }
 }
 
+// One list serves all commands, and two of them write what they have.
+TEST_F(CommandLineTest, ExitCodesSayWhichCommandsEndWellWhenTheyAreStopped) {
+  for (CLI::App* command : Commands()) {
+    EXPECT_THAT(command->help(), HasSubstr("\n  130 stopped (Ctrl-C, SIGTERM, SIGHUP) before it was done; run and "
+                                           "capture write what they have, and end with 0"));
+  }
+}
+
+TEST_F(CommandLineTest, ExitCodesSayWhatAConfigurationThatIsNotThereIs) {
+  for (CLI::App* command : Commands()) {
+    EXPECT_THAT(command->help(), HasSubstr("\n  66 a file or folder to read is not there, other than a configuration"));
+    EXPECT_THAT(command->help(), HasSubstr("\n  78 a configuration is wrong or not there, or "));
+  }
+}
+
 TEST_F(CommandLineTest, HelpSaysHowToAskForMore) {
   EXPECT_THAT(app_.help(), HasSubstr("'haustra COMMAND --help' lists what a command takes."));
   for (CLI::App* command : Commands()) EXPECT_THAT(command->help(), Not(HasSubstr("x)"))) << "words are not counted";

@@ -85,9 +85,11 @@ Status AddTimes(const SequenceOptions& options, SequenceListing* listing) {
   }
   if (options.frame_rate_hz > 0.0) listing->calibration.rate_hz = options.frame_rate_hz;
   if (listing->calibration.rate_hz <= 0.0) {
-    return NotFound(path +
-                    ": no such file, and the calibration states no frame rate to count the times from; give "
-                    "--frame-rate");
+    const bool is_calibrated = !options.calibration || options.calibration->width_px > 0;
+    return NotFound(path + ": no such file, and " +
+                    (is_calibrated ? "the calibration states no frame rate to count the times from"
+                                   : "no calibration that could state a frame rate") +
+                    "; give --frame-rate HZ" + (is_calibrated ? "" : ", or a calibration with a rate"));
   }
   std::vector<std::int64_t> numbers(num_images);
   std::iota(numbers.begin(), numbers.end(), std::int64_t{0});

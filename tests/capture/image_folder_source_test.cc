@@ -11,6 +11,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class ImageFolderSourceTest : public ::testing::Test {
  protected:
@@ -270,6 +271,15 @@ TEST_F(ImageFolderSourceTest, WithoutTimesAndRateTheSequenceIsRefused) {
   folder_.Write("calib.yaml", Replaced(kSmallCalibration, "Camera.fps: 25\n", ""));
   EXPECT_THAT(OpenError(StatusCode::kNotFound),
               AllOf(HasSubstr("times.txt: no such file"), HasSubstr("states no frame rate")));
+}
+
+// As a run asks that would guess the calibration.
+TEST_F(ImageFolderSourceTest, WithoutTimesAndCalibrationBothAreNamed) {
+  std::filesystem::remove(folder_.Path("times.txt"));
+  std::filesystem::remove(folder_.Path("calib.yaml"));
+  const std::string error = OpenError(StatusCode::kNotFound, {.calibration = CameraCalibration{}});
+  EXPECT_THAT(error, AllOf(HasSubstr("times.txt: no such file"), HasSubstr("no calibration"),
+                           HasSubstr("--frame-rate HZ"), Not(HasSubstr("states no frame rate"))));
 }
 
 TEST_F(ImageFolderSourceTest, EmptySequenceIsRefused) {

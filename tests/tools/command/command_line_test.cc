@@ -203,6 +203,11 @@ TEST_F(UsageErrorTest, ValueThatIsNotAllowedIsNamedWithWhatIs) {
   }
   EXPECT_EQ(FirstLine("run seq --last-frame 4294967296"),
             "haustra run: --last-frame: '4294967296' is not a whole number from 0 to 4294967295");
+  for (const char* command : {"run", "calibrate"}) {
+    EXPECT_EQ(FirstLine(std::string(command) + " seq --out o --last-frame 4 --first-frame 5"),
+              std::string("haustra ") + command + ": --last-frame: 4 lies before --first-frame, 5");
+    EXPECT_EQ(FirstLine(std::string(command) + " seq --out o --first-frame 5 --last-frame 5"), "accepted");
+  }
   EXPECT_EQ(FirstLine("render out --rate 0"), "haustra render: --rate: '0' is not a number from 1 to 120");
   EXPECT_EQ(FirstLine("render out --seconds 0"), "haustra render: --seconds: '0' is not a number from 0.2 to 3600");
   EXPECT_EQ(FirstLine("render out --breathing 50"), "haustra render: --breathing: '50' is not a number from 0 to 15");

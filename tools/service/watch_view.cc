@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cstdarg>
 #include <cstdio>
+#include <span>
 #include <sstream>
 #include <vector>
+
+#include "hal/core/percentile.h"
 
 namespace haustra {
 namespace {
@@ -30,12 +33,6 @@ class Page {
   std::size_t columns_;
   std::string text_;
 };
-
-double Quantile(std::deque<double> values, double q) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<std::size_t>(q * static_cast<double>(values.size() - 1))];
-}
 
 std::string Service(const WatchModel& model) {
   if (!model.is_connected) return "no daemon";
@@ -89,9 +86,12 @@ std::string WatchPage(const WatchModel& model, int columns) {
       page.Line("pose       none");
     }
     page.Line("points     %u features, %u inliers", pose.num_features, pose.num_inliers);
+    std::vector<double> latencies_ms(model.latencies_ms.begin(), model.latencies_ms.end());
+    std::sort(latencies_ms.begin(), latencies_ms.end());
+    const std::span<const double> sorted(latencies_ms);
     page.Line("latency    last %.1f ms  median %.1f  p99 %.1f  max %.1f  (%zu frames)",
-              model.latencies_ms.empty() ? 0.0 : model.latencies_ms.back(), Quantile(model.latencies_ms, 0.5),
-              Quantile(model.latencies_ms, 0.99), Quantile(model.latencies_ms, 1.0), model.latencies_ms.size());
+              model.latencies_ms.empty() ? 0.0 : model.latencies_ms.back(), Percentile(sorted, 500),
+              Percentile(sorted, 990), Percentile(sorted, 1000), sorted.size());
     page.Line("age        %.0f ms  %.1f poses/s  missed here %llu", model.age_ms, model.poses_per_s,
               static_cast<unsigned long long>(model.num_missed));
   } else {

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <span>
 #include <utility>
+
+#include "hal/core/median.h"
 
 namespace haustra::calibration {
 namespace {
@@ -14,13 +17,6 @@ constexpr float kMaxAngleRatio = 0.8f;     // Lowe 2004
 constexpr double kMaxMotion = 0.25;        // of a match between linked views, share of the width
 constexpr int kMinTrackLength = 3;         // two views of a point say nothing about the focal length
 constexpr double kMinTrackMotionPx = 1.5;  // over the whole window: what stays is drawn on the screen
-
-double MedianOf(std::vector<double>* values) {
-  if (values->empty()) return 0.0;
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 // Sets that are joined; the root is the smallest member.
 class DisjointSets {
@@ -94,12 +90,12 @@ double WindowCollector::MedianMotion(const View& earlier, const View& view, cons
     const Keypoint& b = view.keypoints[link.feature];
     motions.push_back(std::hypot(double{a.x_px} - b.x_px, double{a.y_px} - b.y_px));
   }
-  return MedianOf(&motions) / width_px_;
+  return UpperMedian(std::span<double>(motions)) / width_px_;
 }
 
 bool WindowCollector::IsPoor(int num_features) {
   std::vector<double> recent(recent_features_.begin(), recent_features_.end());
-  const double usual = MedianOf(&recent);
+  const double usual = UpperMedian(std::span<double>(recent));
   recent_features_.push_back(num_features);
   if (recent_features_.size() > kNumRecent) recent_features_.erase(recent_features_.begin());
   return num_features < options_.min_features || num_features < options_.min_feature_share * usual;

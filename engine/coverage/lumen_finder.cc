@@ -5,10 +5,12 @@
 #include <cmath>
 #include <cstdio>
 #include <numbers>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "engine/coverage/path_curve.h"
+#include "hal/core/median.h"
 
 namespace haustra {
 namespace {
@@ -30,12 +32,6 @@ constexpr double kRadiusPrior = 3.0;     // counts as so many directions
 constexpr double kCentrePrior = 1.0;
 constexpr double kOutlierShare = 0.2;  // of the radius: Cauchy's scale
 
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 std::vector<Eigen::Vector3d> Thinned(std::span<const Eigen::Vector3d> points, std::size_t most) {
   const std::size_t stride = std::max<std::size_t>(1, (points.size() + most - 1) / most);
   std::vector<Eigen::Vector3d> thinned;
@@ -55,7 +51,7 @@ double GuessRadius(std::span<const Eigen::Vector3d> path, const std::vector<Eige
     std::nth_element(distances.begin(), distances.begin() + kNearest, distances.end());
     nearest.push_back(std::sqrt(distances[kNearest]));
   }
-  return kRadiusOverNearest * MedianOf(nearest);
+  return kRadiusOverNearest * UpperMedian(std::span<double>(nearest));
 }
 
 // What a slice of the wall says about a station.
@@ -206,7 +202,7 @@ Result<Lumen> FindLumen(std::span<const Eigen::Vector3d> path, std::span<const E
     }
     if (radii.empty()) return NotFound("no wall lies around the path of the scope");
     centres = SmoothCurve(Centred(lumen.line, slices, lumen.radius_mu), 0.5 * kSmoothShare * lumen.radius_mu);
-    lumen.radius_mu = MedianOf(radii);
+    lumen.radius_mu = UpperMedian(std::span<double>(radii));
   }
   lumen.line = LumenLine(centres, kStationShare * lumen.radius_mu);
   slices = SlicesOf(lumen.line, points, lumen.radius_mu);

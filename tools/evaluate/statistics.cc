@@ -5,16 +5,14 @@
 #include <numeric>
 #include <span>
 
+#include "hal/core/median.h"
 #include "hal/core/percentile.h"
 
 namespace haustra::evaluate {
 
 double Median(std::vector<double> values) {
   HAUSTRA_CHECK(!values.empty());
-  const std::size_t middle = values.size() / 2;
-  std::nth_element(values.begin(), values.begin() + middle, values.end());
-  if (values.size() % 2 == 1) return values[middle];
-  return 0.5 * (values[middle] + *std::max_element(values.begin(), values.begin() + middle));
+  return MeanMedian(std::span<double>(values));
 }
 
 std::optional<Percentiles> FindPercentiles(std::vector<double> values) {

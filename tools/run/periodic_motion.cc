@@ -7,6 +7,9 @@
 #include <cstddef>
 #include <numbers>
 #include <optional>
+#include <span>
+
+#include "hal/core/median.h"
 
 namespace haustra {
 namespace {
@@ -90,11 +93,6 @@ std::optional<std::complex<double>> SinusoidOf(const Velocities& velocities, dou
   return std::complex<double>(fit[2], -fit[3]);
 }
 
-double Median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return 0.5 * (values[(values.size() - 1) / 2] + values[values.size() / 2]);
-}
-
 // How far the wall goes to and fro, over the depth, and the chance of one test at one frequency.
 struct Line {
   double frequency_hz = 0.0, amplitude = 0.0, chance = 1.0;
@@ -114,7 +112,8 @@ std::optional<Line> LineAt(const Velocities& velocities, double begin_s, double 
   }
   if (static_cast<int>(windows.size()) < kMinWindows) return std::nullopt;
   // A turn of the scope is much larger than a breath: no window counts for more than the one in the middle.
-  const double most = Median(sizes);
+  std::vector<double> by_size = sizes;
+  const double most = MeanMedian(std::span<double>(by_size));
   std::complex<double> sum = 0.0;
   double squares = 0.0;
   for (std::size_t i = 0; i < windows.size(); ++i) {
@@ -130,7 +129,7 @@ std::optional<Line> LineAt(const Velocities& velocities, double begin_s, double 
     in_phase.push_back(std::real(window * std::conj(sum)) / std::abs(sum));
   // What the average over a bin takes from a sinusoid is given back.
   const double half_turn = std::numbers::pi * frequency_hz * kBinS;
-  const double velocity = Median(in_phase) * half_turn / std::sin(half_turn);
+  const double velocity = MeanMedian(std::span<double>(in_phase)) * half_turn / std::sin(half_turn);
   return Line{frequency_hz, velocity / (2.0 * std::numbers::pi * frequency_hz),
               std::pow(1.0 - coherence, kFreedomAWindow * (count - 1.0))};
 }

@@ -4,10 +4,12 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <utility>
 
 #include "engine/depth/depth_file.h"
 #include "engine/surface/depth_matcher.h"
+#include "hal/core/median.h"
 #include "platform/assemble.h"
 #include "platform/whole_file.h"
 #include "tools/command/parallel_for.h"
@@ -25,13 +27,6 @@ std::vector<DepthSeed> SeedsOf(const SurfaceKeyframe& keyframe, int step_px) {
     if (MakeSeed(keyframe.pixels[i], step_px, point_in_cam, &seed)) seeds.push_back(seed);
   }
   return seeds;
-}
-
-double MedianOf(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 std::string FileOf(const evaluate::RunOutput& run, const SurfaceMap& map) {
@@ -102,7 +97,7 @@ Result<FoundDepths> SearchDepths(const SurfaceMap& map, const KeyframePictures& 
     depth.raw = std::move(work.raw);
     depth.colour = work.picture->colour;
   }
-  found.match_ms = MedianOf(std::move(match_ms));
+  found.match_ms = UpperMedian(std::span<double>(match_ms));
   return found;
 }
 

@@ -102,8 +102,8 @@ std::string TableHtml(const evaluate::TextTable& table) {
 
 std::string PageStart(std::string_view title) {
   const std::string text = EscapeHtml(title);
-  std::string page = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>" + text;
-  page += "</title>\n<style>\n";
+  std::string page(kPageHead);
+  page += text + "</title>\n<style>\n";
   page += ReportCss();
   return page + "</style>\n</head>\n<body>\n<h1>" + text + "</h1>\n";
 }

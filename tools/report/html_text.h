@@ -15,7 +15,11 @@ std::string EscapeHtml(std::string_view text);
 // JSON that can stand inside <script type="application/json">: no "<", so no end tag and no comment.
 std::string JsonForScript(std::string_view json);
 
-// What every page begins with, up to its heading.
+// What every page begins with, up to its title.
+inline constexpr std::string_view kPageHead =
+    "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>";
+
+// The same with the title, up to the heading.
 std::string PageStart(std::string_view title);
 
 // Whose library draws the plots, and the views in 3D, at the end of a page.

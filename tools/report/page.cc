@@ -23,6 +23,7 @@ using evaluate::Fixed;
 using evaluate::kNothing;
 using evaluate::TextTable;
 
+constexpr std::string_view kRunTitle = "haustra run ";
 constexpr std::size_t kMaxRejectionRows = 3000;
 constexpr std::size_t kMaxEventRows = 1000;
 
@@ -217,6 +218,11 @@ std::string DataScript(const std::string& id, const std::string& json) {
 
 }  // namespace
 
+std::string_view RunPageStart() {
+  static const std::string start = std::string(kPageHead) + std::string(kRunTitle);
+  return start;
+}
+
 std::string MakePage(const PageContent& content) {
   const Evaluation& e = content.evaluation;
   const std::span<const Evaluation> one(&e, 1);
@@ -227,7 +233,7 @@ std::string MakePage(const PageContent& content) {
   if (e.seed) subtitle += ", seed " + std::to_string(*e.seed);
   subtitle += ", " + std::to_string(e.frames) + " frames";
 
-  std::string page = PageStart("haustra run " + name) + Paragraph(subtitle);
+  std::string page = PageStart(std::string(kRunTitle) + name) + Paragraph(subtitle);
   if (!has_truth) page += Paragraph("No ground truth was given: errors, precision and recall are not known.");
   page += WarningsHtml(e);
   page += Section("summary", "Summary", Wide(SummaryTable(e)));

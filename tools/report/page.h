@@ -22,9 +22,8 @@ struct PageContent {
   std::map<int, std::string> meshes = {};  // of surface_meshes.h, shown in place of the points while they are small
 };
 
-// Of every page, and of nothing else that is written.
-inline constexpr std::string_view kRunPageStart =
-    "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>haustra run ";
+// The beginning of every page, and of nothing else that is written.
+std::string_view RunPageStart();
 
 // The figures in it are those of ToJson(evaluation), which is in the page as well (script element "evaluation").
 std::string MakePage(const PageContent& content);

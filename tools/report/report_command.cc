@@ -32,7 +32,7 @@ int RunReport(const ReportArguments& arguments) {
     return console::Fail(kReportCommand, NotFound(request.run + ": no such folder"));
   }
   const std::string html = arguments.html.value_or((std::filesystem::path(request.run) / "report.html").string());
-  const FileContent content{"a report of haustra", {report::kRunPageStart}};
+  const FileContent content{"a report of haustra", {report::RunPageStart()}};
   const Status checked = CheckOutputFile(html, content, arguments.overwrite,
                                          {request.groundtruth, request.events, request.pictures.sequence});
   if (!checked.ok()) return console::FailWriting(kReportCommand, checked);

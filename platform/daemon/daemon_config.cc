@@ -44,8 +44,9 @@ std::vector<ConfigField> DaemonConfigFields() {
   add(BindField<&C::source, &SourceConfig::rate>("source.rate", {0.01, 100}, "",
                                                  "pace of a recording relative to its camera's", kRestart));
 
-  add(BindChoice<&C::vision, &VisionConfig::device>("vision.device", {"cpu", "cuda"}, "what extracts and matches",
-                                                    kRestart));
+  add(BindChoice<&C::vision, &VisionConfig::device>(
+      "vision.device", {"auto", "cpu", "cuda"},
+      "what extracts and matches; auto: cuda where this build and this machine have it, else cpu", kRestart));
   add(BindField<&C::vision, &VisionConfig::threads>(
       "vision.threads", {0, static_cast<double>(MaxVisionThreads())}, "threads",
       "of the CPU device; 0: one a core, one less with rt.enabled", kRestart));

@@ -22,8 +22,8 @@ struct SourceConfig {
 };
 
 struct VisionConfig {
-  std::string device = "cpu";
-  int threads = 0;  // of the CPU device; 0: NumVisionThreads (assemble.h) decides [0, 256]
+  std::string device = "cpu";  // auto, cpu or cuda: each worker looks anew what auto is
+  int threads = 0;             // of the CPU device; 0: NumVisionThreads (assemble.h) decides [0, 256]
   // A device that owes an answer for so long hangs. An answer takes tens of milliseconds; the limit is below that of
   // the tracking thread, so that the device is named and not the thread that waits for it [50, 600000]
   int answer_limit_ms = 500;

@@ -120,6 +120,7 @@ void Daemon::TakeLeaveOfWorker(const std::string& how) {
     Log(LogLevel::kError, "worker_ended", {{"how", how}, {"pid", std::to_string(worker_->pid())}});
   }
   worker_.reset();
+  device_.clear();
   earlier_ = WithoutProcedure(Sum(earlier_, report_.counts));
   report_ = {};
   std::map<std::uint64_t, ControlServer::ClientId> mark_askers;
@@ -169,6 +170,8 @@ void Daemon::Hear(const WorkerReport& report) {
         wait_logged_.clear();
         Log(LogLevel::kInfo, "source_found", {{"source", config_.source.path}});
       }
+      device_ = report.text.data();
+      Log(LogLevel::kInfo, "worker_ready", {{"device", device_}});
       return Tell(ServiceEventKind::kWorkerReady);
     case WorkerNews::kFails:
       failure_ = report.status();

@@ -63,6 +63,7 @@ std::string Daemon::StatusText(TimePoint now) const {
   if (last_checkpoint_) status.checkpoint_age = now - *last_checkpoint_;
   status.checkpoint_error = checkpoint_error_;
   status.worker_pid = worker_ != nullptr ? worker_->pid() : 0;
+  status.device = device_;
   status.worker_faults = num_faults_;
   status.last_fault = last_fault_;
   status.trouble = trouble_.empty() && status.service == HAUSTRA_SERVICE_NO_SIGNAL ? report_.text.data() : trouble_;

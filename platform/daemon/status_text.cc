@@ -111,6 +111,7 @@ std::string ToStatusText(const ServiceStatus& status, const ProcedureCounts& cou
   if (status.checkpoint_age) lines.Add("checkpoint_age_s", Number(ToSeconds(*status.checkpoint_age)));
   lines.Add("checkpoint_error", status.checkpoint_error);
   if (status.worker_pid > 0) lines.Add("worker", static_cast<std::uint64_t>(status.worker_pid));
+  lines.Add("device", status.device);
   if (status.worker_faults > 0) lines.Add("worker_faults", status.worker_faults);
   lines.Add("last_fault", status.last_fault);
   lines.Add("trouble", status.trouble);

@@ -26,6 +26,7 @@ struct ServiceStatus {
   std::optional<Duration> checkpoint_age;
   std::string checkpoint_error;
   std::int64_t worker_pid = 0;  // 0: none
+  std::string device;           // the worker's, "cpu" or "cuda"; empty: none is ready
   std::uint64_t worker_faults = 0;
   std::string last_fault;
   std::string trouble;

@@ -108,19 +108,23 @@ class Worker {
 
   // What it makes is never thrown away: the process is.
   void Prepare(const std::vector<int>& files) {
-    const Status status = MakeProcedure(files);
+    const Result<std::string> device = MakeProcedure(files);
     for (const int file : files) ::close(file);
-    Post(MakeReport(status.ok() ? WorkerNews::kReady : WorkerNews::kFails, status));
+    Post(device.ok() ? MakeReport(WorkerNews::kReady, Status(StatusCode::kOk, *device))
+                     : MakeReport(WorkerNews::kFails, device.status()));
   }
 
-  Status MakeProcedure(const std::vector<int>& files) {
+  // The name of its vision device.
+  Result<std::string> MakeProcedure(const std::vector<int>& files) {
     if (files.size() < 2) return Internal("the worker needs a configuration and a pose ring");
     HAUSTRA_ASSIGN(const std::string text, ReadWholeFile(files[0]));
-    ConfigStore<DaemonConfig> config(DaemonConfigFields());
-    HAUSTRA_TRY(config.ApplyText(text, "configuration of the service"));
-    SetLogLevel(LogLevelFrom(config.config().log.level));
+    ConfigStore<DaemonConfig> store(DaemonConfigFields());
+    HAUSTRA_TRY(store.ApplyText(text, "configuration of the service"));
+    DaemonConfig config = store.config();
+    config.vision.device = std::string(ResolveVisionDevice(config.vision.device));
+    SetLogLevel(LogLevelFrom(config.log.level));
     HAUSTRA_ASSIGN(ring_, PoseRingWriter::Attach(files[1]));
-    const PublishConfig& publish = config.config().publish;
+    const PublishConfig& publish = config.publish;
     if (files.size() != std::size_t{2} + (publish.view ? 1 : 0) + (publish.depth ? 1 : 0)) {
       return Internal("the worker needs a file for everything that it is to publish");
     }
@@ -132,24 +136,23 @@ class Worker {
     }
     std::unique_ptr<FrameSource> source;
     while (source == nullptr) {
-      Result<std::unique_ptr<FrameSource>> opened = parts_.open_source(config.config().source);
+      Result<std::unique_ptr<FrameSource>> opened = parts_.open_source(config.source);
       if (opened.ok()) {
         source = std::move(*opened);
         break;
       }
-      if (!IsCamera(config.config().source) || opened.code() != StatusCode::kUnavailable) return opened.status();
+      if (!IsCamera(config.source) || opened.code() != StatusCode::kUnavailable) return opened.status();
       Post(MakeReport(WorkerNews::kWaits, opened.status()));
       std::this_thread::sleep_for(kSourceRetry);
     }
-    Result<std::unique_ptr<Procedure>> made =
-        Procedure::Prepare(config.config(), std::move(source),
-                           {clock_, *ring_, view_.get(), depth_.get(), parts_.make_device, [this] { Wake(); }});
+    Result<std::unique_ptr<Procedure>> made = Procedure::Prepare(
+        config, std::move(source), {clock_, *ring_, view_.get(), depth_.get(), parts_.make_device, [this] { Wake(); }});
     HAUSTRA_TRY(made.status());
     if (const std::int64_t interval_ns = snapshot_interval_ns_.load(); interval_ns > 0) {
       (*made)->SetSnapshotInterval(Duration(interval_ns));
     }
     procedure_.store(made->release());
-    return Status::Ok();
+    return config.vision.device;
   }
 
   void Load(const std::vector<int>& files) {

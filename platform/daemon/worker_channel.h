@@ -49,9 +49,9 @@ struct WorkerRequest {
 };
 
 enum class WorkerNews : std::uint32_t {
-  kAlive,  // signs, counts; text: why there is no signal
-  kWaits,  // text: for what
-  kReady,
+  kAlive,   // signs, counts; text: why there is no signal
+  kWaits,   // text: for what
+  kReady,   // text: the name of its vision device
   kFails,   // code, text
   kLoaded,  // code, text
   kBegun,

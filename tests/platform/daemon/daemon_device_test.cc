@@ -125,6 +125,12 @@ class DaemonDevice : public testing::Test {
   int exit_code_ = -1;
 };
 
+TEST_F(DaemonDevice, StatusSaysWhichDeviceWasChosen) {
+  config_.vision.device = "auto";
+  ASSERT_NO_FATAL_FAILURE(Start());
+  EXPECT_EQ(StatusValue("device"), std::string(ResolveVisionDevice("auto"))) << Ask("status");
+}
+
 // A crash left them, and what they show is not to be published any more.
 TEST_F(DaemonDevice, PicturesOfACrashAreWipedAlsoWhenNoneAreToBePublished) {
   RecordProperty("req", "DATA-001");

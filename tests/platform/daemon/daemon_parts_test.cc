@@ -105,6 +105,14 @@ TEST(DaemonConfig, AsManyThreadsAsTheDeviceTakesAreInRange) {
   EXPECT_NE(refused.status().message().find("64"), std::string::npos) << refused.status().message();
 }
 
+TEST(DaemonConfig, DeviceMayBeChosenByTheMachine) {
+  const auto chosen = LoadDaemonConfig("", {"vision.device=auto"});
+  ASSERT_TRUE(chosen.ok()) << chosen.status().ToString();
+  EXPECT_EQ(chosen->config().vision.device, "auto") << "by the worker: the supervisor has no device";
+  EXPECT_EQ(LoadDaemonConfig("", {})->config().vision.device, "cpu");
+  EXPECT_NE(LoadDaemonConfig("", {"vision.device=gpu"}).status().message().find("auto"), std::string::npos);
+}
+
 TEST(DaemonConfig, DepthIsPublishedOnlyWhereItIsSearched) {
   const auto refused = LoadDaemonConfig("", {"publish.depth=true"});
   ASSERT_EQ(refused.code(), StatusCode::kInvalidArgument);

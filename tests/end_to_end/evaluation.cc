@@ -7,24 +7,40 @@
 
 namespace haustra::end_to_end {
 
-nlohmann::json Evaluate(const std::string& sequence) {
-  const std::string json = ScratchFolder() + "/evaluation.json";
-  const CommandResult result = Haustra({"evaluate", ResultFolder(sequence), "--groundtruth",
-                                        SequenceFolder(sequence) + "/groundtruth.txt", "--json", json});
+namespace {
+
+nlohmann::json EvaluateInto(const std::string& json, const std::string& sequence, const std::string& result_folder) {
+  const CommandResult result = Haustra(
+      {"evaluate", result_folder, "--groundtruth", SequenceFolder(sequence) + "/groundtruth.txt", "--json", json});
   EXPECT_EQ(result.exit_code, 0) << result.ToString();
   return result.exit_code == 0 ? ReadJson(json) : nlohmann::json();
 }
 
-void ExpectAtLeast(const Floors& floors) {
-  const nlohmann::json evaluation = Evaluate(floors.sequence);
+}  // namespace
+
+nlohmann::json Evaluate(const std::string& sequence) {
+  return EvaluateInto(ScratchFolder() + "/evaluation.json", sequence, ResultFolder(sequence));
+}
+
+nlohmann::json Evaluate(const std::string& sequence, const std::string& result_folder) {
+  return EvaluateInto(result_folder + "/evaluation.json", sequence, result_folder);
+}
+
+void ExpectAtLeast(const Floors& floors, const std::string& result_folder) {
+  const nlohmann::json evaluation =
+      result_folder.empty() ? Evaluate(floors.sequence) : Evaluate(floors.sequence, result_folder);
   ASSERT_TRUE(evaluation.is_object());
   EXPECT_GE(evaluation.at("coverage").get<double>(), floors.coverage);
   EXPECT_GE(evaluation.at("visible_coverage").get<double>(), floors.visible_coverage);
+  EXPECT_GE(evaluation.at("live_visible_coverage").get<double>(), floors.live_visible_coverage);
   ASSERT_TRUE(evaluation.at("rms_ate").is_number());
   EXPECT_LE(evaluation.at("rms_ate").get<double>(), floors.rms_ate_mm);
   EXPECT_GE(evaluation.at("maps").get<int>(), 1);
   EXPECT_LE(evaluation.at("maps").get<int>(), floors.maps);
   EXPECT_EQ(evaluation.at("false_merges").get<int>(), 0);
+  const nlohmann::json& joins = evaluation.at("joins");
+  EXPECT_GE(static_cast<int>(joins.size()), floors.joins);
+  for (const nlohmann::json& join : joins) EXPECT_NE(join.at("verdict").get<std::string>(), "false") << join.dump();
 }
 
 }  // namespace haustra::end_to_end

@@ -1,4 +1,4 @@
-// What `haustra evaluate` says of the result of a fixture, against the renderer's ground truth. reentrant.
+// What `haustra evaluate` says of a result, against the renderer's ground truth. reentrant.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -6,17 +6,21 @@
 
 namespace haustra::end_to_end {
 
-// A failure of the command fails the test.
+// Of a fixture (the scratch folder is emptied), or of another run of its sequence, where the evaluation stays. A
+// failure of the command fails the test.
 nlohmann::json Evaluate(const std::string& sequence);
+nlohmann::json Evaluate(const std::string& sequence, const std::string& result_folder);
 
 struct Floors {
   std::string sequence;
-  double coverage = 0.0;          // percent, at least
-  double visible_coverage = 0.0;  // percent, at least
-  double rms_ate_mm = 0.0;        // at most
-  int maps = 0;                   // at most
+  double coverage = 0.0;               // percent, at least
+  double visible_coverage = 0.0;       // percent, at least
+  double live_visible_coverage = 0.0;  // percent, at least
+  double rms_ate_mm = 0.0;             // at most
+  int maps = 0;                        // at most
+  int joins = 0;                       // judged, at least
 };
-// No false join either.
-void ExpectAtLeast(const Floors& floors);
+// No false join either, of maps or of a frame with a map. Without a folder: of the fixture.
+void ExpectAtLeast(const Floors& floors, const std::string& result_folder = "");
 
 }  // namespace haustra::end_to_end

@@ -13,17 +13,6 @@ constexpr int kSampleSize = 3;
 constexpr int kMinMatches = 4;
 constexpr int kLocalIterations = 3;
 
-// Similarity, or rigid transform when the scale is fixed: the rotation of Horn's solution does not depend on the scale.
-bool Align(std::span<const Eigen::Vector3d> points_in_a, std::span<const Eigen::Vector3d> points_in_b, bool fix_scale,
-           Sim3* b_from_a) {
-  if (!AlignSim3(points_in_a, points_in_b, b_from_a)) return false;
-  if (!fix_scale) return true;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (std::size_t i = 0; i < points_in_a.size(); ++i) sum += points_in_b[i] - b_from_a->rotation * points_in_a[i];
-  *b_from_a = Sim3(1.0, b_from_a->rotation, sum / static_cast<double>(points_in_a.size()));
-  return true;
-}
-
 }  // namespace
 
 Sim3Ransac::Sim3Ransac(int max_matches)
@@ -47,7 +36,7 @@ double Sim3Ransac::Cost(const Input& input, const Sim3& b_from_a, double bound) 
   return cost;
 }
 
-bool Sim3Ransac::AlignInliers(const Input& input, bool fix_scale, Sim3* b_from_a) {
+bool Sim3Ransac::AlignInliers(const Input& input, Sim3* b_from_a) {
   const Sim3 a_from_b = b_from_a->Inverse();
   std::size_t count = 0;
   for (int i = 0; i < num_matches_; ++i) {
@@ -56,7 +45,7 @@ bool Sim3Ransac::AlignInliers(const Input& input, bool fix_scale, Sim3* b_from_a
     points_in_b_[count] = input.matches[i].point_in_b;
     ++count;
   }
-  return Align({points_in_a_.data(), count}, {points_in_b_.data(), count}, fix_scale, b_from_a);
+  return AlignSim3({points_in_a_.data(), count}, {points_in_b_.data(), count}, b_from_a);
 }
 
 bool Sim3Ransac::Run(const CameraModel& camera, std::span<const Sim3Match> matches, std::span<const SE3> views_a,
@@ -85,12 +74,12 @@ bool Sim3Ransac::Run(const CameraModel& camera, std::span<const Sim3Match> match
       in_b[k] = matches[sample[k]].point_in_b;
     }
     Sim3 candidate;
-    if (!Align(in_a, in_b, options.fix_scale, &candidate)) continue;
+    if (!AlignSim3(in_a, in_b, &candidate)) continue;
     double cost = Cost(input, candidate, best_cost);
     if (!(cost < best_cost)) continue;
     for (int local = 0; local < kLocalIterations; ++local) {
       Sim3 refined = candidate;
-      if (!AlignInliers(input, options.fix_scale, &refined)) break;
+      if (!AlignInliers(input, &refined)) break;
       const double refined_cost = Cost(input, refined, cost);
       if (!(refined_cost < cost)) break;
       candidate = refined;

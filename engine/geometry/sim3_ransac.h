@@ -22,7 +22,6 @@ class Sim3Ransac {
     double confidence = 0.999;  // (0, 1): stop when a better sample has become this unlikely
     int min_inliers = 12;       // 4 and up: with fewer, Run returns false
     double chi2_gate = 5.991;   // each direction on its own: 95 % of two degrees of freedom
-    bool fix_scale = false;     // for joints within one map: scale 1
   };
   struct Estimate {
     Sim3 b_from_a;
@@ -53,7 +52,7 @@ class Sim3Ransac {
   double MatchCost(const Input& input, const Sim3& b_from_a, const Sim3& a_from_b, int index) const;
   double Cost(const Input& input, const Sim3& b_from_a, double bound) const;
   // Closed form on the matches within the gate of `b_from_a`.
-  bool AlignInliers(const Input& input, bool fix_scale, Sim3* b_from_a);
+  bool AlignInliers(const Input& input, Sim3* b_from_a);
 
   int max_matches_;
   int num_matches_ = 0;

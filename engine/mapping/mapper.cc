@@ -202,7 +202,7 @@ void Mapper::FindFrame(const ProposedView& view) {
   Relocalisation found;
   relocalisations_tried_.clear();
   const bool is_found = state_.atlas.keyframes().size() > 0 &&
-                        relocaliser_.Relocalise(state_.atlas, view.features, {}, &found, &relocalisations_tried_);
+                        relocaliser_.Relocalise(state_.atlas, view.features, &found, &relocalisations_tried_);
   state_.device.ReleaseFeatureSet(view.features.set);
   if (is_found) {
     if (!(found.map == state_.active)) {

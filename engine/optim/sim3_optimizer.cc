@@ -21,7 +21,6 @@ class Sim3Problem {
         views_a_(views_a),
         views_b_(views_b),
         chi2_gate_(options.chi2_gate),
-        fix_scale_(options.fix_scale),
         inliers_(inliers) {}
 
   // As in pose_optimizer.cc.
@@ -79,12 +78,6 @@ class Sim3Problem {
         Accumulate(by_a.row(row), match.point_in_b, residual_a[row], weight, hessian, gradient);
       }
     }
-    if (fix_scale_) {
-      hessian->row(6).setZero();
-      hessian->col(6).setZero();
-      (*hessian)(6, 6) = std::max(1e-12, hessian->topLeftCorner<6, 6>().diagonal().maxCoeff());
-      (*gradient)[6] = 0.0;
-    }
     return cost;
   }
 
@@ -129,7 +122,6 @@ class Sim3Problem {
   std::span<const SE3> views_a_;
   std::span<const SE3> views_b_;
   double chi2_gate_;
-  bool fix_scale_;
   GemanMcClure robust_{1.0};
   bool is_robust_ = true;
   std::span<std::uint8_t> inliers_;
@@ -175,7 +167,6 @@ bool OptimizeSim3(const CameraModel& camera, std::span<const Sim3Match> matches,
   problem.StartFinalRound();
   problem.Linearize(b_from_a, &information, &gradient);
   if (!IsWellDetermined<7>(information) || !b_from_a.translation.allFinite() || !(b_from_a.scale > 0.0)) return false;
-  if (options.fix_scale) information(6, 6) = 0.0;
 
   result->b_from_a = b_from_a;
   result->num_inliers = num_inliers;

@@ -26,15 +26,13 @@ struct Sim3OptimizerOptions {
   int rounds = 4;                // 1 and up; the first half (at least one) is robust
   int iterations_per_round = 8;  // 1 and up
   double chi2_gate = 9.488;      // 95 % of four degrees of freedom: both directions of a match together
-  bool fix_scale = false;        // for joints within one map
 };
 
 struct Sim3OptimizerResult {
   Sim3 b_from_a;
   int num_inliers = 0;
-  double mean_chi2 = 0.0;  // of the inliers, both directions together
-  Matrix7d information =
-      Matrix7d::Zero();  // J' W J of the inliers, order (rho, phi, lambda); zero row for a fixed scale
+  double mean_chi2 = 0.0;                   // of the inliers, both directions together
+  Matrix7d information = Matrix7d::Zero();  // J' W J of the inliers, order (rho, phi, lambda)
   bool converged = false;
 };
 

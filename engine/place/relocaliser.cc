@@ -50,16 +50,14 @@ Relocaliser::Relocaliser(const EngineConfig& config, const RelocalisationConfig&
       rng_(config.seed, kRelocaliserStream),
       matches_(static_cast<std::size_t>(config.features.max)) {}
 
-bool Relocaliser::Relocalise(const Atlas& atlas, const FrameFeatures& features,
-                             const std::function<bool(KeyframeHandle, const Keyframe&)>& is_excluded,
-                             Relocalisation* out, std::vector<RelocalisationCounts>* tried) {
+bool Relocaliser::Relocalise(const Atlas& atlas, const FrameFeatures& features, Relocalisation* out,
+                             std::vector<RelocalisationCounts>* tried) {
   tried->clear();
   SelectStrongest(features, retrieval_options_.max_descriptors, &strongest_);
   RetrievalQuery query;
   query.set = features.set;
   query.strongest = strongest_;
   query.max_results = kMaxPlacesAsked;
-  query.is_excluded = is_excluded;
   if (!retrieval_.Query(atlas, query, &candidates_).ok()) {
     tried->push_back({.verdict = RelocalisationVerdict::kDeviceFailed});
     return false;
@@ -190,7 +188,6 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
   if (const auto verdict = CheckCertainty(atlas, result, out); verdict != RelocalisationVerdict::kAccepted) {
     return verdict;
   }
-  for (const Pair& pair : pairs_) out->seen.push_back({pair.feature_idx, pair.point});
   ChooseReference(atlas, out);
   return RelocalisationVerdict::kAccepted;
 }

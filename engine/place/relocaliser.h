@@ -6,7 +6,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <string_view>
 #include <vector>
 
@@ -58,12 +57,7 @@ struct RelocalisationCounts {
 struct Relocalisation {
   SE3 cam_from_map;
   MapHandle map;
-  KeyframeHandle reference;  // of those searched, the one that shares most points with the frame
-  struct Seen {
-    std::int32_t feature_idx = -1;
-    MapPointHandle point;
-  };
-  std::vector<Seen> seen;     // inliers, each feature and point at most once
+  KeyframeHandle reference;   // of those searched, the one that shares most points with the frame
   double median_depth = 0.0;  // of the points seen, map units
   RelocalisationCounts counts;
 };
@@ -75,12 +69,10 @@ class Relocaliser {
               const RetrievalConfig& retrieval_options, const CameraModel& camera, VisionDevice& device,
               KeyframeRetrieval& retrieval);
 
-  // Keyframes for which `is_excluded` is true are not looked at (other maps than the last one, say); may be empty.
   // True when accepted; `out` then says where. `tried`, replaced, holds every candidate with its reason (not the
   // rivals), or one entry kNoCandidate or kDeviceFailed. Cost: one retrieval and max_candidates brute-force matches of
   // the whole frame; when a place is accepted, at most as many again.
-  bool Relocalise(const Atlas& atlas, const FrameFeatures& features,
-                  const std::function<bool(KeyframeHandle, const Keyframe&)>& is_excluded, Relocalisation* out,
+  bool Relocalise(const Atlas& atlas, const FrameFeatures& features, Relocalisation* out,
                   std::vector<RelocalisationCounts>* tried);
 
  private:

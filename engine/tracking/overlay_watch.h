@@ -40,7 +40,6 @@ class OverlayWatch {
   bool is_due(TimePoint time) const;
   bool has_frame() const { return num_before_ > 0; }
   void KeepFrame(const FrameFeatures& features, TimePoint time);
-  void ForgetFrame() { num_before_ = 0; }
   // This frame against the kept one; the points that the map tracks in it.
   void Compare(const FrameFeatures& now, std::span<const Tracked> tracked, TimePoint time);
 

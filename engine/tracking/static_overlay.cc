@@ -54,11 +54,6 @@ std::size_t StaticOverlay::BytesFor(int max_features) {
          static_cast<std::size_t>(max_features) * (sizeof(std::int32_t) + sizeof(Kind));
 }
 
-void StaticOverlay::Reset() {
-  std::fill(grid_.begin(), grid_.end(), Cell{});
-  num_static_ = 0;
-}
-
 std::size_t StaticOverlay::CellOf(float x_px, float y_px) const {
   const int column = std::clamp(static_cast<int>(x_px * kColumns / width_px_), 0, kColumns - 1);
   const int row = std::clamp(static_cast<int>(y_px * kRows / height_px_), 0, kRows - 1);

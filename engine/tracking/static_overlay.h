@@ -48,8 +48,6 @@ class StaticOverlay {
   void FindTwins(std::span<const Keypoint> before, std::span<const Keypoint> now, double sigma_k, double sigma_0_px,
                  std::span<std::int32_t> twins) const;
 
-  void Reset();
-
  private:
   static constexpr int kColumns = 192;  // cells of the grid: of the size of a letter's features
   static constexpr int kRows = 144;

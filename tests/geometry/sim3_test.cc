@@ -82,30 +82,6 @@ TEST(Sim3Ransac, FindsTheSimilarityAmongHalfOutliers) {
   EXPECT_GE(succeeded, kTrials * 99 / 100);
 }
 
-TEST(Sim3Ransac, FixedScaleStaysOne) {
-  Rng rng(2);
-  const CameraModel camera = test::ColonCamera();
-  TwiceMappedScene scene = MakeTwiceMappedScene(rng, 60, 0.3);
-  const Sim3 shrink(1.0 / scene.truth.scale, Eigen::Quaterniond::Identity(), Eigen::Vector3d::Zero());
-  for (Sim3Match& match : scene.matches) match.point_in_b = shrink * match.point_in_b;
-  for (SE3& view : scene.views_b) view = TransformPose(view, shrink);
-  Sim3Ransac ransac(60);
-  Sim3Ransac::Options options;
-  options.fix_scale = true;
-  Sim3Ransac::Estimate estimate;
-  ASSERT_TRUE(ransac.Run(camera, scene.matches, scene.views_a, scene.views_b, options, rng, &estimate));
-  EXPECT_EQ(estimate.b_from_a.scale, 1.0);
-  EXPECT_TRUE(IsNear(estimate.b_from_a, shrink * scene.truth, 0.01));
-  Sim3OptimizerOptions optimizer_options;
-  optimizer_options.fix_scale = true;
-  std::vector<std::uint8_t> inliers(scene.matches.size());
-  Sim3OptimizerResult result;
-  ASSERT_TRUE(OptimizeSim3(camera, scene.matches, scene.views_a, scene.views_b, estimate.b_from_a, optimizer_options,
-                           inliers, &result));
-  EXPECT_EQ(result.b_from_a.scale, 1.0);
-  EXPECT_TRUE(IsNear(result.b_from_a, shrink * scene.truth, 0.01));
-}
-
 TEST(Sim3Ransac, ChanceAndDegenerateInputAreRefused) {
   Rng rng(3);
   const CameraModel camera = test::ColonCamera();

@@ -54,8 +54,9 @@ class Evictor {
   // At most a quarter of the pool.
   bool MakePointRoom(int wanted, KeyframeHandle newest);
   bool MakeMapRoom();
-  // Whether a new map would find room once tracking has left the active one, which is stored then, or dropped when it
-  // is too small to be kept: its entry, and `wanted` keyframes with their ids. Nothing goes.
+  // Whether a new map finds room once tracking has left the active one, which is stored then, or dropped when it is too
+  // small to be kept: its entry, and `wanted` keyframes with their ids. Nothing goes. Where they say so, room can be
+  // made. For keyframes they may say no where a map that is thinned out first would be small enough to be dropped.
   bool HasMapRoom() const;
   bool HasKeyframeRoom(int wanted) const;
 

@@ -1,7 +1,7 @@
 // When two verified places of one map contradict each other: then the wall looks alike at both, and neither is known.
+// Lengths in units of that map. reentrant.
 #pragma once
 
-#include <Eigen/Core>
 #include <cmath>
 
 #include "engine/geometry/se3.h"
@@ -9,19 +9,21 @@
 
 namespace haustra {
 
-// `agreement` is a displacement of what the camera sees at the median depth, over that depth: by the camera's position,
-// and, in radians, by its orientation.
-inline bool AreRivals(const SE3& a_from_map, const SE3& b_from_map, double median_depth, double agreement) {
-  const double apart = (a_from_map.InverseTranslation() - b_from_map.InverseTranslation()).norm();
-  return apart > agreement * median_depth || RotationAngle(a_from_map.rotation, b_from_map.rotation) > agreement;
+// The pose of one camera by the one and by the other place. `agreement` is a displacement of what the camera sees at
+// the median depth, over that depth: by its position, and, in radians, by its orientation.
+inline bool AreRivals(const SE3& cam_from_map, const SE3& rival_cam_from_map, double median_depth, double agreement) {
+  const double apart = (cam_from_map.InverseTranslation() - rival_cam_from_map.InverseTranslation()).norm();
+  return apart > agreement * median_depth ||
+         RotationAngle(cam_from_map.rotation, rival_cam_from_map.rotation) > agreement;
 }
 
-// Of one camera in another map, by two similarities; and by what they make of its unit.
-inline bool AreRivals(const SE3& cam_from_map, const Sim3& a_from_map, const Sim3& b_from_map, double median_depth,
+// The same of a camera of map a, by two similarities into map b (the one with the median depth); and by what they make
+// of its unit.
+inline bool AreRivals(const SE3& cam_from_a, const Sim3& b_from_a, const Sim3& rival_b_from_a, double median_depth,
                       double agreement) {
-  return AreRivals(TransformPose(cam_from_map, a_from_map), TransformPose(cam_from_map, b_from_map), median_depth,
+  return AreRivals(TransformPose(cam_from_a, b_from_a), TransformPose(cam_from_a, rival_b_from_a), median_depth,
                    agreement) ||
-         std::abs(std::log(a_from_map.scale / b_from_map.scale)) > agreement;
+         std::abs(std::log(b_from_a.scale / rival_b_from_a.scale)) > agreement;
 }
 
 }  // namespace haustra

@@ -17,14 +17,7 @@ TEST(CudaRun, LossesAreRecoveredFrom) {
       Haustra({"run", SequenceFolder("losses"), "--out", out, "--device", "cuda", "--report", "off", "--quiet"});
   if (run.exit_code == kExitUnavailable) GTEST_SKIP() << run.err;
   ASSERT_EQ(run.exit_code, 0) << run.ToString();
-  ExpectAtLeast({.sequence = "losses",
-                 .coverage = 80,
-                 .visible_coverage = 98,
-                 .live_visible_coverage = 96,
-                 .rms_ate_mm = 0.47,
-                 .maps = 1,
-                 .joins = 3},
-                out);
+  ExpectAtLeast(LossesFloors(), out);
   EXPECT_EQ(ReadJson(out + "/summary.json").at("device").get<std::string>(), "cuda");
 }
 

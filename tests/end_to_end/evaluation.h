@@ -20,6 +20,18 @@ struct Floors {
   int maps = 0;                        // at most
   int joins = 0;                       // judged, at least
 };
+// Of `losses` on any device. Five seeds on one processor had 82.0 to 83.0 % (all that can be seen; 98.3 % of it live),
+// 0.15 to 0.36 mm, one map after three relocalisations.
+inline Floors LossesFloors() {
+  return {.sequence = "losses",
+          .coverage = 80,
+          .visible_coverage = 98,
+          .live_visible_coverage = 96,
+          .rms_ate_mm = 0.47,
+          .maps = 1,
+          .joins = 3};
+}
+
 // No false join either, of maps or of a frame with a map. Without a folder: of the fixture.
 void ExpectAtLeast(const Floors& floors, const std::string& result_folder = "");
 

@@ -41,6 +41,9 @@ bool Load(std::span<const std::uint8_t> file, Home* home, std::string* saved_aga
     HAUSTRA_CHECK(!saved.status().message().empty());
     return false;
   }
+  SavedAtlas renumbered = *saved;
+  RenumberKeyframes(&renumbered);
+  HAUSTRA_CHECK(CheckSavedAtlas(renumbered).ok());
   const Result<CameraModel> camera = CameraModel::Create(saved->camera);
   HAUSTRA_CHECK(camera.ok());
   const Status status = RestoreAtlas(*saved, *camera, saved->root_sift, home->device, &home->atlas, nullptr);

@@ -79,8 +79,6 @@ TEST(FillPools, EachPoolIsAsDeepAsItCanBeAndNothingRunsOff) {
 
 TEST(FluidLevel, GravityIsAcrossTheColonAndOfItsSeed) {
   for (const double curvature : {0.0, 1.0 / 65.0}) {
-    ColonStyle style;
-    style.max_curvature_per_mm = curvature;
     double mean_along = 0.0;
     for (std::uint64_t seed = 1; seed <= 12; ++seed) {
       Rng rng(seed);

@@ -1,8 +1,10 @@
 #include "engine/atlas/local_map.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 namespace haustra {
 namespace {
@@ -12,6 +14,19 @@ constexpr int kNeighboursOfNeighbours = 4;
 // Keyframes that look the same way from nearby, although no point connects them yet: how a place that was left and is
 // seen again joins the window before drift grows.
 constexpr double kNearViewCos = 0.7;
+
+// When the last of the first kEstablishedViews keyframes that see a point was taken.
+TimePoint EstablishedAt(const LocalMap& map, std::uint64_t mask) {
+  std::array<TimePoint, kEstablishedViews> first;
+  first.fill(TimePoint::max());
+  for (; mask != 0; mask &= mask - 1) {
+    TimePoint taken = map.keyframes[std::countr_zero(mask)].taken;
+    for (TimePoint& earlier : first) {
+      if (taken < earlier) std::swap(taken, earlier);
+    }
+  }
+  return first.back();
+}
 
 }  // namespace
 
@@ -33,6 +48,7 @@ void LocalMapBuilder::AddKeyframe(const Atlas& atlas, KeyframeHandle handle, Loc
   LocalKeyframe entry;
   entry.handle = handle;
   entry.id = keyframe.id;
+  entry.taken = atlas.IsOfThisSession(keyframe.id) ? keyframe.timestamp : TimePoint::min();
   entry.cam_from_map = keyframe.cam_from_map;
   entry.scale = atlas.KeyframeScale(handle);
   entry.is_reduced = keyframe.features.is_reduced;
@@ -97,7 +113,7 @@ bool LocalMapBuilder::AddPoints(const Atlas& atlas, LocalMap* out) {
           continue;
         }
         slot = out->num_points++;
-        out->points[slot] = {handle, point.position, point.normal, point.scale_times_distance, point.descriptor, 0};
+        out->points[slot] = {handle, point.position, point.normal, point.scale_times_distance, point.descriptor};
       }
       out->points[slot].keyframe_mask |= std::uint64_t{1} << k;
       sum += point.position;
@@ -107,9 +123,11 @@ bool LocalMapBuilder::AddPoints(const Atlas& atlas, LocalMap* out) {
   }
   for (LocalKeyframe& keyframe : out->keyframes) keyframe.num_established = 0;
   for (int i = 0; i < out->num_points; ++i) {
-    point_slots_[out->points[i].handle.index] = -1;
-    if (!out->is_established(out->points[i])) continue;
-    std::uint64_t mask = out->points[i].keyframe_mask;
+    LocalPoint& point = out->points[i];
+    point_slots_[point.handle.index] = -1;
+    if (!out->is_established(point)) continue;
+    std::uint64_t mask = point.keyframe_mask;
+    point.established = EstablishedAt(*out, mask);
     for (; mask != 0; mask &= mask - 1) ++out->keyframes[std::countr_zero(mask)].num_established;
   }
   return has_all;

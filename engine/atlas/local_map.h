@@ -13,6 +13,7 @@
 #include "engine/atlas/handles.h"
 #include "engine/geometry/se3.h"
 #include "hal/core/fixed_vector.h"
+#include "hal/core/time.h"
 
 namespace haustra {
 
@@ -26,6 +27,7 @@ inline constexpr int kEstablishedViews = 3;
 struct LocalKeyframe {
   KeyframeHandle handle;
   KeyframeId id = kNoId;
+  TimePoint taken;  // TimePoint::min(): in an earlier session
   SE3 cam_from_map;
   double scale = 1.0;                                  // of its map so far, see KeyframeTrace
   int num_points = 0;                                  // in this snapshot
@@ -40,7 +42,8 @@ struct LocalPoint {
   Eigen::Vector3d normal;
   double scale_times_distance = 0.0;
   DescriptorRef descriptor;
-  std::uint64_t keyframe_mask = 0;  // bit i: seen by keyframes[i]
+  std::uint64_t keyframe_mask = 0;           // bit i: seen by keyframes[i]
+  TimePoint established = TimePoint::max();  // since when: the last of the first kEstablishedViews keyframes; max: not
 };
 
 // A mark of the map, wherever in it.

@@ -103,15 +103,9 @@ bool PoseRecovery::IsQuestionedPoseConfirmed() {
 
 // Of what looks alike `min_share` has to lie where the pose says. Where walls are only alike, little does.
 bool PoseRecovery::BruteForceAgrees(double min_share) const {
-  const FrameFeatures& features = parts_.frame.features;
-  const auto agrees = [&](const PointMatch& match) {
-    Eigen::Vector2d pixel;
-    const Eigen::Vector3d& position = search_.local_map().points[match.point_idx].position;
-    if (!parts_.camera.Project(search_.estimate().cam_from_map * position, &pixel)) return false;
-    const double sigma = parts_.noise.SigmaPx(features.keypoints[match.feature_idx].scale_px);
-    return (pixel - features.pixel(match.feature_idx)).squaredNorm() <= kChi2TwoDof * sigma * sigma;
-  };
-  const auto num = std::count_if(alike_.begin(), alike_.end(), agrees);
+  const auto num = std::count_if(alike_.begin(), alike_.end(), [&](const PointMatch& match) {
+    return search_.AgreesWith(search_.estimate().cam_from_map, match);
+  });
   return static_cast<double>(num) >= min_share * static_cast<double>(alike_.size());
 }
 

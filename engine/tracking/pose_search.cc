@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "engine/camera/view_queries.h"
+#include "engine/geometry/constants.h"
 #include "engine/tracking/reserve_touched.h"
 
 namespace haustra {
@@ -216,7 +217,8 @@ bool PoseSearch::HasEvidence(int min_inliers, int min_detected) const {
 
 bool PoseSearch::HasEstablishedWitnesses() const {
   const int could_be = std::min(static_cast<int>(estimate_.matches.size()), estimate_.num_expected);
-  return estimate_.num_established >= kEstablishedShare * could_be;
+  const bool is_young = static_cast<int>(local_map().keyframes.size()) < parts_.config.mapping.min_map_keyframes;
+  return (is_young ? estimate_.num_established : estimate_.num_seasoned) >= kEstablishedShare * could_be;
 }
 
 // Appends what the queries find to the matches.
@@ -240,17 +242,43 @@ bool PoseSearch::GuidedMatch(std::span<const GuidedQuery> queries) {
   return parts_.lane.GuidedMatch(request, parts_.budget.wait_deadline()).ok();
 }
 
-void PoseSearch::ListMatches() {
+void PoseSearch::ListMatch(const PointMatch& match) {
   const FrameFeatures& features = parts_.frame.features;
+  pose_from_matches_.Add(local_map().points[match.point_idx].position, features.pixel(match.feature_idx),
+                         parts_.noise.SigmaPx(features.keypoints[match.feature_idx].scale_px));
+}
+
+bool PoseSearch::AgreesWith(const SE3& cam_from_map, const PointMatch& match) const {
+  Eigen::Vector2d pixel;
+  if (!parts_.camera.Project(cam_from_map * local_map().points[match.point_idx].position, &pixel)) return false;
+  const FrameFeatures& features = parts_.frame.features;
+  const double sigma = parts_.noise.SigmaPx(features.keypoints[match.feature_idx].scale_px);
+  return (pixel - features.pixel(match.feature_idx)).squaredNorm() <= kChi2TwoDof * sigma * sigma;
+}
+
+// Young points are many where something comes before the wall, and would outvote it. Those stay that agree with a pose
+// of established points alone, from which the fit then goes on. Too few established ones: all have to do.
+void PoseSearch::LetEstablishedLead() {
+  std::vector<PointMatch>& matches = estimate_.matches;
   pose_from_matches_.Clear();
-  for (const PointMatch& match : estimate_.matches) {
-    pose_from_matches_.Add(local_map().points[match.point_idx].position, features.pixel(match.feature_idx),
-                           parts_.noise.SigmaPx(features.keypoints[match.feature_idx].scale_px));
+  for (const PointMatch& match : matches) {
+    if (is_established(match)) ListMatch(match);
   }
+  const int min_inliers = parts_.config.tracking.min_inliers;
+  const std::size_t num = pose_from_matches_.matches().size();
+  if (static_cast<int>(num) < min_inliers || num == matches.size()) return;
+  PoseOptimizerResult led;
+  if (!pose_from_matches_.Fit(estimate_.cam_from_map, min_inliers, &led)) return;
+  estimate_.cam_from_map = led.cam_from_world;
+  std::erase_if(matches, [&](const PointMatch& match) {
+    return !is_established(match) && !AgreesWith(led.cam_from_world, match);
+  });
 }
 
 bool PoseSearch::FitMatches() {
-  ListMatches();
+  LetEstablishedLead();
+  pose_from_matches_.Clear();
+  for (const PointMatch& match : estimate_.matches) ListMatch(match);
   PoseOptimizerResult fitted;
   fitted.cam_from_world = estimate_.cam_from_map;
   fitted.information = estimate_.information;
@@ -261,9 +289,10 @@ bool PoseSearch::FitMatches() {
 }
 
 bool PoseSearch::SampleMatches(Rng& rng) {
-  ListMatches();
+  pose_from_matches_.Clear();
   bearings_.clear();
   for (const PointMatch& match : estimate_.matches) {
+    ListMatch(match);
     bearings_.push_back(parts_.frame.features.bearing(match.feature_idx));
   }
   AbsolutePoseRansac::Options options;
@@ -285,10 +314,12 @@ void PoseSearch::CountMatches() {
   for (const PointMatch& match : matches) {
     depths_.push_back((estimate_.cam_from_map * local_map().points[match.point_idx].position).norm());
   }
-  estimate_.num_established =
-      static_cast<int>(std::count_if(matches.begin(), matches.end(), [&](const PointMatch& match) {
-        return local_map().is_established(local_map().points[match.point_idx]);
-      }));
+  const TimePoint well_seen = parts_.sight.WellSeen(local_map().map_id);
+  estimate_.num_established = estimate_.num_seasoned = 0;
+  for (const PointMatch& match : matches) {
+    estimate_.num_established += is_established(match);
+    estimate_.num_seasoned += is_established(match) && local_map().points[match.point_idx].established <= well_seen;
+  }
   if (depths_.empty()) return;
   std::nth_element(depths_.begin(), depths_.begin() + depths_.size() / 2, depths_.end());
   estimate_.median_depth = depths_[depths_.size() / 2];

@@ -17,6 +17,7 @@
 #include "engine/scheduler/frame_budget.h"
 #include "engine/scheduler/lane_wait.h"
 #include "engine/tracking/keyframe_proposal.h"
+#include "engine/tracking/map_sight.h"
 #include "engine/tracking/overlay_watch.h"
 #include "hal/core/mailbox.h"
 #include "hal/vision_device.h"
@@ -39,6 +40,7 @@ struct PoseEstimate {
   Matrix6d information = Matrix6d::Zero();  // of the pose, from the last optimisation
   int num_expected = 0;                     // established points that should be visible from the pose
   int num_established = 0;                  // of the matches
+  int num_seasoned = 0;                     // of these, those established when the map was last seen well
   double median_depth = 1.0;                // of the matches, map units
 };
 
@@ -60,6 +62,7 @@ class PoseSearch {
     FrameBudget& budget;
     const OverlayWatch& overlay;
     const NoiseModel& noise;
+    const MapSight& sight;
     const LatestMailbox<LocalMap>& snapshots;
     const ProposedView& frame;
     const LastFrame& last;
@@ -86,13 +89,14 @@ class PoseSearch {
   // Far less of the map agrees with the pose than with the last one.
   bool IsSuddenlyThin() const;
 
-  // Fits the pose to the matches. False: too few agree, and the pose may be anything.
+  // Fits the pose to the matches, and drops those of young points that the established ones deny. False: too few agree,
+  // and the pose may be anything.
   bool FitMatches();
   // The pose that most matches agree with, whatever the estimate was. False: there is none.
   bool SampleMatches(Rng& rng);
   // Leaves the matches that agreed with the pose when it was fitted.
   void KeepInliers();
-  // How many of the matches are of established points, and how far away their points are.
+  // How many of the matches are of established and of seasoned points, and how far away their points are.
   void CountMatches();
 
   // How many of the local map's points would be found by chance. False: the device has not answered.
@@ -104,8 +108,12 @@ class PoseSearch {
   // `is_confirmed`: so was the pose before, of which this one is a small step (TrackingConfig::min_detected).
   bool IsTrackedPoseEvident(bool is_confirmed);
   // For a pose without a prediction. Bubbles and films move by themselves: what was triangulated on them a moment ago
-  // agrees with them, and not with the wall. False: established points should be seen, and hardly any is.
+  // agrees with them, and not with the wall. False: established points should be seen, and hardly any is that was
+  // established when the map was last seen well.
   bool HasEstablishedWitnesses() const;
+
+  // The point is seen where the pose puts it: 95 % of two degrees of freedom of the feature's noise.
+  bool AgreesWith(const SE3& cam_from_map, const PointMatch& match) const;
 
   // The keyframe of the window that shares most points with the frame.
   int NearestKeyframe() const;
@@ -119,8 +127,12 @@ class PoseSearch {
  private:
   bool SearchLastFrame(const SE3& predicted, double radius_px);
   Stage LocalMapStage() const;
+  bool is_established(const PointMatch& match) const {
+    return local_map().is_established(local_map().points[match.point_idx]);
+  }
   GuidedQuery Displaced(GuidedQuery query, bool along_x) const;
-  void ListMatches();
+  void ListMatch(const PointMatch& match);
+  void LetEstablishedLead();
   bool RunGuided();
   bool GuidedMatch(std::span<const GuidedQuery> queries);
 
@@ -129,7 +141,7 @@ class PoseSearch {
   PoseFromMatches pose_from_matches_;
   PoseEstimate estimate_;
   PoseEstimate narrow_;            // before LookAround
-  std::vector<PointMatch> seeds_;  // found around the prediction, right or wrong
+  std::vector<PointMatch> seeds_;  // found around the prediction, right or wrong, but what FitMatches drops
   bool has_given_up_ = false;
   bool has_chance_rate_ = false;
   double chance_rate_ = 0.0;   // of the local map's points, those that are found where they are not

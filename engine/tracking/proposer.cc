@@ -22,11 +22,13 @@ bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate
   const double of_reference = of_points * (reference.is_reduced ? 1.0 : of_features);
   const double spacing_ms = ToMilliseconds(frame_.timestamp - course.keyframe_time);
   const bool is_thin = static_cast<double>(estimate.matches.size()) < options.low_inliers * of_points * of_features;
-  // A young map has little to lose, and is lost in the next frames unless it grows. One of few keyframes around here is
-  // taken for young, too.
+  // A map that has become thin is lost in the next frames unless it grows. A young one has little to lose. One of few
+  // keyframes around here is taken for young, too.
   const bool is_young = static_cast<int>(map.keyframes.size()) < config_.mapping.min_map_keyframes;
-  if ((spacing_ms < options.min_spacing_ms && !(is_young && is_thin)) || is_mapper_busy()) return false;
   // Points made of the last keyframes alone may be on something that came between the scope and the wall.
+  const bool shows_wall = estimate.num_seasoned >= config_.tracking.min_inliers;
+  const bool may_be_soon = is_thin && (is_young || shows_wall);
+  if ((spacing_ms < options.min_spacing_ms && !may_be_soon) || is_mapper_busy()) return false;
   if (estimate.num_established < config_.tracking.min_inliers && !is_young) return false;
   const double baseline =
       (estimate.cam_from_map.InverseTranslation() - course.keyframe_from_map.InverseTranslation()).norm();

@@ -35,14 +35,17 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
       budget_(config.scheduler, clock),
       lane_(device),
       noise_meter_(config.noise),
+      sight_(config.keyframes.low_inliers),
       overlay_(config.initialisation, config.features.finds_overlay, camera.width_px(), camera.height_px(),
                config.features.max),
       chain_(camera, config.features.max),
       extractor_({config, camera, device, lane_, budget_, overlay_, current_, last_, chain_}),
       initialiser_(config, camera, device, lane_, overlay_, scene_share, memory),
-      search_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_}),
-      recovery_({config, camera, lane_, budget_, overlay_, noise_meter_.model(), link.snapshots, current_, last_},
-                search_),
+      search_(
+          {config, camera, lane_, budget_, overlay_, noise_meter_.model(), sight_, link.snapshots, current_, last_}),
+      recovery_(
+          {config, camera, lane_, budget_, overlay_, noise_meter_.model(), sight_, link.snapshots, current_, last_},
+          search_),
       marks_(camera, config.features.max),
       proposer_(config, device, link, noise_meter_.model(), current_, heard_) {
   ReserveTouched(&tracked_, static_cast<std::size_t>(config.features.max));
@@ -167,6 +170,7 @@ void Tracker::HearMapper() {
       ++heard_.num_reframings;
       if (overlay_map_ == reframing->old_map_id) overlay_map_ = kNoId;
       chain_.Hear(*reframing);
+      sight_.Hear(*reframing);
     }
     if (std::holds_alternative<FrameFound>(next->reply)) ++heard_.num_found;
     Hear(next->reply, &state_);
@@ -357,6 +361,10 @@ void Tracker::AnswerWithPose(FrameResult* result) {
   result->num_expected = estimate.num_expected;
   result->num_established = estimate.num_established;
   marks_.Look(local_map(), estimate);
+  // A pose that was chosen says nothing of how well the map is seen before the next frame confirms it.
+  if (result->reason == TrackingReason::kTracked) {
+    sight_.Note(tracking.course.map_id, result->num_inliers, current_.timestamp);
+  }
   MeasureNoise(tracking);
   WatchOverlay(tracking.course.map_id);
   ConsiderKeyframe(reference, &tracking, result);

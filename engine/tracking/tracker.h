@@ -130,6 +130,7 @@ class Tracker {
   FrameBudget budget_;
   LaneWait lane_;
   NoiseMeter noise_meter_;
+  MapSight sight_;
   OverlayWatch overlay_;
   FlowChain chain_;
   int anchor_inliers_ = 0;  // of the frame where the chain begins

@@ -1,0 +1,26 @@
+#include "engine/tracking/map_sight.h"
+
+#include <algorithm>
+
+namespace haustra {
+namespace {
+
+// Well seen: twice what is thin, or half of what the map has ever shown where that is less.
+constexpr int kWellFactor = 2;
+constexpr double kWellShare = 0.5;
+
+}  // namespace
+
+void MapSight::Note(MapId map_id, int num_points, TimePoint now) {
+  if (map_id != map_id_) most_points_ = 0;
+  map_id_ = map_id;
+  most_points_ = std::max(most_points_, num_points);
+  const double well = std::min<double>(kWellFactor * thin_points_, kWellShare * most_points_);
+  if (num_points >= well) well_seen_ = now;
+}
+
+void MapSight::Hear(const Reframing& reframing) {
+  if (map_id_ == reframing.old_map_id) map_id_ = reframing.new_map_id;
+}
+
+}  // namespace haustra

@@ -385,6 +385,21 @@ TEST_F(AtlasTest, LocalMapHoldsWindowAndPointsSortedWithTheirObservers) {
   EXPECT_EQ(local.points[0].keyframe_mask, 3u);
 }
 
+TEST_F(AtlasTest, PointsOfTheLocalMapAreEstablishedWithTheThirdKeyframe) {
+  std::vector<KeyframeHandle> all;
+  for (const int second : {7, 3, 9, 5}) {
+    all.push_back(Add(map_));
+    atlas_.keyframe(all.back()).timestamp = TimePoint(std::chrono::seconds(second));
+  }
+  const MapPointHandle of_all = Connect({0, 0, 5}, {{all[0], 1}, {all[1], 1}, {all[2], 1}, {all[3], 1}});
+  const MapPointHandle of_two = Connect({0, 0, 6}, {{all[0], 2}, {all[1], 2}});
+  LocalMapBuilder builder(16, 200);
+  LocalMap local(50);
+  builder.Build(atlas_, all[0], &local);
+  EXPECT_EQ(local.points[local.Find(of_all)].established, TimePoint(std::chrono::seconds(7)));
+  EXPECT_EQ(local.points[local.Find(of_two)].established, TimePoint::max());
+}
+
 TEST_F(AtlasTest, LocalMapTakesInKeyframesThatStandNearWithoutSharedPoints) {
   const KeyframeHandle a = Add(map_);
   const KeyframeHandle b = Add(map_, At(0.1, 0, 0));

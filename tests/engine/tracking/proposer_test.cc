@@ -74,6 +74,17 @@ TEST_F(ProposerTest, AThinMapGrowsAtOnceWhileItIsYoung) {
   EXPECT_FALSE(IsKeyframe());
 }
 
+TEST_F(ProposerTest, AThinGrownMapGrowsAtOnceOnPointsFromBefore) {
+  const int least = colon_.config().tracking.min_inliers;
+  tracking_.course.keyframe_time = frame_.timestamp - std::chrono::milliseconds(33);
+  estimate_.num_established = estimate_.num_seasoned = least;
+  EXPECT_FALSE(IsKeyframe()) << "300 points hold it";
+  estimate_.matches.resize(static_cast<std::size_t>(colon_.config().keyframes.low_inliers) - 1);
+  EXPECT_TRUE(IsKeyframe());
+  estimate_.num_seasoned = least - 1;
+  EXPECT_FALSE(IsKeyframe()) << "the others may be on debris";
+}
+
 TEST_F(ProposerTest, AYoungMapHasFewEstablishedPointsAndGrowsAllTheSame) {
   const int grown = colon_.config().mapping.min_map_keyframes;
   estimate_.num_established = colon_.config().tracking.min_inliers - 1;

@@ -1,0 +1,49 @@
+#include "engine/tracking/map_sight.h"
+
+#include <gtest/gtest.h>
+
+namespace haustra::test {
+namespace {
+
+constexpr MapId kSeenMap = 3;
+constexpr int kThin = 60;
+
+TimePoint SeenAt(int ms) { return TimePoint(std::chrono::milliseconds(ms)); }
+
+TEST(MapSight, WellSeenIsTheLastFrameWithTwiceWhatIsThin) {
+  MapSight sight(kThin);
+  sight.Note(kSeenMap, 900, SeenAt(0));
+  sight.Note(kSeenMap, 2 * kThin, SeenAt(40));
+  EXPECT_EQ(sight.WellSeen(kSeenMap), SeenAt(40));
+  sight.Note(kSeenMap, 2 * kThin - 1, SeenAt(80));
+  EXPECT_EQ(sight.WellSeen(kSeenMap), SeenAt(40));
+}
+
+TEST(MapSight, AMapThatNeverShowsMuchIsWellSeenWithHalfOfItsMost) {
+  MapSight sight(kThin);
+  sight.Note(kSeenMap, 100, SeenAt(0));
+  sight.Note(kSeenMap, 50, SeenAt(40));
+  EXPECT_EQ(sight.WellSeen(kSeenMap), SeenAt(40));
+  sight.Note(kSeenMap, 49, SeenAt(80));
+  EXPECT_EQ(sight.WellSeen(kSeenMap), SeenAt(40));
+}
+
+TEST(MapSight, AnotherMapBeginsAnew) {
+  MapSight sight(kThin);
+  EXPECT_EQ(sight.WellSeen(kSeenMap), TimePoint::max());
+  sight.Note(kSeenMap, 900, SeenAt(0));
+  sight.Note(kSeenMap + 1, 30, SeenAt(40));
+  EXPECT_EQ(sight.WellSeen(kSeenMap + 1), SeenAt(40));
+  EXPECT_EQ(sight.WellSeen(kSeenMap), TimePoint::max());
+}
+
+TEST(MapSight, GoesAlongWithAMapThatGoesUpInAnother) {
+  MapSight sight(kThin);
+  sight.Note(kSeenMap, 900, SeenAt(40));
+  sight.Hear({kSeenMap, kSeenMap + 1, Sim3{}, true});
+  sight.Hear({kSeenMap + 5, kSeenMap + 6, Sim3{}, true});
+  EXPECT_EQ(sight.WellSeen(kSeenMap + 1), SeenAt(40));
+}
+
+}  // namespace
+}  // namespace haustra::test

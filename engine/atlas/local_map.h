@@ -71,6 +71,8 @@ struct LocalMap {
   bool is_established(const LocalPoint& point) const {
     return std::popcount(point.keyframe_mask) >= std::min(kEstablishedViews, static_cast<int>(keyframes.size()));
   }
+  // Fewer keyframes than a map needs to be kept; or as few of them around here.
+  bool is_young(int min_map_keyframes) const { return static_cast<int>(keyframes.size()) < min_map_keyframes; }
   // Position of the point in `points`, -1: not in this snapshot.
   int Find(MapPointHandle handle) const;
 };

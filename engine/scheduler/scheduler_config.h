@@ -27,4 +27,9 @@ struct SchedulerConfig {
   bool background_gap = true;       // mapping asks an accelerator for nothing while a frame is due
 };
 
+// Of what is found of a map with all its points and all features: the share that is when the ladder leaves some out.
+inline double SearchedShare(const SchedulerConfig& config, bool has_fewer_points, bool has_fewer_features) {
+  return (has_fewer_points ? config.reduced_share : 1.0) * (has_fewer_features ? config.reduced_share : 1.0);
+}
+
 }  // namespace haustra

@@ -11,12 +11,12 @@ constexpr double kWellShare = 0.5;
 
 }  // namespace
 
-void MapSight::Note(MapId map_id, int num_points, TimePoint now) {
-  if (map_id != map_id_) most_points_ = 0;
+void MapSight::Note(MapId map_id, int num_points, double searched_share, TimePoint now) {
+  const double shown = num_points / searched_share;
+  if (map_id != map_id_) most_points_ = 0.0;
   map_id_ = map_id;
-  most_points_ = std::max(most_points_, num_points);
-  const double well = std::min<double>(kWellFactor * thin_points_, kWellShare * most_points_);
-  if (num_points >= well) well_seen_ = now;
+  most_points_ = std::max(most_points_, shown);
+  if (shown >= std::min<double>(kWellFactor * thin_points_, kWellShare * most_points_)) well_seen_ = now;
 }
 
 void MapSight::Hear(const Reframing& reframing) {

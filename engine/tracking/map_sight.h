@@ -14,8 +14,9 @@ class MapSight {
   // A frame with fewer points of the map than `thin_points` is thin (KeyframeConfig::low_inliers).
   explicit MapSight(int thin_points) : thin_points_(thin_points) {}
 
-  // A tracked frame showed so many points of the map. One of another map begins anew.
-  void Note(MapId map_id, int num_points, TimePoint now);
+  // A tracked frame showed so many points of the map, of that share of them that the ladder had searched, (0, 1]. One
+  // of another map begins anew.
+  void Note(MapId map_id, int num_points, double searched_share, TimePoint now);
   void Hear(const Reframing& reframing);
 
   // The last frame that showed the map well. Of a map that was not the last one tracked: TimePoint::max().
@@ -24,7 +25,7 @@ class MapSight {
  private:
   int thin_points_;
   MapId map_id_ = kNoId;
-  int most_points_ = 0;  // that a frame showed
+  double most_points_ = 0.0;  // that a frame showed, or would have
   TimePoint well_seen_;
 };
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "engine/geometry/constants.h"
 #include "engine/geometry/ellipse_spread.h"
 #include "engine/tracking/reserve_touched.h"
 

@@ -220,7 +220,7 @@ bool PoseSearch::HasEvidence(int min_inliers, int min_detected) const {
 
 bool PoseSearch::HasEstablishedWitnesses() const {
   const int could_be = std::min(static_cast<int>(estimate_.matches.size()), estimate_.num_expected);
-  const bool is_young = static_cast<int>(local_map().keyframes.size()) < parts_.config.mapping.min_map_keyframes;
+  const bool is_young = local_map().is_young(parts_.config.mapping.min_map_keyframes);
   return (is_young ? estimate_.num_established : estimate_.num_seasoned) >= kEstablishedShare * could_be;
 }
 
@@ -265,8 +265,7 @@ void PoseSearch::LetEstablishedLead() {
   std::vector<PointMatch>& matches = estimate_.matches;
   const auto num =
       std::count_if(matches.begin(), matches.end(), [&](const PointMatch& m) { return is_established(m); });
-  const int min_inliers = parts_.config.tracking.min_inliers;
-  if (num < min_inliers || num == std::ssize(matches)) return;
+  if (num == std::ssize(matches)) return;
   pose_from_matches_.Clear();
   const std::ptrdiff_t step = 1 + num / kNumLeading;
   std::ptrdiff_t rank = 0;
@@ -274,7 +273,7 @@ void PoseSearch::LetEstablishedLead() {
     if (is_established(match) && rank++ % step == 0) ListMatch(match);
   }
   PoseOptimizerResult led;
-  if (!pose_from_matches_.Fit(estimate_.cam_from_map, min_inliers, &led)) return;
+  if (!pose_from_matches_.Fit(estimate_.cam_from_map, parts_.config.tracking.min_inliers, &led)) return;
   estimate_.cam_from_map = led.cam_from_world;
   std::erase_if(matches, [&](const PointMatch& match) {
     return !is_established(match) && !AgreesWith(led.cam_from_world, match);

@@ -16,15 +16,14 @@ bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate
   const KeyframeConfig& options = config_.keyframes;
   const Course& course = tracking.course;
   // What the ladder leaves out is not lost from sight. A reference that was reduced itself has left it out, too.
-  const double reduced_share = config_.scheduler.reduced_share;
-  const double of_points = has_fewer_points ? reduced_share : 1.0;
-  const double of_features = frame_.features.is_reduced ? reduced_share : 1.0;
-  const double of_reference = of_points * (reference.is_reduced ? 1.0 : of_features);
+  const bool is_reduced = frame_.features.is_reduced;
+  const double of_frame = SearchedShare(config_.scheduler, has_fewer_points, is_reduced);
+  const double of_reference = SearchedShare(config_.scheduler, has_fewer_points, is_reduced && !reference.is_reduced);
   const double spacing_ms = ToMilliseconds(frame_.timestamp - course.keyframe_time);
-  const bool is_thin = static_cast<double>(estimate.matches.size()) < options.low_inliers * of_points * of_features;
+  const bool is_thin = static_cast<double>(estimate.matches.size()) < options.low_inliers * of_frame;
   // A map that has become thin is lost in the next frames unless it grows. A young one has little to lose. One of few
   // keyframes around here is taken for young, too.
-  const bool is_young = static_cast<int>(map.keyframes.size()) < config_.mapping.min_map_keyframes;
+  const bool is_young = map.is_young(config_.mapping.min_map_keyframes);
   // Points made of the last keyframes alone may be on something that came between the scope and the wall.
   const bool shows_wall = estimate.num_seasoned >= config_.tracking.min_inliers;
   const bool may_be_soon = is_thin && (is_young || shows_wall);

@@ -363,7 +363,8 @@ void Tracker::AnswerWithPose(FrameResult* result) {
   marks_.Look(local_map(), estimate);
   // A pose that was chosen says nothing of how well the map is seen before the next frame confirms it.
   if (result->reason == TrackingReason::kTracked) {
-    sight_.Note(tracking.course.map_id, result->num_inliers, current_.timestamp);
+    const double share = SearchedShare(config_.scheduler, budget_.has_fewer_points(), current_.features.is_reduced);
+    sight_.Note(tracking.course.map_id, result->num_inliers, share, current_.timestamp);
   }
   MeasureNoise(tracking);
   WatchOverlay(tracking.course.map_id);

@@ -400,6 +400,27 @@ TEST_F(AtlasTest, PointsOfTheLocalMapAreEstablishedWithTheThirdKeyframe) {
   EXPECT_EQ(local.points[local.Find(of_two)].established, TimePoint::max());
 }
 
+TEST(LocalMapBuilder, WhatAnEarlierSessionSawIsEstablishedFromTheStart) {
+  Atlas atlas({3, 4, 1, 4, kFeatures});
+  atlas.RestoreCounters({3, 1, 1, 1, 0});
+  const MapHandle map = atlas.RestoreMap(0);
+  FrameFeatures features(kFeatures);
+  features.num = kFeatures;
+  std::vector<KeyframeHandle> all;
+  for (KeyframeId id = 0; id < 3; ++id) {
+    const TimePoint then(std::chrono::hours(id + 1));
+    all.push_back(atlas.RestoreKeyframe(map, id, 0, id, then, SE3{}, 1.0, features));
+  }
+  const MapPointHandle point = atlas.RestorePoint(map, 0, {0, 0, 5}, 0);
+  for (const KeyframeHandle keyframe : all) ASSERT_TRUE(atlas.AddObservation(point, keyframe, 1));
+  atlas.UpdatePoint(point);
+  LocalMapBuilder builder(3, 4);
+  LocalMap local(4);
+  builder.Build(atlas, all[0], &local);
+  ASSERT_EQ(local.num_points, 1);
+  EXPECT_EQ(local.points[0].established, TimePoint::min());
+}
+
 TEST_F(AtlasTest, LocalMapTakesInKeyframesThatStandNearWithoutSharedPoints) {
   const KeyframeHandle a = Add(map_);
   const KeyframeHandle b = Add(map_, At(0.1, 0, 0));

@@ -95,7 +95,7 @@ TEST_F(PoseSearchTest, TooFewEstablishedPointsLeadNobody) {
 }
 
 TEST_F(PoseSearchTest, WitnessesAreThoseFromBeforeTheViewThinned) {
-  sight_.Note(1, 300, AfterMs(1000));
+  sight_.Note(1, 300, 1.0, AfterMs(1000));
   Add(20, wall_, 3, AfterMs(1000));
   Add(20, wall_, 3, AfterMs(1001));
   ErrorOfFit();

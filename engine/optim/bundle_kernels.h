@@ -6,19 +6,17 @@
 
 #include <cstdint>
 
+#include "engine/optim/vector_level.h"
 #include "hal/projection_constants.h"
 
 namespace haustra::optim {
-
-// Arrays of observations, and rows that belong to them, are readable and writable this many beyond their end: the last
-// vector of an array, or of a point, is worked on as a whole.
-inline constexpr int kMaxBundleLanes = 4;
 
 inline constexpr int kPoseNumbers = 12;  // rows of [R | t] of cam_from_world
 inline constexpr int kPointNumbers = 4;  // x, y, z, and 1, or 0 for a point that stays where it is
 
 // Observations of a window, grouped by point and within a point in the order of the free poses, and the state in which
-// they are looked at. Borrowed.
+// they are looked at. Arrays of observations, and rows that belong to them, are readable and writable kMaxVectorLanes
+// beyond their end: the last vector of an array, or of a point, is worked on as a whole. Borrowed.
 struct BundleView {
   ProjectionConstants camera;
   double huber_threshold = 0.0;  // sqrt of the gate
@@ -73,13 +71,7 @@ struct BundleKernels {
                     const ReducedSystem& system);
 };
 
-enum class BundleLevel {
-  kPortable,  // two at a time: SSE2, NEON
-  kAvx2,      // four at a time, with FMA
-};
-bool IsSupported(BundleLevel level);  // by this binary and this processor
-const BundleKernels& BundleKernelsFor(BundleLevel level);
-const BundleKernels& BestBundleKernels();
+const BundleKernels& BundleKernelsFor(VectorLevel level);
 
 // Floor of a diagonal element for damping, relative to the largest of its block: a direction that nothing observes.
 inline constexpr double kDiagonalFloor = 1e-6;

@@ -14,7 +14,7 @@
 namespace haustra::optim {
 namespace {
 
-static_assert(kLanes <= kMaxBundleLanes);
+static_assert(kLanes <= kMaxVectorLanes);
 
 double Linearise(const BundleView& view, int begin, int end, double* chi2_out, const LinearisedObservations* out) {
   using Out = LinearisedObservations;

@@ -1,10 +1,13 @@
 #include "engine/optim/pose_optimizer.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 
 #include "engine/geometry/constants.h"
+#include "engine/optim/pose_kernels.h"
 #include "engine/optim/small_least_squares.h"
 
 namespace haustra {
@@ -13,64 +16,48 @@ namespace {
 constexpr int kMinInliers = 4;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// What the kernels read of an observation.
+static_assert(sizeof(PoseObservation) == optim::kPoseObservationNumbers * sizeof(double));
+static_assert(offsetof(PoseObservation, point_in_world) == 0);
+static_assert(offsetof(PoseObservation, pixel) == 4 * sizeof(double));
+static_assert(offsetof(PoseObservation, sigma_px) == 6 * sizeof(double));
+
 class PoseProblem {
  public:
   PoseProblem(const CameraModel& camera, std::span<const PoseObservation> observations, double chi2_gate,
               std::span<std::uint8_t> inliers)
-      : camera_(camera), observations_(observations), chi2_gate_(chi2_gate), inliers_(inliers) {}
+      : kernels_(optim::PoseKernelsFor(optim::BestVectorLevel())), chi2_gate_(chi2_gate), inliers_(inliers) {
+    view_.camera = camera.projection_constants();
+    view_.observations = observations.front().point_in_world.data();
+    view_.num = static_cast<int>(observations.size());
+  }
 
   // Robust rounds see all observations, with a scale that follows how far off the estimate is; the others see only
   // those that are marked.
   void StartRobustRound(const SE3& cam_from_world) {
     Chi2Histogram errors;
-    for (const PoseObservation& observation : observations_) errors.Add(Chi2(cam_from_world, observation));
-    robust_ = GemanMcClure(RobustScale2(errors, chi2_gate_));
-    is_robust_ = true;
+    ForEachChi2(cam_from_world, [&](int, double chi2) { errors.Add(chi2); });
+    view_.used = nullptr;
+    view_.robust_scale2 = RobustScale2(errors, chi2_gate_);
   }
-  void StartFinalRound() { is_robust_ = false; }
+  void StartFinalRound() {
+    view_.used = inliers_.data();
+    view_.robust_scale2 = 0.0;
+  }
 
   double Cost(const SE3& cam_from_world) const {
-    double cost = 0.0;
-    for (std::size_t i = 0; i < observations_.size(); ++i) {
-      if (!is_robust_ && !inliers_[i]) continue;
-      const double chi2 = Chi2(cam_from_world, observations_[i]);
-      cost += is_robust_ ? robust_.Cost(chi2) : chi2;
-    }
-    return cost;
+    return kernels_.Linearise(view_, PoseNumbers(cam_from_world).data(), nullptr);
   }
 
   // Normal equations of the observations in use; returns their cost.
   double Linearize(const SE3& cam_from_world, Matrix6d* hessian, Vector6d* gradient) const {
-    const Eigen::Matrix3d rotation = cam_from_world.matrix3();
-    hessian->setZero();
-    gradient->setZero();
-    double cost = 0.0;
-    for (std::size_t i = 0; i < observations_.size(); ++i) {
-      if (!is_robust_ && !inliers_[i]) continue;
-      const PoseObservation& observation = observations_[i];
-      const Eigen::Vector3d point = rotation * observation.point_in_world + cam_from_world.translation;
-      Eigen::Vector2d pixel;
-      CameraModel::ProjectionJacobian projection;
-      if (!camera_.Project(point, &pixel, &projection)) {
-        cost += is_robust_ ? robust_.Cost(kInfinity) : kInfinity;
-        continue;
-      }
-      const double inverse_sigma = 1.0 / observation.sigma_px;
-      const Eigen::Vector2d residual = (pixel - observation.pixel) * inverse_sigma;
-      const double chi2 = residual.squaredNorm();
-      const double weight = is_robust_ ? robust_.Weight(chi2) : 1.0;
-      cost += is_robust_ ? robust_.Cost(chi2) : chi2;
-      projection *= inverse_sigma;
-      for (int row = 0; row < 2; ++row) {
-        // d point / d (rho, phi) = [I, -Skew(point)], so the rotation's part of a row is point x row.
-        const Eigen::Vector3d by_point = projection.row(row);
-        Vector6d jacobian;
-        jacobian << by_point, point.cross(by_point);
-        const Vector6d weighted = weight * jacobian;
-        hessian->noalias() += weighted * jacobian.transpose();
-        *gradient += residual[row] * weighted;
-      }
+    optim::PoseNormals normals;
+    const double cost = kernels_.Linearise(view_, PoseNumbers(cam_from_world).data(), &normals);
+    const double* number = normals.numbers + optim::PoseNormals::kHessian;
+    for (int i = 0; i < 6; ++i) {
+      for (int j = 0; j <= i; ++j) (*hessian)(i, j) = (*hessian)(j, i) = *number++;
     }
+    *gradient = Eigen::Map<const Vector6d>(normals.numbers + optim::PoseNormals::kGradient);
     return cost;
   }
 
@@ -80,30 +67,40 @@ class PoseProblem {
   int Classify(const SE3& cam_from_world, double* mean_chi2) {
     int count = 0;
     double sum = 0.0;
-    for (std::size_t i = 0; i < observations_.size(); ++i) {
-      const double chi2 = Chi2(cam_from_world, observations_[i]);
+    ForEachChi2(cam_from_world, [&](int i, double chi2) {
       inliers_[i] = chi2 <= chi2_gate_ ? 1 : 0;
-      if (!inliers_[i]) continue;
+      if (!inliers_[i]) return;
       ++count;
       sum += chi2;
-    }
+    });
     *mean_chi2 = count > 0 ? sum / count : 0.0;
     return count;
   }
 
  private:
-  // Squared error in sigmas; infinite when the point cannot be seen from the pose.
-  double Chi2(const SE3& cam_from_world, const PoseObservation& observation) const {
-    Eigen::Vector2d pixel;
-    if (!camera_.Project(cam_from_world * observation.point_in_world, &pixel)) return kInfinity;
-    return (pixel - observation.pixel).squaredNorm() / (observation.sigma_px * observation.sigma_px);
+  using PoseRows = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+  static PoseRows PoseNumbers(const SE3& cam_from_world) {
+    PoseRows rows;
+    rows << cam_from_world.matrix3(), cam_from_world.translation;
+    return rows;
   }
 
-  const CameraModel& camera_;
-  std::span<const PoseObservation> observations_;
+  // Squared error in sigmas; infinite when the point cannot be seen from the pose.
+  template <typename Visit>
+  void ForEachChi2(const SE3& cam_from_world, Visit visit) const {
+    constexpr int kBlock = 64;
+    std::array<double, kBlock + optim::kMaxVectorLanes> chi2;
+    const PoseRows pose = PoseNumbers(cam_from_world);
+    for (int begin = 0; begin < view_.num; begin += kBlock) {
+      const int end = std::min(begin + kBlock, view_.num);
+      kernels_.Errors(view_, pose.data(), begin, end, chi2.data());
+      for (int i = begin; i < end; ++i) visit(i, chi2[i - begin]);
+    }
+  }
+
+  const optim::PoseKernels& kernels_;
+  optim::PoseView view_;
   double chi2_gate_;
-  GemanMcClure robust_{1.0};
-  bool is_robust_ = true;
   std::span<std::uint8_t> inliers_;
 };
 

@@ -84,10 +84,10 @@ void SchurBundleAdjuster::Load(const BundleProblem& problem, const optim::Bundle
   }
   candidate_ = state_;
   const std::size_t num_free = free_poses_.size();
-  const std::size_t num_rows = problem.observations.size() + optim::kMaxBundleLanes;
+  const std::size_t num_rows = problem.observations.size() + optim::kMaxVectorLanes;
   ResizeAnew(&chi2_, num_rows);
   ResizeAnew(&y_, 18 * num_rows);
-  linearised_.resize(optim::LinearisedObservations::kNumbers * (kStretch + longest + optim::kMaxBundleLanes));
+  linearised_.resize(optim::LinearisedObservations::kNumbers * (kStretch + longest + optim::kMaxVectorLanes));
   ResizeAnew(&eliminated_, input_points_.size());
   ResizeAnew(&blocks_, 36 * (num_free * (num_free + 1) / 2));
   pose_sums_.resize(12 * num_free);
@@ -96,7 +96,7 @@ void SchurBundleAdjuster::Load(const BundleProblem& problem, const optim::Bundle
 }
 
 void SchurBundleAdjuster::ResizeObservations(int num) {
-  const std::size_t num_rows = static_cast<std::size_t>(num) + optim::kMaxBundleLanes;
+  const std::size_t num_rows = static_cast<std::size_t>(num) + optim::kMaxVectorLanes;
   for (auto* numbers : {&observations_.u, &observations_.v, &observations_.inverse_sigma}) {
     ResizeAnew(numbers, num_rows);
   }

@@ -25,7 +25,8 @@ namespace haustra {
 class SchurBundleAdjuster {
  public:
   // The instruction set is this machine's best, unless a test wants to see another.
-  explicit SchurBundleAdjuster(const optim::BundleKernels& kernels = optim::BestBundleKernels()) : kernels_(kernels) {}
+  explicit SchurBundleAdjuster(const optim::BundleKernels& kernels = optim::BundleKernelsFor(optim::BestVectorLevel()))
+      : kernels_(kernels) {}
 
   // As AdjustBundle. Meant for windows: the reduced system is dense, its cost grows with the cube of the free poses.
   Result<BundleSummary> Adjust(const CameraModel& camera, const BundleOptions& options, BundleProblem* problem);
@@ -37,7 +38,7 @@ class SchurBundleAdjuster {
     std::vector<std::array<double, optim::kPoseNumbers>> pose_rows;  // the same, as the kernels want it
     std::vector<std::array<double, optim::kPointNumbers>> points;
   };
-  // One entry an observation and then kMaxBundleLanes more; grouped by point, within a point by free pose.
+  // One entry an observation and then kMaxVectorLanes more; grouped by point, within a point by free pose.
   struct Observations {
     std::vector<double> u, v, inverse_sigma;
     std::vector<std::int32_t> pose, free_pose, point;

@@ -24,9 +24,6 @@ constexpr double kChanceSigmas = 3.0;
 // Of the matches, or of the established points that should be seen where these are fewer. A false pose had 0.13 of its
 // matches; ninety others, rendered and of living tissue, 0.47 of the matches or 0.6 of what should be seen.
 constexpr double kEstablishedShare = 1.0 / 3.0;
-// Of the established points so many lead, or all where there are fewer: their pose tells the young ones apart, and
-// costs little beside that of all.
-constexpr int kNumLeading = 120;
 
 }  // namespace
 
@@ -263,14 +260,10 @@ bool PoseSearch::AgreesWith(const SE3& cam_from_map, const PointMatch& match) co
 // of established points alone, from which the fit then goes on. Too few established ones: all have to do.
 void PoseSearch::LetEstablishedLead() {
   std::vector<PointMatch>& matches = estimate_.matches;
-  const auto num =
-      std::count_if(matches.begin(), matches.end(), [&](const PointMatch& m) { return is_established(m); });
-  if (num == std::ssize(matches)) return;
+  if (std::all_of(matches.begin(), matches.end(), [&](const PointMatch& m) { return is_established(m); })) return;
   pose_from_matches_.Clear();
-  const std::ptrdiff_t step = 1 + num / kNumLeading;
-  std::ptrdiff_t rank = 0;
   for (const PointMatch& match : matches) {
-    if (is_established(match) && rank++ % step == 0) ListMatch(match);
+    if (is_established(match)) ListMatch(match);
   }
   PoseOptimizerResult led;
   if (!pose_from_matches_.Fit(estimate_.cam_from_map, parts_.config.tracking.min_inliers, &led)) return;

@@ -33,7 +33,7 @@ void RunWindow(benchmark::State& state, Adjuster adjust) {
 }
 
 Result<BundleSummary> AdjustPortable(const CameraModel& camera, const BundleOptions& options, BundleProblem* problem) {
-  return SchurBundleAdjuster(optim::BundleKernelsFor(optim::BundleLevel::kPortable)).Adjust(camera, options, problem);
+  return SchurBundleAdjuster(optim::BundleKernelsFor(optim::VectorLevel::kPortable)).Adjust(camera, options, problem);
 }
 
 // Poses, points, fixed poses: the window of the issue; the same with a ring of fixed keyframes; two views.

@@ -16,28 +16,12 @@
 #include "engine/geometry/rng.h"
 #include "engine/geometry/se3.h"
 #include "engine/optim/bundle_support.h"
+#include "tests/engine/optim/vector_cases.h"
 
 namespace haustra::optim {
 namespace {
 
 using Numbers = LinearisedObservations;
-
-CameraModel Camera(CameraModelKind kind) {
-  CameraCalibration c;
-  c.kind = kind;
-  c.width_px = 720;
-  c.height_px = 540;
-  c.fx = 340.0;
-  c.fy = 343.0;
-  c.cx = 361.0;
-  c.cy = 268.0;
-  switch (kind) {
-    case CameraModelKind::kPinhole: c.coefficients = {-0.21, 0.06, 0.0007, -0.0004, -0.008}; break;
-    case CameraModelKind::kKannalaBrandt: c.coefficients = {-0.02, 0.004, -0.001, 0.0001}; break;
-    case CameraModelKind::kOcamCalib: c.coefficients = {235.0, -1.6e-3, 1.1e-6, -2.4e-9, 1.0008, 3e-4, -2e-4}; break;
-  }
-  return CameraModel::Create(c).value();
-}
 
 // Observations in the order that the kernels want, with arrays of just the promised length.
 class Window {
@@ -51,7 +35,7 @@ class Window {
   Window(const CameraModel& camera, double gate, const std::vector<SE3>& poses,
          const std::vector<Eigen::Vector4d>& points, const std::vector<Observation>& observations)
       : num_(static_cast<int>(observations.size())), num_points_(static_cast<int>(points.size())) {
-    const std::size_t num_rows = observations.size() + kMaxBundleLanes;
+    const std::size_t num_rows = observations.size() + kMaxVectorLanes;
     for (auto* numbers : {&u_, &v_, &inverse_sigma_}) numbers->resize(num_rows);
     for (auto* indices : {&pose_, &free_pose_, &point_}) indices->resize(num_rows);
     begin_.resize(points.size() + 1);
@@ -86,7 +70,7 @@ class Window {
              .poses = pose_rows_.data(),
              .points = points_.data()};
     chi2_.resize(num_rows);
-    stride_ = num_ + kMaxBundleLanes;
+    stride_ = num_ + kMaxVectorLanes;
     numbers_.resize(static_cast<std::size_t>(stride_) * Numbers::kNumbers);
   }
   Window(const Window&) = delete;
@@ -137,34 +121,10 @@ SE3 SomePose(Rng* rng, double size) {
   return SE3::Exp(delta);
 }
 
-struct Case {
-  BundleLevel level;
-  CameraModelKind kind;
-};
-std::vector<Case> SupportedCases() {
-  std::vector<Case> cases;
-  for (const BundleLevel level : {BundleLevel::kPortable, BundleLevel::kAvx2}) {
-    if (!IsSupported(level)) continue;
-    for (const auto kind : {CameraModelKind::kPinhole, CameraModelKind::kKannalaBrandt, CameraModelKind::kOcamCalib}) {
-      cases.push_back({level, kind});
-    }
-  }
-  return cases;
-}
-std::string NameOf(const ::testing::TestParamInfo<Case>& info) {
-  const std::string level = info.param.level == BundleLevel::kAvx2 ? "Avx2" : "Portable";
-  switch (info.param.kind) {
-    case CameraModelKind::kPinhole: return level + "Pinhole";
-    case CameraModelKind::kKannalaBrandt: return level + "KannalaBrandt";
-    case CameraModelKind::kOcamCalib: return level + "OcamCalib";
-  }
-  return level;
-}
-
-class BundleKernelsOf : public ::testing::TestWithParam<Case> {
+class BundleKernelsOf : public ::testing::TestWithParam<test::VectorCase> {
  protected:
   const BundleKernels& kernels_ = BundleKernelsFor(GetParam().level);
-  const CameraModel camera_ = Camera(GetParam().kind);
+  const CameraModel camera_ = test::CameraOfKind(GetParam().kind);
 
   // Every observation of `window`, which is that of OneEach, against CameraModel. Returns how many are seen.
   int ExpectAsCameraModel(const std::vector<Eigen::Vector4d>& points) {
@@ -193,7 +153,7 @@ class BundleKernelsOf : public ::testing::TestWithParam<Case> {
     return num_seen;
   }
 };
-INSTANTIATE_TEST_SUITE_P(All, BundleKernelsOf, ::testing::ValuesIn(SupportedCases()), NameOf);
+INSTANTIATE_TEST_SUITE_P(All, BundleKernelsOf, ::testing::ValuesIn(test::SupportedVectorCases()), test::VectorCaseName);
 
 TEST_P(BundleKernelsOf, ProjectAsTheCameraModelDoes) {
   const int num_seen = ExpectAsCameraModel(PointsAllAround(2001, 1));
@@ -307,7 +267,7 @@ TEST_P(BundleKernelsOf, ReducedSystemIsTheSchurComplementOfTheNormalEquations) {
   Window window(camera_, kGate, poses, points, observations);
   window.Linearise(kernels_, 0, window.num());
   std::vector<double> blocks(36 * kFree * (kFree + 1) / 2), pose_sums(12 * kFree);
-  std::vector<double> y(18 * (observations.size() + kMaxBundleLanes));
+  std::vector<double> y(18 * (observations.size() + kMaxVectorLanes));
   std::vector<EliminatedPoint> eliminated(kPoints);
   kernels_.Eliminate(
       window.view(), 0, kPoints, kLambda, window.linearised(),

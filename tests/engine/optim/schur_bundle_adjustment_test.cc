@@ -99,7 +99,7 @@ TEST(SchurBundleAdjuster, MemoryOfEarlierCallsDoesNotShow) {
 
 TEST(SchurBundleAdjuster, InstructionSetsDifferByRoundingOnly) {
   const SyntheticBundle bundle = MakeSyntheticBundle({.num_poses = 9, .num_points = 301, .outlier_share = 0.05});
-  SchurBundleAdjuster portable(optim::BundleKernelsFor(optim::BundleLevel::kPortable));
+  SchurBundleAdjuster portable(optim::BundleKernelsFor(optim::VectorLevel::kPortable));
   BundleProblem expected = bundle.start;
   const BundleSummary reference = portable.Adjust(bundle.camera, BundleOptions(), &expected).value();
   BundleProblem problem = bundle.start;

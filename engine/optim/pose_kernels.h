@@ -32,8 +32,8 @@ struct PoseNormals {
 
 // `pose`: rows of [R | t] of cam_from_world, 12 numbers.
 struct PoseKernels {
-  // Cost of the observations in use, and their normal equations unless `normals` is nullptr. An observation that cannot
-  // be seen is no part of these; it costs what the robust cost levels off at, infinity where squares are plain.
+  // Cost of the observations in use, and their normal equations. An observation that cannot be seen is no part of
+  // these; it costs what the robust cost levels off at, infinity where squares are plain.
   double (*Linearise)(const PoseView& view, const double* pose, PoseNormals* normals);
   // Squared errors in sigmas of the observations [begin, end), infinite where one cannot be seen. Writes up to
   // kMaxVectorLanes - 1 numbers beyond the end.

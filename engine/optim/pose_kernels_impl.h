@@ -62,7 +62,6 @@ double Linearise(const PoseView& view, const double* pose, PoseNormals* normals)
       weight = ratio * ratio;
     }
     cost += Select(is_used, observation_cost, VecD{});
-    if (normals == nullptr) continue;
 
     const VecMask counts = is_used & errors.projection.is_seen;
     const VecD scale = errors.inverse_sigma, *const p = errors.p;
@@ -82,7 +81,7 @@ double Linearise(const PoseView& view, const double* pose, PoseNormals* normals)
       }
     }
   }
-  if (normals != nullptr) SumLanes<PoseNormals::kNumbers>(sums, normals->numbers);
+  SumLanes<PoseNormals::kNumbers>(sums, normals->numbers);
   double lanes[kLanes], sum = 0.0;
   Store(lanes, cost);
   for (const double lane : lanes) sum += lane;

@@ -32,21 +32,23 @@ class PoseProblem {
     view_.num = static_cast<int>(observations.size());
   }
 
-  // Robust rounds see all observations, with a scale that follows how far off the estimate is; the others see only
-  // those that are marked.
-  void StartRobustRound(const SE3& cam_from_world) {
+  // Robust rounds see all observations, with a scale that follows how far off the estimate is. False: it is that of the
+  // last round.
+  bool StartRobustRound(const SE3& cam_from_world) {
     Chi2Histogram errors;
     ForEachChi2(cam_from_world, [&](int, double chi2) { errors.Add(chi2); });
+    const double scale2 = RobustScale2(errors, chi2_gate_);
+    const bool is_new = scale2 != view_.robust_scale2;
     view_.used = nullptr;
-    view_.robust_scale2 = RobustScale2(errors, chi2_gate_);
+    view_.robust_scale2 = scale2;
+    return is_new;
   }
-  void StartFinalRound() {
+  // The others see only those that are marked. False: these are those of the last round.
+  bool StartFinalRound() {
+    const bool is_new = view_.used == nullptr || has_changed_;
     view_.used = inliers_.data();
     view_.robust_scale2 = 0.0;
-  }
-
-  double Cost(const SE3& cam_from_world) const {
-    return kernels_.Linearise(view_, PoseNumbers(cam_from_world).data(), nullptr);
+    return is_new;
   }
 
   // Normal equations of the observations in use; returns their cost.
@@ -67,9 +69,12 @@ class PoseProblem {
   int Classify(const SE3& cam_from_world, double* mean_chi2) {
     int count = 0;
     double sum = 0.0;
+    has_changed_ = false;
     ForEachChi2(cam_from_world, [&](int i, double chi2) {
-      inliers_[i] = chi2 <= chi2_gate_ ? 1 : 0;
-      if (!inliers_[i]) return;
+      const std::uint8_t is_inlier = chi2 <= chi2_gate_ ? 1 : 0;
+      has_changed_ = has_changed_ || is_inlier != inliers_[i];
+      inliers_[i] = is_inlier;
+      if (!is_inlier) return;
       ++count;
       sum += chi2;
     });
@@ -101,6 +106,7 @@ class PoseProblem {
   const optim::PoseKernels& kernels_;
   optim::PoseView view_;
   double chi2_gate_;
+  bool has_changed_ = true;  // what is marked
   std::span<std::uint8_t> inliers_;
 };
 
@@ -121,11 +127,9 @@ bool OptimizePose(const CameraModel& camera, std::span<const PoseObservation> ob
   bool converged = false;
   const int robust_rounds = std::max(1, options.rounds / 2);
   for (int round = 0; round < options.rounds; ++round) {
-    if (round < robust_rounds) {
-      problem.StartRobustRound(cam_from_world);
-    } else {
-      problem.StartFinalRound();
-    }
+    const bool is_new = round < robust_rounds ? problem.StartRobustRound(cam_from_world) : problem.StartFinalRound();
+    // The same problem again has the same solution.
+    if (converged && !is_new) continue;
     converged = MinimizeSmall<6>(problem, options.iterations_per_round, &cam_from_world);
     num_inliers = problem.Classify(cam_from_world, &mean_chi2);
     if (num_inliers < kMinInliers) return false;

@@ -33,17 +33,6 @@ class Sim3Problem {
   }
   void StartFinalRound() { is_robust_ = false; }
 
-  double Cost(const Sim3& b_from_a) const {
-    const Sim3 a_from_b = b_from_a.Inverse();
-    double cost = 0.0;
-    for (std::size_t i = 0; i < matches_.size(); ++i) {
-      if (!is_robust_ && !inliers_[i]) continue;
-      const double chi2 = Chi2(b_from_a, a_from_b, matches_[i]);
-      cost += is_robust_ ? robust_.Cost(chi2) : chi2;
-    }
-    return cost;
-  }
-
   double Linearize(const Sim3& b_from_a, Matrix7d* hessian, Vector7d* gradient) const {
     const Sim3 a_from_b = b_from_a.Inverse();
     const Eigen::Matrix3d scaled_rotation_a_from_b = a_from_b.scale * a_from_b.rotation.toRotationMatrix();

@@ -68,8 +68,8 @@ inline double RobustScale2(const Chi2Histogram& errors, double chi2_gate) {
 
 // Problem offers, with N unknowns and a `State`:
 //   double Linearize(const State&, Matrix<N,N>* hessian, Vector<N>* gradient) const;  returns the cost, sum of squares
-//   double Cost(const State&) const;
 //   static State Moved(const State&, const Vector<N>& step);
+// Nearly every step is taken: a candidate is linearised at once, and not looked at twice.
 // True when it ended by a step that changes nothing any more, false when by the count, by damping, or by a bad number.
 template <int N, typename State, typename Problem>
 bool MinimizeSmall(const Problem& problem, int iterations, State* state) {
@@ -77,10 +77,10 @@ bool MinimizeSmall(const Problem& problem, int iterations, State* state) {
   using Vector = Eigen::Matrix<double, N, 1>;
   constexpr double kInitialDamping = 1e-4, kMinDamping = 1e-9, kMaxDamping = 1e8;
   // Far below what a pixel can tell.
-  constexpr double kSmallStep = 1e-8, kSmallRelativeDecrease = 1e-7;
+  constexpr double kSmallStep = 1e-8, kSmallRelativeDecrease = 1e-6;
 
-  Matrix hessian;
-  Vector gradient;
+  Matrix hessian, candidate_hessian;
+  Vector gradient, candidate_gradient;
   double damping = kInitialDamping;
   double cost = problem.Linearize(*state, &hessian, &gradient);
   for (int i = 0; i < iterations; ++i) {
@@ -90,7 +90,7 @@ bool MinimizeSmall(const Problem& problem, int iterations, State* state) {
     const Vector step = -damped.ldlt().solve(gradient);
     if (!step.allFinite()) return false;
     const State candidate = Problem::Moved(*state, step);
-    const double candidate_cost = problem.Cost(candidate);
+    const double candidate_cost = problem.Linearize(candidate, &candidate_hessian, &candidate_gradient);
     // Lengths are in map units, whose size is arbitrary: a step is judged by what it is expected to gain.
     const double expected = -2.0 * step.dot(gradient) - step.dot(hessian * step);
     const bool is_small = expected <= kSmallRelativeDecrease * cost || step.norm() < kSmallStep;
@@ -98,7 +98,9 @@ bool MinimizeSmall(const Problem& problem, int iterations, State* state) {
       *state = candidate;
       if (is_small || cost - candidate_cost <= kSmallRelativeDecrease * cost) return true;
       damping = std::max(0.1 * damping, kMinDamping);
-      cost = problem.Linearize(*state, &hessian, &gradient);
+      cost = candidate_cost;
+      hessian = candidate_hessian;
+      gradient = candidate_gradient;
     } else {
       if (is_small) return true;
       damping *= 10.0;

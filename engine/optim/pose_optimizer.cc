@@ -32,16 +32,12 @@ class PoseProblem {
     view_.num = static_cast<int>(observations.size());
   }
 
-  // Robust rounds see all observations, with a scale that follows how far off the estimate is. False: it is that of the
-  // last round.
-  bool StartRobustRound(const SE3& cam_from_world) {
+  // Robust rounds see all observations, with a scale that follows how far off the estimate is.
+  void StartRobustRound(const SE3& cam_from_world) {
     Chi2Histogram errors;
     ForEachChi2(cam_from_world, [&](int, double chi2) { errors.Add(chi2); });
-    const double scale2 = RobustScale2(errors, chi2_gate_);
-    const bool is_new = scale2 != view_.robust_scale2;
     view_.used = nullptr;
-    view_.robust_scale2 = scale2;
-    return is_new;
+    view_.robust_scale2 = RobustScale2(errors, chi2_gate_);
   }
   // The others see only those that are marked. False: these are those of the last round.
   bool StartFinalRound() {
@@ -127,9 +123,13 @@ bool OptimizePose(const CameraModel& camera, std::span<const PoseObservation> ob
   bool converged = false;
   const int robust_rounds = std::max(1, options.rounds / 2);
   for (int round = 0; round < options.rounds; ++round) {
-    const bool is_new = round < robust_rounds ? problem.StartRobustRound(cam_from_world) : problem.StartFinalRound();
-    // The same problem again has the same solution.
-    if (converged && !is_new) continue;
+    // A robust round goes on where the last one ended, which may be a plateau. Squares of the same observations have
+    // the same minimum.
+    if (round < robust_rounds) {
+      problem.StartRobustRound(cam_from_world);
+    } else if (!problem.StartFinalRound() && converged) {
+      break;
+    }
     converged = MinimizeSmall<6>(problem, options.iterations_per_round, &cam_from_world);
     num_inliers = problem.Classify(cam_from_world, &mean_chi2);
     if (num_inliers < kMinInliers) return false;

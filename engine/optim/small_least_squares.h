@@ -77,7 +77,7 @@ bool MinimizeSmall(const Problem& problem, int iterations, State* state) {
   using Vector = Eigen::Matrix<double, N, 1>;
   constexpr double kInitialDamping = 1e-4, kMinDamping = 1e-9, kMaxDamping = 1e8;
   // Far below what a pixel can tell.
-  constexpr double kSmallStep = 1e-8, kSmallRelativeDecrease = 1e-6;
+  constexpr double kSmallStep = 1e-8, kSmallRelativeDecrease = 1e-7;
 
   Matrix hessian, candidate_hessian;
   Vector gradient, candidate_gradient;

@@ -41,10 +41,13 @@ namespace haustra {
 // a number, not finite, out of range, unsupported model); the message names file, line, key and value.
 Result<CameraCalibration> ReadCalibration(const std::string& path);
 
-// Writes the settings format for pinhole and Kannala-Brandt, our own for OCamCalib and for a calibration with
-// max_half_angle_deg. Numbers are written so that reading gives the same doubles.
-// remark: one line of comment at its head. kInvalidArgument: the calibration is not one that ReadCalibration would
-// accept. kUnavailable: the file cannot be written.
+// The settings format for pinhole and Kannala-Brandt, our own for OCamCalib and for a calibration with
+// max_half_angle_deg. Numbers are such that reading gives the same doubles. remark: one line of comment at its head.
+// Of a calibration that ReadCalibration would accept.
+std::string CalibrationText(const CameraCalibration& calibration, std::string_view remark = {});
+
+// Writes CalibrationText, as a whole or not at all. kInvalidArgument: the calibration is not one that ReadCalibration
+// would accept. kNotFound: no such folder. kUnavailable: the file cannot be written.
 Status WriteCalibration(const std::string& path, const CameraCalibration& calibration, std::string_view remark = {});
 
 }  // namespace haustra

@@ -10,7 +10,7 @@
 #include "capture/dataset/listing_parts.h"
 #include "capture/dataset/rotation.h"
 #include "capture/dataset/sequence_listing.h"
-#include "capture/file_io.h"
+#include "capture/files/whole_file.h"
 #include "capture/number.h"
 
 namespace haustra {
@@ -87,7 +87,7 @@ Status ParseC3vdLine(const std::vector<std::string_view>& fields, GroundTruthPos
 Result<GroundTruthPose> ReadBodyFromCam(const std::string& path) {
   const std::filesystem::path mav = std::filesystem::path(path).parent_path().parent_path();
   const std::string sensor = (mav / "cam0" / "sensor.yaml").string();
-  Result<std::string> text = ReadTextFile(sensor, kMaxTextFileBytes);
+  Result<std::string> text = ReadWholeText(sensor, kMaxTextFileBytes);
   if (!text.ok()) {
     return Status(text.code(), path + ": holds poses of the body; that of the camera on it is not known: " +
                                    text.status().message());
@@ -121,7 +121,7 @@ Layout LayoutOf(const TextLine& line) {
 }  // namespace
 
 Result<std::vector<GroundTruthPose>> ReadGroundTruth(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, ReadTextFile(path, kMaxTextFileBytes));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path, kMaxTextFileBytes));
   const std::vector<TextLine> lines = ContentLines(text);
   if (lines.empty()) return InvalidArgument(path + ": no pose in it");
   const Layout layout = LayoutOf(lines.front());

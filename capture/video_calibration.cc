@@ -9,7 +9,7 @@
 #include "capture/calibration_reader.h"
 #include "capture/concat.h"
 #include "capture/dataset/folder.h"
-#include "capture/file_io.h"
+#include "capture/files/whole_file.h"
 #include "capture/number.h"
 
 namespace haustra::capture::internal {
@@ -23,7 +23,7 @@ constexpr std::size_t kMaxInfoBytes = std::size_t{16} << 20;
 Result<std::string> FindByEndoscopeNumber(const std::string& folder, const std::string& stem) {
   const std::string info_path = Joined(folder, stem + "_info.json");
   if (!IsFile(info_path)) return std::string();
-  HAUSTRA_ASSIGN(std::string text, ReadTextFile(info_path, kMaxInfoBytes));
+  HAUSTRA_ASSIGN(std::string text, ReadWholeText(info_path, kMaxInfoBytes));
   HAUSTRA_ASSIGN(const YamlMap info, YamlMap::Parse(info_path, std::move(text)));  // JSON is YAML, too
   HAUSTRA_ASSIGN(const std::string value, info.Text("endoscope_number"));
   const Result<std::int64_t> number = ParseInteger(value);

@@ -1,7 +1,7 @@
 #include "platform/atlas_file.h"
 
-#include "platform/file_sink.h"
-#include "platform/whole_file.h"
+#include "capture/files/file_sink.h"
+#include "capture/files/whole_file.h"
 
 namespace haustra {
 namespace {

@@ -1,12 +1,10 @@
 #include "platform/vocabulary_loader.h"
 
 #include <cstdint>
-#include <filesystem>
-#include <fstream>
-#include <system_error>
 #include <utility>
 #include <vector>
 
+#include "capture/files/whole_file.h"
 #include "engine/place/make_retrieval.h"
 #include "engine/place/vocabulary_file.h"
 
@@ -14,32 +12,21 @@ namespace haustra {
 namespace {
 
 // More than the largest vocabulary that there can be.
-constexpr std::uintmax_t kMaxFileBytes =
-    std::uintmax_t{Vocabulary::kMaxNodes} * (kDescriptorBytes + 1 + sizeof(std::uint32_t)) + 4096;
-
-Result<std::vector<std::uint8_t>> ReadFile(const std::string& path) {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status)) return NotFound(path + ": there is no such vocabulary file; 'haustra vocabulary' makes one");
-  if (!fs::is_regular_file(status)) return Unavailable(path + ": is not a file, but should be a vocabulary");
-  const std::uintmax_t size = fs::file_size(path, error);
-  if (error) return Unavailable(path + ": cannot be read: " + error.message());
-  if (size > kMaxFileBytes) {
-    return DataLoss(path + ": " + std::to_string(size) + " bytes are more than any vocabulary has");
-  }
-  std::vector<std::uint8_t> bytes(static_cast<std::size_t>(size));
-  std::ifstream file(path, std::ios::binary);
-  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  if (!file) return Unavailable(path + ": cannot be read");
-  return bytes;
-}
+constexpr std::size_t kMaxVocabularyBytes =
+    std::size_t{Vocabulary::kMaxNodes} * (kDescriptorBytes + 1 + sizeof(std::uint32_t)) + 4096;
 
 }  // namespace
 
 Result<Vocabulary> LoadVocabulary(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::vector<std::uint8_t> bytes, ReadFile(path));
-  Result<Vocabulary> vocabulary = ReadVocabulary(bytes);
+  const Result<std::vector<std::uint8_t>> bytes = ReadWholeFile(path, kMaxVocabularyBytes);
+  if (bytes.code() == StatusCode::kNotFound) {
+    return NotFound(bytes.status().message() + "; 'haustra vocabulary' makes a vocabulary");
+  }
+  if (bytes.code() == StatusCode::kCapacityExceeded) {
+    return DataLoss(bytes.status().message() + ", more than any vocabulary has");
+  }
+  HAUSTRA_TRY(bytes.status());
+  Result<Vocabulary> vocabulary = ReadVocabulary(*bytes);
   if (!vocabulary.ok()) return Status(vocabulary.code(), path + ": " + vocabulary.status().message());
   return vocabulary;
 }

@@ -7,7 +7,7 @@
 
 #include "capture/calibration/formats.h"
 #include "capture/calibration/yaml_map.h"
-#include "capture/file_io.h"
+#include "capture/files/whole_file.h"
 
 namespace haustra {
 namespace {
@@ -62,7 +62,7 @@ Result<CameraCalibration> ReadYaml(const std::string& path, std::string text) {
 }  // namespace
 
 Result<CameraCalibration> ReadCalibration(const std::string& path) {
-  HAUSTRA_ASSIGN(std::string text, capture::internal::ReadTextFile(path, kMaxCalibrationBytes));
+  HAUSTRA_ASSIGN(std::string text, ReadWholeText(path, kMaxCalibrationBytes));
   if (text.find('\0') != std::string::npos) return InvalidArgument(path + ": a binary file, not a calibration");
   // yaml-cpp's nodes may throw also when they are read.
   try {

@@ -4,7 +4,7 @@
 
 #include "capture/calibration/formats.h"
 #include "capture/calibration_reader.h"
-#include "capture/file_io.h"
+#include "capture/files/file_sink.h"
 #include "capture/number.h"
 
 namespace haustra {
@@ -81,14 +81,18 @@ std::string HaustraText(const CameraCalibration& calibration) {
 
 }  // namespace
 
-Status WriteCalibration(const std::string& path, const CameraCalibration& calibration, std::string_view remark) {
-  HAUSTRA_TRY(capture::internal::CheckCalibration(
-      calibration, [&path](std::string_view field) { return path + ": not written: " + std::string(field); }));
+std::string CalibrationText(const CameraCalibration& calibration, std::string_view remark) {
   const bool needs_own_format = calibration.kind == CameraModelKind::kOcamCalib || calibration.max_half_angle_deg > 0.0;
   std::string text = needs_own_format ? HaustraText(calibration) : SettingsText(calibration);
   const std::size_t head = text.starts_with(kSettingsHead) ? kSettingsHead.size() : 0;
   if (!remark.empty()) text.insert(head, "# " + std::string(remark) + "\n");
-  return capture::internal::WriteTextFile(path, text);
+  return text;
+}
+
+Status WriteCalibration(const std::string& path, const CameraCalibration& calibration, std::string_view remark) {
+  HAUSTRA_TRY(capture::internal::CheckCalibration(
+      calibration, [&path](std::string_view field) { return path + ": not written: " + std::string(field); }));
+  return WriteWholeFile(path, CalibrationText(calibration, remark));
 }
 
 }  // namespace haustra

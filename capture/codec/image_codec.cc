@@ -4,7 +4,8 @@
 
 #include "capture/codec/jpeg_codec.h"
 #include "capture/codec/png_codec.h"
-#include "capture/file_io.h"
+#include "capture/files/file_sink.h"
+#include "capture/files/whole_file.h"
 #include "capture/image_transform.h"
 
 namespace haustra {
@@ -36,7 +37,7 @@ Status CheckWritable(const std::string& path, const ImageView& image) {
 }  // namespace
 
 Status ImageReader::Read(const std::string& path, ChannelChoice channels, Image* image) {
-  HAUSTRA_TRY(capture::internal::ReadFile(path, kMaxImageFileBytes, &file_));
+  HAUSTRA_TRY(ReadWholeFile(path, kMaxImageFileBytes, &file_));
   if (IsJpeg(file_)) return WithPath(path, DecodeJpeg(file_, channels, image));
   if (!IsPng(file_)) return UnknownKind(path, file_);
   if (channels == ChannelChoice::kAsStored) return WithPath(path, DecodePng(file_, image));
@@ -46,7 +47,7 @@ Status ImageReader::Read(const std::string& path, ChannelChoice channels, Image*
 }
 
 Result<ImageSize> ImageReader::ReadSize(const std::string& path) {
-  HAUSTRA_TRY(capture::internal::ReadFile(path, kMaxImageFileBytes, &file_));
+  HAUSTRA_TRY(ReadWholeFile(path, kMaxImageFileBytes, &file_));
   if (!IsJpeg(file_) && !IsPng(file_)) return UnknownKind(path, file_);
   Result<ImageSize> size = IsJpeg(file_) ? DecodeJpegSize(file_) : DecodePngSize(file_);
   if (!size.ok()) return WithPath(path, size.status());
@@ -78,7 +79,7 @@ Status WritePng(const std::string& path, ImageView image) {
 }
 
 Status WriteEncoded(const std::string& path, std::span<const std::uint8_t> bytes) {
-  return capture::internal::WriteFile(path, bytes);
+  return WriteWholeFile(path, bytes, Outlasts::kProcess);
 }
 
 }  // namespace haustra

@@ -49,12 +49,13 @@ class ImageReader {
 // One file, for callers that read a single image.
 Result<Image> ReadImage(const std::string& path, ChannelChoice channels);
 
+// A file is there as a whole or not at all (files/file_sink.h), but may not outlast a power cut: frames come fast.
 // quality 1 to 100; chroma is stored at half the resolution below quality 90, in full from there on.
-// kInvalidArgument: empty image or quality out of range. kUnavailable: the file cannot be written.
+// kInvalidArgument: empty image or quality out of range. kNotFound: no such folder. kUnavailable: cannot be written.
 Status WriteJpeg(const std::string& path, ImageView image, int quality);
 // Lossless. Errors as for WriteJpeg.
 Status WritePng(const std::string& path, ImageView image);
-// The bytes of a picture as a camera gives them. kUnavailable: the file cannot be written.
+// The bytes of a picture as a camera gives them. Errors of the file as for WriteJpeg.
 Status WriteEncoded(const std::string& path, std::span<const std::uint8_t> bytes);
 
 }  // namespace haustra

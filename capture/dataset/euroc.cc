@@ -3,7 +3,7 @@
 #include "capture/dataset/folder.h"
 #include "capture/dataset/listing_parts.h"
 #include "capture/dataset/sequence_listing.h"
-#include "capture/file_io.h"
+#include "capture/files/whole_file.h"
 #include "capture/number.h"
 
 namespace haustra {
@@ -19,7 +19,7 @@ std::string CameraFolder(const std::string& folder) {
 
 Status ReadImageList(const std::string& camera_folder, SequenceListing* listing) {
   const std::string path = Joined(camera_folder, "data.csv");
-  HAUSTRA_ASSIGN(const std::string text, ReadTextFile(path, kMaxTextFileBytes));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path, kMaxTextFileBytes));
   StampList stamps(path);
   for (const TextLine& line : ContentLines(text)) {
     const std::string here = path + ":" + std::to_string(line.number) + ": ";

@@ -5,7 +5,7 @@
 #include "capture/dataset/folder.h"
 #include "capture/dataset/listing_parts.h"
 #include "capture/dataset/sequence_listing.h"
-#include "capture/file_io.h"
+#include "capture/files/whole_file.h"
 #include "capture/number.h"
 
 namespace haustra {
@@ -29,7 +29,7 @@ Result<std::vector<std::string>> ListImages(const std::string& folder) {
 }
 
 Result<std::vector<std::int64_t>> ReadTimes(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, ReadTextFile(path, kMaxTextFileBytes));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path, kMaxTextFileBytes));
   StampList stamps(path);
   for (const TextLine& line : ContentLines(text)) {
     const Result<std::int64_t> stamp = ParseSeconds(line.text);
@@ -45,7 +45,7 @@ Result<std::vector<std::int64_t>> ReadTimes(const std::string& path) {
 // The images whose times were stored, and these times from the first one on.
 Status KeepRecorded(SequenceListing* listing) {
   const std::string path = Joined(listing->folder, kRecordedTimesName);
-  HAUSTRA_ASSIGN(std::string text, ReadTextFile(path, kMaxTextFileBytes));
+  HAUSTRA_ASSIGN(std::string text, ReadWholeText(path, kMaxTextFileBytes));
   text.erase(text.rfind('\n') + 1);  // the line that was being written
   std::map<std::string, std::int64_t> times;
   for (const TextLine& line : ContentLines(text)) {

@@ -3,7 +3,7 @@
 #include "capture/dataset/folder.h"
 #include "capture/dataset/listing_parts.h"
 #include "capture/dataset/sequence_listing.h"
-#include "capture/file_io.h"
+#include "capture/files/whole_file.h"
 #include "capture/number.h"
 
 namespace haustra {
@@ -13,7 +13,7 @@ using namespace capture::internal;  // NOLINT(google-build-using-namespace): the
 
 Status ReadImageList(SequenceListing* listing) {
   const std::string path = Joined(listing->folder, "rgb.txt");
-  HAUSTRA_ASSIGN(const std::string text, ReadTextFile(path, kMaxTextFileBytes));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path, kMaxTextFileBytes));
   StampList stamps(path);
   for (const TextLine& line : ContentLines(text)) {
     const std::string here = path + ":" + std::to_string(line.number) + ": ";

@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "engine/atlas/handles.h"
-#include "engine/io/byte_sink.h"
 #include "engine/io/chunk_file.h"
 #include "engine/surface/depth_map.h"
+#include "hal/core/byte_sink.h"
 #include "hal/core/status.h"
 
 namespace haustra {

@@ -4,8 +4,8 @@
 #pragma once
 
 #include "engine/atlas/atlas.h"
-#include "engine/io/byte_sink.h"
 #include "hal/camera_calibration.h"
+#include "hal/core/byte_sink.h"
 #include "hal/vision_device.h"
 
 namespace haustra {

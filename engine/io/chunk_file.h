@@ -18,7 +18,7 @@
 #include <string>
 #include <string_view>
 
-#include "engine/io/byte_sink.h"
+#include "hal/core/byte_sink.h"
 #include "hal/core/status.h"
 
 namespace haustra {

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "engine/io/byte_sink.h"
 #include "engine/io/map_export.h"
 #include "hal/camera_calibration.h"
+#include "hal/core/byte_sink.h"
 
 namespace haustra {
 

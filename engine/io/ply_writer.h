@@ -2,9 +2,9 @@
 // (int). Opens in MeshLab, CloudCompare, Open3D and Blender. Map units. reentrant, not rt-safe.
 #pragma once
 
-#include "engine/io/byte_sink.h"
 #include "engine/io/map_export.h"
 #include "engine/surface/triangle_mesh.h"
+#include "hal/core/byte_sink.h"
 
 namespace haustra {
 

@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "engine/geometry/se3.h"
-#include "engine/io/byte_sink.h"
+#include "hal/core/byte_sink.h"
 
 namespace haustra {
 

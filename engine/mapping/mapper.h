@@ -18,7 +18,6 @@
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
 #include "engine/config.h"
-#include "engine/io/byte_sink.h"
 #include "engine/io/saved_atlas.h"
 #include "engine/mapping/evictor.h"
 #include "engine/mapping/founder.h"
@@ -37,6 +36,7 @@
 #include "engine/place/vocabulary.h"
 #include "engine/tracking/tracking_link.h"
 #include "hal/clock.h"
+#include "hal/core/byte_sink.h"
 #include "hal/vision_device.h"
 
 namespace haustra {

@@ -12,9 +12,9 @@
 #include <cstdint>
 #include <span>
 
-#include "engine/io/byte_sink.h"
 #include "engine/io/chunk_file.h"
 #include "engine/place/vocabulary.h"
+#include "hal/core/byte_sink.h"
 #include "hal/core/status.h"
 
 namespace haustra {

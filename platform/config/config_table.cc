@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <set>
 
+#include "capture/files/whole_file.h"
 #include "hal/core/edit_distance.h"
 #include "platform/config/config_document.h"
-#include "platform/config/text_file.h"
 
 namespace haustra {
 namespace {
@@ -129,7 +129,7 @@ Status ConfigTable::ApplyText(std::string_view text, const std::string& name, vo
 
 Status ConfigTable::ReadAndApply(const std::string& path, int depth, void* config,
                                  std::vector<ConfigOrigin>* origins) const {
-  HAUSTRA_ASSIGN(const std::string text, config::ReadTextFile(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   return Apply(text, path, depth, config, origins);
 }
 

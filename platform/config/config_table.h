@@ -54,7 +54,7 @@ class ConfigTable {
 // is all or nothing: on an error the configuration is as it was. thread-bound(its owner).
 //
 // Errors of the Apply functions: kFailedPrecondition, one line a problem, each "file:line:column: key: what is wrong;
-// allowed: ..." (or the key nearest to an unknown one); kNotFound when a file cannot be read.
+// allowed: ..." (or the key nearest to an unknown one); of a file the errors of capture/files/whole_file.h.
 //
 // A file may name another one to start from, relative to its own folder: `preset: phantom.yaml`. The values of the
 // preset apply first, at whatever line the key stands.

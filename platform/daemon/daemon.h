@@ -21,6 +21,7 @@
 #include <string>
 #include <vector>
 
+#include "capture/files/file_sink.h"
 #include "hal/clock.h"
 #include "platform/control/control_server.h"
 #include "platform/daemon/daemon_config.h"
@@ -30,7 +31,6 @@
 #include "platform/daemon/service_notifier.h"
 #include "platform/daemon/service_state.h"
 #include "platform/daemon/worker_process.h"
-#include "platform/file_sink.h"
 #include "platform/publish/depth_table_writer.h"
 #include "platform/publish/pose_ring_writer.h"
 #include "platform/publish/view_ring_writer.h"

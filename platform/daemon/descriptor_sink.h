@@ -1,11 +1,11 @@
-// Bytes into a file that somebody else has opened, and will make sure of (platform/file_sink.h). Messages name no file:
-// it has no name here. thread-bound(the writer), not rt-safe.
+// Bytes into a file that somebody else has opened, and will make sure of (capture/files/file_sink.h). Messages name no
+// file: it has no name here. thread-bound(the writer), not rt-safe.
 #pragma once
 
 #include <string>
 #include <string_view>
 
-#include "engine/io/byte_sink.h"
+#include "hal/core/byte_sink.h"
 #include "hal/core/status.h"
 
 namespace haustra {

@@ -19,10 +19,10 @@
 #include <utility>
 #include <vector>
 
+#include "capture/files/file_sink.h"
+#include "capture/files/wipe_file.h"
 #include "platform/control/control_protocol.h"
 #include "platform/daemon/log.h"
-#include "platform/file_sink.h"
-#include "platform/wipe_file.h"
 
 namespace haustra {
 namespace {

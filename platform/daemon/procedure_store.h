@@ -6,8 +6,8 @@
 //   FOLDER/checkpoint.atlas  its maps (engine/io/atlas_format.h)
 //   FOLDER/saved/NAME.atlas  maps that were kept
 //
-// Files are replaced as a whole or not at all (platform/file_sink.h), those before them are overwritten, and they are
-// readable by the service alone.
+// Files are replaced as a whole or not at all (capture/files/file_sink.h), those before them are overwritten, and they
+// are readable by the service alone.
 #pragma once
 
 #include <cstdint>

@@ -251,8 +251,17 @@ TEST_F(ImageCodecTest, WritersRefuseWhatTheyCannotWrite) {
   EXPECT_EQ(WriteJpeg(folder_.Path("a.jpg"), {}, 90).code(), StatusCode::kInvalidArgument);
   EXPECT_EQ(WritePng(folder_.Path("a.png"), {}).code(), StatusCode::kInvalidArgument);
   const Status status = WritePng(folder_.Path("nowhere/a.png"), image.view());
-  EXPECT_EQ(status.code(), StatusCode::kUnavailable);
-  EXPECT_THAT(status.message(), HasSubstr("nowhere/a.png: cannot be created"));
+  EXPECT_EQ(status.code(), StatusCode::kNotFound);
+  EXPECT_THAT(status.message(), HasSubstr("nowhere/a.png: its folder does not exist"));
+}
+
+// A picture that had the name is not written over: whoever reads it meets all of it.
+TEST_F(ImageCodecTest, PictureReplacesANameAndNotTheFileThatHadIt) {
+  const std::string path = folder_.WriteImage("a.png", FlatImage(4, 4, PixelFormat::kGrey8, 9));
+  std::filesystem::create_hard_link(path, folder_.Path("seen.png"));
+  ASSERT_TRUE(WritePng(path, FlatImage(8, 8, PixelFormat::kGrey8, 7).view()).ok());
+  EXPECT_EQ(ImageReader().ReadSize(path)->width_px, 8);
+  EXPECT_EQ(ImageReader().ReadSize(folder_.Path("seen.png"))->width_px, 4);
 }
 
 }  // namespace

@@ -49,7 +49,8 @@ GOOD_TREE = {
     "tools/benchmarks/peers.json": '{"coverage": [88]}\n',
     "CHANGELOG.md": "It takes 5 % less. `gone.h` went.\n",
     "tools/benchmarks/results/2026-11-22-0d47607.md": f"{LONG}.\n",
-    "kernels/cuda/decisions/2026-11-22-bands.md": "# Bands\n\nBefore 91.0 us.\n" + "\n" * 57,
+    "kernels/cuda/decisions/2026-11-22-bands.md": "# Bands\n\nBefore 91.0 us at 640x480, 2026-11-22, commit 48a00ea.\n" + "\n" * 57,
+    "toolchains/decisions/2026-11-24-flags.md": "# Flags\n\nIt takes 7.5 % less.\n",
     "build/README.md": f"{LONG}. [gone](gone.md)\n",
     ".git/README.md": f"{LONG}.\n",
     ".github/CONTRIBUTING.md": "See [README](../README.md).\n",
@@ -69,7 +70,10 @@ GOOD_TREE["kernels/README.md"] = """# kernels
 | step | us |
 |---|---|
 | extraction | 91.0 |
+
+[Why](cuda/decisions/2026-11-22-bands.md).
 """ + SECTIONS
+GOOD_TREE["toolchains/README.md"] = "# toolchains\n\nIt takes 7.5 % less, and a folder's own records need no link.\n" + SECTIONS
 
 # What takes the place of a file of the good tree (nothing: the file is gone), and what the checker must say.
 BAD_FILES = [
@@ -113,7 +117,19 @@ BAD_FILES = [
     ("hal/README.md", "# hal\n\n- A look takes 91 us.\n", "hal/README.md:3: a figure (91us) that is in no results file"),
     ("config/README.md", GOOD_TREE["config/README.md"].replace("4 %", "5 %"), "config/README.md:4: a figure (5%)"),
     ("config/README.md", GOOD_TREE["config/README.md"].replace("4 %", "4 mm"), "config/README.md:4: a figure (4mm)"),
-    ("config/preset.h", None, "config/README.md:1: figures of preset.h, which is not there"),
+    # In a record that another README links to, in a link that nobody can follow, in another folder's records.
+    ("engine/README.md", "# engine\n\nA look takes 91 us.\n", "engine/README.md:3: a figure (91us) that is in no results file"),
+    ("hal/README.md", "# hal\n\nA look takes 91 us (`[why](../kernels/cuda/decisions/2026-11-22-bands.md)`).\n",
+     "hal/README.md:3: a figure (91us)"),
+    ("hal/README.md", "# hal\n\nIt takes 7.5 % less.\n", "hal/README.md:3: a figure (7.5%)"),
+    # A part of a size, of a date and of a revision is no figure.
+    ("hal/README.md", GOOD_TREE["hal/README.md"].replace("91 us", "640 us"), "hal/README.md:3: a figure (640us)"),
+    ("hal/README.md", GOOD_TREE["hal/README.md"].replace("91 us", "22 us"), "hal/README.md:3: a figure (22us)"),
+    ("hal/README.md", GOOD_TREE["hal/README.md"].replace("91 us", "48 us"), "hal/README.md:3: a figure (48us)"),
+    # Named for the checker, and no reader finds it.
+    ("kernels/README.md", GOOD_TREE["kernels/README.md"].replace("[Why](cuda/decisions/2026-11-22-bands.md)", "So"),
+     "kernels/README.md:3: figures of 2026-11-22-bands.md, which this README does not link to"),
+    ("config/preset.h", None, "config/README.md:3: figures of preset.h, which is not there"),
     ("kernels/README.md", "| a | 91.0 |\n|---|---|\n", "kernels/README.md:1: a figure (91.0) without a results file"),
     ("kernels/README.md", GOOD_TREE["kernels/README.md"].replace("91.0", "91.5"), "91.5 is not in 2026-11-22-bands.md"),
     ("kernels/cuda/decisions/2026-11-22-bands.md", None, "figures of 2026-11-22-bands.md, which is not there"),

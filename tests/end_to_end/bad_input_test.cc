@@ -386,7 +386,7 @@ TEST_F(BadInput, MissingCalibrationOfAMeasurementNamesTheCommandThatEstimatesOne
 
 TEST_F(BadInput, FileThatIsNoAtlasIsNamed) {
   ExpectOutcome(Haustra({"atlas", "info", scratch_ + "/none"}), kExitNoInput, {scratch_ + "/none: no such file"});
-  ExpectOutcome(Haustra({"atlas", "info", scratch_}), kExitUnavailable, {scratch_ + ": is not a file"});
+  ExpectOutcome(Haustra({"atlas", "info", scratch_}), kExitUnavailable, {scratch_ + ": is a folder, not a file"});
   ExpectOutcome(Haustra({"atlas", "info", sequence_ + "/calib.yaml"}), kExitBadData, {"no atlas file"});
 }
 

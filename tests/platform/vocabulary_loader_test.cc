@@ -7,8 +7,8 @@
 #include <fstream>
 #include <string>
 
+#include "capture/files/file_sink.h"
 #include "engine/place/vocabulary_file.h"
-#include "platform/file_sink.h"
 #include "tests/capture/temp_folder.h"
 #include "tests/engine/place/synthetic_words.h"
 

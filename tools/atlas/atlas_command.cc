@@ -5,8 +5,8 @@
 
 #include <CLI/App.hpp>
 
+#include "capture/files/whole_file.h"
 #include "engine/io/atlas_reader.h"
-#include "platform/whole_file.h"
 #include "tools/atlas/atlas_text.h"
 #include "tools/command/console.h"
 #include "tools/exit_codes.h"

@@ -55,8 +55,8 @@ class SequenceRecorder {
     std::uint32_t num_left_out = 0;  // no room
   };
   // Writes what is waiting, then times.txt (seconds from the first frame) in place of times.recording. Whatever went
-  // wrong before, the folder then holds whole frames and their times. kUnavailable: that it went wrong, or there was no
-  // frame; nothing is left of a recording without one.
+  // wrong before, the folder then holds whole frames and their times. kUnavailable, kNotFound (the folder has gone):
+  // that it went wrong, or there was no frame; nothing is left of a recording without one.
   Result<Summary> Finish();
 
  private:

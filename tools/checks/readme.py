@@ -12,10 +12,10 @@
 - README.md has one block of results between its markers, with a link to a results file. Every number of its table occurs in
   that file or in tools/benchmarks/peers.json.
 - Any other table of a README.md with figures outside inline code (numbers with %, ms, us or mm, and decimal fractions) has, on
-  the line before it, <!-- figures: FILE... -->: paths from that README.md to results files or decision records. Every number
-  of the table occurs in one of them.
-- Figures in the prose of a README.md occur in a file that such a line names, anywhere in it, or in a results file or decision
-  record that it links to. 1 % may stand there as 0.01.
+  the line before it, <!-- figures: FILE... -->: paths from that README.md to results files, decision records or sources. Every
+  number of the table occurs in one of them, and the README.md links to each, or it lies in decisions/ beside it.
+- Figures in the prose of a README.md occur in such a file, or in a results file or decision record that it links to, or in one
+  of decisions/ beside it. 1 % may stand there as 0.01. What is a part of a size, a date or a name there is no figure.
 
 One line a violation, "path:line: what is wrong"; exit code 0 clean, 1 violations, 64 usage.
 """
@@ -35,8 +35,8 @@ BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 PEERS = "tools/benchmarks/peers.json"
 RESULTS = "tools/benchmarks/results/"
 FIGURES = re.compile(r"^<!-- figures: (.*) -->$")
-# A link to where figures come from.
-SOURCE = re.compile(r"\]\(([^)\s#]*(?:benchmarks/results/|decisions/)[^)\s#]+\.md)[^)]*\)")
+# Where figures come from.
+SOURCE = re.compile(r"(?:^|/)(?:benchmarks/results|decisions)/[^/]+\.md$")
 # A number by itself: not a part of a name, a size (720x540), a version or a revision.
 NUMBER = re.compile(r"(?<![\w./-])\d+(?:\.\d+)?(?![\w/]|\.\d|-\d)")
 QUANTITY = re.compile(rf"({NUMBER.pattern})(?: ?(%|(?:ms|us|mm)\b))?")
@@ -95,8 +95,8 @@ def sentences(paragraph):
 
 
 def without_code(text):
-    """Neither inline code nor the targets of links."""
-    return re.sub(r"`[^`]*`|\]\([^)]*\)", " ", text)
+    """Neither inline code nor the targets of links; as long as before."""
+    return re.sub(r"`[^`]*`|\]\([^)]*\)", lambda match: " " * len(match.group()), text)
 
 
 def numbers(text):
@@ -104,13 +104,30 @@ def numbers(text):
 
 
 def figures(text):
-    """(number, unit) of what is measured or limited: numbers with a unit, and decimal fractions."""
-    return [(number, unit) for number, unit in QUANTITY.findall(without_code(text)) if unit or "." in number]
+    """(number, unit, place) of what is measured or limited: numbers with a unit, and decimal fractions."""
+    return [(match[1], match[2] or "", match.start()) for match in QUANTITY.finditer(without_code(text))
+            if match[2] or "." in match[1]]
 
 
 def known_numbers(path):
-    """By their value: 0.30 in a table is 0.3 in a JSON file."""
-    return {float(n) for n in re.findall(r"(?<![\w.])\d+(?:\.\d+)?", path.read_text(encoding="utf-8"))}
+    """By their value: 0.30 in a table is 0.3 in a JSON file. Of a page those that stand by themselves."""
+    number = NUMBER if path.suffix == ".md" else re.compile(r"(?<![\w.])\d+(?:\.\d+)?")
+    return {float(n) for n in number.findall(path.read_text(encoding="utf-8"))}
+
+
+def line_at(text, first, place):
+    """The line of a place in a paragraph that begins in line `first`."""
+    for number, line in enumerate(text.splitlines()[first - 1:], start=first):
+        place -= len(line.strip()) + 1
+        if place < 0:
+            return number
+    return first
+
+
+def linked_files(path, text):
+    """What a reader of a page can follow."""
+    shown = "\n".join(re.sub(r"`[^`]*`", "", line) for _, line in lines_of(text))
+    return {(path.parent / (match[1] or match[2]).split("#")[0]).resolve() for match in LINK.finditer(shown)}
 
 
 class Checker(Violations):
@@ -170,7 +187,7 @@ class Checker(Violations):
     def check_table(self, path, marker, table):
         if marker is None:
             for number, line in table:
-                for found, _ in figures(line):
+                for found, _, _ in figures(line):
                     self.report(path, number, f"a figure ({found}) without a results file or a decision record")
                     return
             return
@@ -179,20 +196,25 @@ class Checker(Violations):
             self.check_numbers(path, table, sources)
 
     def check_prose(self, path, text):
-        """Whether each figure of the prose occurs in what this README names as its sources."""
-        named = [path.parent / name for line in text.splitlines() if (marker := FIGURES.match(line))
-                 for name in marker.group(1).split()]
-        for source in named:
+        """Whether each figure of the prose occurs in a source that a reader of this README finds."""
+        linked = linked_files(path, text)
+        own = set((path.parent / "decisions").resolve().glob("*.md"))
+        named = [(number, (path.parent / name).resolve()) for number, line in enumerate(text.splitlines(), start=1)
+                 if (marker := FIGURES.match(line)) for name in marker.group(1).split()]
+        for number, source in named:
             if not source.is_file():
-                self.report(path, 1, f"figures of {source.name}, which is not there")
-        sources = [source for source in [*named, *(path.parent / name for name in SOURCE.findall(text))] if source.is_file()]
-        known = set().union(*(known_numbers(source) for source in sources))
-        for line, paragraph in paragraphs(text):
-            for found, unit in figures(paragraph):
+                self.report(path, number, f"figures of {source.name}, which is not there")
+            elif source not in linked | own:
+                self.report(path, number, f"figures of {source.name}, which this README does not link to")
+        sources = {source for _, source in named} | {source for source in linked if SOURCE.search(source.as_posix())} | own
+        known = set().union(*(known_numbers(source) for source in sources if source.is_file()))
+        for first, paragraph in paragraphs(text):
+            for found, unit, place in figures(paragraph):
                 values = {float(found), round(float(found) / 100, 9)} if unit == "%" else {float(found)}
                 if not values & known:
-                    self.report(path, line, f"a figure ({found}{unit}) that is in no results file, decision record or other "
-                                            "source that this README names")
+                    self.report(path, line_at(text, first, place),
+                                f"a figure ({found}{unit}) that is in no results file or decision record that this README "
+                                "links to, and in none of its own folder")
 
     def check_results(self, path, text):
         if text.count(BEGIN) != 1 or text.count(END) != 1 or text.index(BEGIN) > text.index(END):

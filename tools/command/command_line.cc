@@ -9,7 +9,7 @@
 #include "platform/usage_error.h"
 #include "platform/version.h"
 #include "tools/atlas/atlas_command.h"
-#include "tools/bench/bench_command.h"
+#include "tools/bench_command/bench_command.h"
 #include "tools/calibrate/calibrate_command.h"
 #include "tools/capture/capture_command.h"
 #include "tools/command/common_options.h"

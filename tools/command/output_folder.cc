@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "platform/file_sink.h"
+#include "capture/files/file_sink.h"
 #include "tools/command/stop_signal.h"
 
 namespace haustra {
@@ -259,9 +259,7 @@ Status CheckNotOfFolder(const NamedOutput& output, const std::string& folder, co
 
 Status WriteFile(const std::string& path, std::string_view bytes) {
   CatchStopSignals();
-  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path));
-  HAUSTRA_TRY(sink.Write(bytes));
-  return sink.Commit();
+  return WriteWholeFile(path, bytes);
 }
 
 }  // namespace haustra

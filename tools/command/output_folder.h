@@ -92,7 +92,8 @@ Status CheckOutputsDiffer(const NamedOutput& one, const NamedOutput& other);
 // Whether one is none of the files that the command writes into `folder`, too. kInvalidArgument.
 Status CheckNotOfFolder(const NamedOutput& output, const std::string& folder, const FolderContent& content);
 
-// As a whole or not at all (platform/file_sink.h). From then on a stop is a flag (stop_signal.h). Errors of FileSink.
+// As a whole or not at all (capture/files/file_sink.h). From then on a stop is a flag (stop_signal.h). Errors of
+// FileSink.
 Status WriteFile(const std::string& path, std::string_view bytes);
 
 }  // namespace haustra

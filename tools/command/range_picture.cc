@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
-#include <iterator>
+
+#include "capture/files/whole_file.h"
 
 namespace haustra {
 namespace {
 
 constexpr int kMaxValue = 65535;
 constexpr int kMaxSide = 1 << 14;
+constexpr std::size_t kMaxRangePictureBytes = std::size_t{2} * kMaxSide * kMaxSide + 4096;
 
 // The next number of the header, behind blanks and comments.
 bool NextNumber(std::string_view* text, int* number) {
@@ -45,10 +46,7 @@ std::string RangePictureBytes(const RangePicture& picture) {
 }
 
 Result<RangePicture> ReadRangePicture(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return NotFound(path + ": cannot be opened");
-  const std::string bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  if (file.bad()) return Unavailable(path + ": cannot be read");
+  HAUSTRA_ASSIGN(const std::string bytes, ReadWholeText(path, kMaxRangePictureBytes));
   std::string_view rest = bytes;
   RangePicture picture;
   int max_value = 0;

@@ -5,6 +5,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "capture/files/whole_file.h"
 #include "engine/geometry/se3.h"
 #include "tools/evaluate/statistics.h"
 #include "tools/evaluate/text_input.h"
@@ -49,7 +50,7 @@ std::optional<std::vector<double>> Numbers(const std::vector<std::string_view>& 
 }
 
 Result<CameraCalibration> ReadCamera(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   const std::vector<Line> lines = DataLines(text);
   if (lines.empty()) return InvalidArgument(path + ": no camera in it");
   const std::vector<std::string_view> fields = SplitBlanks(lines[0].text);
@@ -79,7 +80,7 @@ Result<CameraCalibration> ReadCamera(const std::string& path) {
 
 // Camera centres in the map, by image id.
 Result<std::unordered_map<std::int64_t, Eigen::Vector3d>> ReadCentres(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   const std::vector<Line> lines = DataLines(text);
   std::unordered_map<std::int64_t, Eigen::Vector3d> centres;
   for (std::size_t i = 0; i < lines.size(); i += 2) {
@@ -103,7 +104,7 @@ Result<MapGeometry> ReadColmapGeometry(const std::string& folder) {
   HAUSTRA_ASSIGN(geometry.camera, ReadCamera(folder + "/cameras.txt"));
   HAUSTRA_ASSIGN(const auto centres, ReadCentres(folder + "/images.txt"));
   const std::string path = folder + "/points3D.txt";
-  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   std::map<std::int64_t, std::vector<double>> distances;  // by image id
   for (const Line& line : DataLines(text)) {
     const std::vector<std::string_view> fields = SplitBlanks(line.text);

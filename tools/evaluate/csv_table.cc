@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "capture/files/whole_file.h"
 #include "tools/evaluate/text_input.h"
 
 namespace haustra::evaluate {
@@ -13,7 +14,7 @@ std::string At(const std::string& path, std::size_t line) { return path + ":" + 
 }  // namespace
 
 Result<CsvTable> CsvTable::Read(const std::string& path, std::initializer_list<std::string_view> columns) {
-  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   CsvTable table;
   table.path_ = path;
   table.columns_.assign(columns.begin(), columns.end());

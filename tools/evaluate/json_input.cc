@@ -1,11 +1,11 @@
 #include "tools/evaluate/json_input.h"
 
-#include "tools/evaluate/text_input.h"
+#include "capture/files/whole_file.h"
 
 namespace haustra::evaluate {
 
 Result<nlohmann::json> ReadJsonObject(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   nlohmann::json json;
   try {
     json = nlohmann::json::parse(text);

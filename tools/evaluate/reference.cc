@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "capture/files/whole_file.h"
 #include "tools/evaluate/csv_table.h"
 #include "tools/evaluate/text_input.h"
 
@@ -37,7 +38,7 @@ Result<std::vector<SequenceEvent>> ReadSequenceEvents(const std::string& path) {
 
 // A run's own events.csv has other columns: a file that is not about visibility is not an error when nobody named it.
 bool HasEventColumns(const std::string& path) {
-  const Result<std::string> text = ReadText(path);
+  const Result<std::string> text = ReadWholeText(path);
   if (!text.ok()) return false;
   for (const std::string_view line : SplitLines(*text)) {
     if (SplitBlanks(line).empty() || line.front() == '#') continue;
@@ -49,7 +50,7 @@ bool HasEventColumns(const std::string& path) {
 }
 
 Result<std::vector<std::int64_t>> ReadFrameTimes(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   std::vector<std::int64_t> stamps;
   std::size_t number = 0;
   for (const std::string_view line : SplitLines(text)) {
@@ -103,7 +104,7 @@ Result<Reference> ReadReference(const std::string& groundtruth_path, const std::
   std::string path = events_path;
   if (!groundtruth_path.empty()) {
     HAUSTRA_ASSIGN(reference.poses, ReadGroundTruth(groundtruth_path));
-    HAUSTRA_ASSIGN(const std::string text, ReadText(groundtruth_path));
+    HAUSTRA_ASSIGN(const std::string text, ReadWholeText(groundtruth_path));
     reference.unit = UnitOf(text);
     if (path.empty()) path = (fs::path(groundtruth_path).parent_path() / "events.csv").string();
   }

@@ -1,11 +1,7 @@
 #include "tools/evaluate/text_input.h"
 
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
-#include <filesystem>
-#include <memory>
 #include <system_error>
 
 namespace haustra::evaluate {
@@ -29,21 +25,6 @@ std::optional<T> ParseWhole(std::string_view text) {
 }
 
 }  // namespace
-
-Result<std::string> ReadText(const std::string& path) {
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) return Unavailable(path + ": is a folder, not a file");
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"), &std::fclose);
-  if (file == nullptr) {
-    if (errno == ENOENT || errno == ENOTDIR) return NotFound(path + ": no such file");
-    return Unavailable(path + ": cannot be opened: " + std::generic_category().message(errno));
-  }
-  std::string text;
-  char chunk[1 << 16];
-  while (const std::size_t count = std::fread(chunk, 1, sizeof(chunk), file.get())) text.append(chunk, count);
-  if (std::ferror(file.get()) != 0) return Unavailable(path + ": cannot be read");
-  return text;
-}
 
 std::vector<std::string_view> SplitLines(std::string_view text) {
   std::vector<std::string_view> lines;

@@ -1,18 +1,12 @@
-// Text files and the numbers in them, strictly: the whole field is the number or there is none. reentrant.
+// Lines, fields and numbers of text files, strictly: the whole field is the number or there is none. reentrant.
 #pragma once
 
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <string_view>
 #include <vector>
 
-#include "hal/core/status.h"
-
 namespace haustra::evaluate {
-
-// kNotFound: no such file; kUnavailable: cannot be read. The message names the file.
-Result<std::string> ReadText(const std::string& path);
 
 // Lines without their ends ("\n" or "\r\n"); line i of the file is lines[i - 1].
 std::vector<std::string_view> SplitLines(std::string_view text);

@@ -8,11 +8,11 @@
 #include <utility>
 #include <vector>
 
+#include "capture/files/whole_file.h"
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
 #include "tools/command/output_folder.h"
 #include "tools/command/stop_signal.h"
-#include "tools/evaluate/text_input.h"
 #include "tools/exit_codes.h"
 #include "tools/export/exported_map.h"
 #include "tools/export/glb_writer.h"
@@ -58,7 +58,7 @@ Result<std::vector<ExportedFile>> FilesOf(const ExportArguments& arguments, cons
       format == "ply" ? std::vector{".ply"} : std::vector{"/cameras.txt", "/images.txt", "/points3D.txt"};
   std::vector<ExportedFile> files;
   for (const char* ending : endings) {
-    HAUSTRA_ASSIGN(std::string bytes, evaluate::ReadText(exported + ending));
+    HAUSTRA_ASSIGN(std::string bytes, ReadWholeText(exported + ending));
     files.push_back({ending, std::move(bytes)});
   }
   return files;

@@ -5,7 +5,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "platform/config/text_file.h"
+#include "capture/files/whole_file.h"
 
 namespace haustra {
 namespace {
@@ -70,7 +70,7 @@ Result<Requirement> ParseRequirement(const std::string& text, const std::string&
 }
 
 Result<Requirement> LoadRequirement(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, config::ReadTextFile(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   return ParseRequirement(text, path);
 }
 

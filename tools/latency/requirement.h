@@ -45,8 +45,8 @@ struct Requirement {
   std::array<std::optional<double>, kRequirementKeys.size()> limits;
 };
 
-// kNotFound: no such file. kFailedPrecondition: "file:line:column: what is wrong", one line a problem: unknown or
-// repeated key, not a number of at least 0, not a map of keys to numbers; no key at all.
+// kNotFound, kUnavailable: the file. kFailedPrecondition: "file:line:column: what is wrong", one line a problem:
+// unknown or repeated key, not a number of at least 0, not a map of keys to numbers; no key at all.
 Result<Requirement> LoadRequirement(const std::string& path);
 Result<Requirement> ParseRequirement(const std::string& text, const std::string& name);
 

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "capture/files/whole_file.h"
 #include "tools/evaluate/text_input.h"
 
 namespace haustra::report {
@@ -20,7 +21,7 @@ Status Bad(const std::string& path, std::size_t line, const char* what) {
 }
 
 Status ReadKeyframes(const std::string& path, MapModel* model) {
-  HAUSTRA_ASSIGN(const std::string text, evaluate::ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   MapModel::Keyframe* keyframe = nullptr;  // whose second line comes next
   std::size_t number = 0;
   for (const std::string_view line : evaluate::SplitLines(text)) {
@@ -58,7 +59,7 @@ Status ReadKeyframes(const std::string& path, MapModel* model) {
 }
 
 Status ReadPoints(const std::string& path, MapModel* model) {
-  HAUSTRA_ASSIGN(const std::string text, evaluate::ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   std::size_t number = 0;
   for (const std::string_view line : evaluate::SplitLines(text)) {
     ++number;

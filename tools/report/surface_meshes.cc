@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <utility>
 
-#include "tools/evaluate/text_input.h"
+#include "capture/files/whole_file.h"
 
 namespace haustra::report {
 
@@ -12,7 +12,7 @@ Result<std::map<int, std::string>> ReadSurfaceMeshes(const std::string& folder, 
   for (const auto& [map_id, model] : models) {
     const std::string path = (std::filesystem::path(folder) / (MapFolderName(map_id) + ".ply")).string();
     if (!std::filesystem::is_regular_file(path)) continue;
-    HAUSTRA_ASSIGN(std::string bytes, evaluate::ReadText(path));
+    HAUSTRA_ASSIGN(std::string bytes, ReadWholeText(path));
     if (!bytes.starts_with("ply\n")) return InvalidArgument(path + ": not a PLY file");
     meshes[map_id] = std::move(bytes);
   }

@@ -7,8 +7,8 @@
 #include <span>
 #include <utility>
 
+#include "capture/files/whole_file.h"
 #include "tools/evaluate/number_text.h"
-#include "tools/evaluate/text_input.h"
 #include "tools/evaluate/text_table.h"
 #include "tools/report/base64.h"
 #include "tools/report/html_text.h"
@@ -90,7 +90,7 @@ Result<std::string> MapHtml(const std::string& folder, const json& map) {
   if (!lumen.at("found").get<bool>()) {
     return html + "<p>" + EscapeHtml("No lumen was found: " + lumen.at("reason").get<std::string>() + ".") + "</p>\n";
   }
-  HAUSTRA_ASSIGN(const std::string png, evaluate::ReadText(folder + "/" + MapFolderName(map_id) + "_wall.png"));
+  HAUSTRA_ASSIGN(const std::string png, ReadWholeText(folder + "/" + MapFolderName(map_id) + "_wall.png"));
   html += Drawing(png, std::max(lumen.at("passed_radii").get<double>(), 1e-3));
   return html + "<div class=\"wide\">" + TableHtml(SegmentTable(map)) + "</div>\n";
 }
@@ -99,7 +99,7 @@ Result<std::string> MapHtml(const std::string& folder, const json& map) {
 
 Result<std::string> WallPicturesHtml(const std::string& folder) {
   const std::string path = folder + "/surface.json";
-  HAUSTRA_ASSIGN(const std::string text, evaluate::ReadText(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   const json surface = json::parse(text, nullptr, false);
   if (surface.is_discarded()) return InvalidArgument(path + ": not JSON");
   std::string html =

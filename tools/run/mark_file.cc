@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "platform/config/text_file.h"
+#include "capture/files/whole_file.h"
 
 namespace haustra {
 namespace {
@@ -49,7 +49,7 @@ Status ParseLine(std::string_view line, MarkRequest* request) {
 }  // namespace
 
 Result<std::vector<MarkRequest>> ReadMarkFile(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, config::ReadTextFile(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   std::vector<MarkRequest> requests;
   int number = 0;
   for (std::string_view rest = text; !rest.empty();) {

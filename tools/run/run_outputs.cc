@@ -6,12 +6,12 @@
 #include <map>
 
 #include "capture/codec/image_codec.h"
+#include "capture/files/file_sink.h"
 #include "engine/depth/depth_file.h"
 #include "engine/io/colmap_writer.h"
 #include "engine/io/ply_writer.h"
 #include "engine/io/text_writer.h"
 #include "engine/io/trajectory_writer.h"
-#include "platform/file_sink.h"
 
 namespace haustra {
 namespace {

@@ -7,11 +7,11 @@
 #include <span>
 #include <utility>
 
+#include "capture/files/whole_file.h"
 #include "engine/depth/depth_file.h"
 #include "engine/surface/depth_matcher.h"
 #include "hal/core/median.h"
 #include "platform/assemble.h"
-#include "platform/whole_file.h"
 #include "tools/command/parallel_for.h"
 #include "tools/report/map_model.h"
 

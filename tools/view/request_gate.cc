@@ -9,7 +9,7 @@
 #include <cerrno>
 #include <cstdint>
 
-#include "platform/config/text_file.h"
+#include "capture/files/whole_file.h"
 
 namespace haustra::view {
 namespace {
@@ -45,7 +45,7 @@ Result<std::string> MakeToken() {
 }
 
 Result<std::string> ReadToken(const std::string& path) {
-  HAUSTRA_ASSIGN(const std::string text, config::ReadTextFile(path));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path));
   struct stat info {};
   if (::stat(path.c_str(), &info) != 0) return Unavailable(path + ": cannot be looked at");
   if ((info.st_mode & (S_IRWXG | S_IRWXO)) != 0) {

@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "capture/files/whole_file.h"
 #include "tools/evaluate/run_output.h"
-#include "tools/evaluate/text_input.h"
 #include "tools/report/map_model.h"
 #include "tools/report/surface_folder.h"
 #include "tools/report/surface_meshes.h"
@@ -30,7 +30,7 @@ void AddMeshes(std::map<int, std::string>&& meshes, ViewSite* site, std::map<int
 Status AddCoverage(const std::string& folder, ViewSite* site, std::map<int, ShownWall>* walls) {
   const std::filesystem::path path = std::filesystem::path(folder) / "surface.json";
   if (!std::filesystem::is_regular_file(path)) return Status::Ok();
-  HAUSTRA_ASSIGN(const std::string text, evaluate::ReadText(path.string()));
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path.string()));
   const Json surface = Json::parse(text, nullptr, false);
   const auto maps = surface.find("maps");
   if (!surface.is_object() || maps == surface.end() || !maps->is_array()) {
@@ -45,7 +45,7 @@ Status AddCoverage(const std::string& folder, ViewSite* site, std::map<int, Show
     const std::string name = report::MapFolderName(wall->first) + "_wall.png";
     if (const std::filesystem::path picture = std::filesystem::path(folder) / name;
         std::filesystem::is_regular_file(picture)) {
-      HAUSTRA_ASSIGN(std::string png, evaluate::ReadText(picture.string()));
+      HAUSTRA_ASSIGN(std::string png, ReadWholeText(picture.string()));
       site->resources[name] = {"image/png", std::move(png)};
       shown["picture"] = name;
     }

@@ -7,9 +7,9 @@
 #include <thread>
 #include <vector>
 
+#include "capture/files/file_sink.h"
 #include "engine/place/vocabulary_file.h"
 #include "platform/config/engine_config_table.h"
-#include "platform/file_sink.h"
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
 #include "tools/command/missing_calibration.h"

@@ -14,6 +14,8 @@
 #include <thread>
 #include <vector>
 
+#include "capture/files/file_sink.h"
+#include "capture/files/wipe_file.h"
 #include "hal/fakes/frame_tag.h"
 #include "hal/fakes/manual_clock.h"
 #include "hal/fakes/scripted_frame_source.h"
@@ -26,8 +28,6 @@
 #include "platform/daemon/status_text.h"
 #include "platform/daemon/supervised_source.h"
 #include "platform/exit_codes.h"
-#include "platform/file_sink.h"
-#include "platform/wipe_file.h"
 
 namespace haustra {
 namespace {

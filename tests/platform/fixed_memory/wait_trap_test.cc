@@ -13,7 +13,7 @@
 #include <shared_mutex>
 #include <thread>
 
-#include "engine/io/byte_sink.h"
+#include "hal/core/byte_sink.h"
 #include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
 #include "platform/publish/pose_ring_writer.h"

@@ -121,8 +121,9 @@ TEST_F(SequenceRecorderTest, FrameThatCannotBeWrittenIsNamed) {
   const std::vector<std::uint8_t> encoded(3, 1);
   EXPECT_TRUE((*recorder)->Add({0, TimePoint{}, {}}, encoded));
   const Result<SequenceRecorder::Summary> summary = (*recorder)->Finish();
-  EXPECT_EQ(summary.code(), StatusCode::kUnavailable);
-  EXPECT_NE(summary.status().message().find("frames/000000.jpg"), std::string::npos) << summary.status().message();
+  EXPECT_EQ(summary.code(), StatusCode::kNotFound);
+  EXPECT_NE(summary.status().message().find("frames/000000.jpg: its folder does not exist"), std::string::npos)
+      << summary.status().message();
 }
 
 // There is room again, and frames wait; then the machine goes off.

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "platform/file_sink.h"
+#include "capture/files/file_sink.h"
 #include "tests/capture/temp_folder.h"
 #include "tools/command/sequence_content.h"
 

@@ -128,7 +128,7 @@ TEST(Requirement, MistakesNameLineAndKey) {
     EXPECT_THAT(requirement.status().message(), HasSubstr(c.message));
   }
   EXPECT_EQ(LoadRequirement("/no/such/file.yaml").code(), StatusCode::kNotFound);
-  EXPECT_EQ(LoadRequirement("/").code(), StatusCode::kNotFound);
+  EXPECT_EQ(LoadRequirement("/").code(), StatusCode::kUnavailable);
 }
 
 TEST(LoopedSource, GoesThereAndBackAgainWithTimeGoingOn) {

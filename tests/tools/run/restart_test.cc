@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "engine/geometry/rng.h"
-#include "engine/io/byte_sink.h"
+#include "hal/core/byte_sink.h"
 #include "hal/fakes/manual_clock.h"
 #include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"

@@ -1,4 +1,4 @@
-#include "platform/file_sink.h"
+#include "capture/files/file_sink.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -209,6 +209,20 @@ TEST_F(FileSinkTest, WhatLiesInTheWayIsLeftAlone) {
   ASSERT_TRUE(sink->Commit().ok());
   EXPECT_EQ(Read(other), "of somebody else");
   EXPECT_EQ(Read(path()), "new");
+}
+
+TEST_F(FileSinkTest, WholeFileIsWrittenOrTheOldOneStays) {
+  for (const Outlasts outlasts : {Outlasts::kPowerCut, Outlasts::kProcess}) {
+    std::ofstream(path()) << "a longer old text";
+    ASSERT_TRUE(WriteWholeFile(path(), "new", outlasts).ok());
+    EXPECT_EQ(Read(path()), "new");
+    const FileSizeLimit limit(1000);
+    const Status status = WriteWholeFile(path(), std::string(2000, 'x'), outlasts);
+    EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+    EXPECT_THAT(status.message(), HasSubstr(path() + ": cannot be written: "));
+    EXPECT_EQ(Read(path()), "new");
+    EXPECT_EQ(num_files(), 1);
+  }
 }
 
 TEST_F(FileSinkTest, SecondCommitIsRefused) {

@@ -3,10 +3,12 @@
 // Any number of writers of one name do not meet: the last to commit wins.
 #pragma once
 
+#include <cstdint>
+#include <span>
 #include <string>
 #include <string_view>
 
-#include "engine/io/byte_sink.h"
+#include "hal/core/byte_sink.h"
 #include "hal/core/status.h"
 
 namespace haustra {
@@ -15,13 +17,17 @@ namespace haustra {
 // are, or overwritten (wipe_file.h), which takes as long as writing them.
 enum class FormerFile { kFreed, kWiped };
 
+// Up to what a committed file is there as a whole. A power cut costs the wait for the disk, twice: too long for each of
+// the frames of a camera, where it may leave the last ones empty.
+enum class Outlasts { kPowerCut, kProcess };
+
 // thread-bound(the writer), not rt-safe.
 class FileSink final : public ByteSink {
  public:
   // kNotFound: the folder does not exist; kUnavailable: cannot be created (rights, disk). The message names the file.
   // With kWiped the file system must be able to exchange two names (renameat2), as all journalling ones are; on another
   // one Commit fails.
-  static Result<FileSink> Create(const std::string& path, FormerFile former);
+  static Result<FileSink> Create(const std::string& path, FormerFile former, Outlasts outlasts = Outlasts::kPowerCut);
   // kFreed.
   static Result<FileSink> Create(const std::string& path);
 
@@ -35,12 +41,12 @@ class FileSink final : public ByteSink {
   // Of the temporary file, for another process that writes the bytes in place of Write; -1 after an error or Commit.
   int descriptor() const { return descriptor_; }
 
-  // To the disk and into place, with the folder's entry. kUnavailable as for Write; kFailedPrecondition when called
-  // twice.
+  // To the disk (kPowerCut) and into place, with the folder's entry. kUnavailable as for Write; kFailedPrecondition
+  // when called twice.
   Status Commit();
 
  private:
-  FileSink(std::string path, std::string temporary_path, int descriptor, FormerFile former);
+  FileSink(std::string path, std::string temporary_path, int descriptor, FormerFile former, Outlasts outlasts);
 
   Status WriteOut(std::string_view bytes);
   void Discard();
@@ -51,8 +57,14 @@ class FileSink final : public ByteSink {
   std::string temporary_path_;
   int descriptor_ = -1;  // -1: committed, failed or moved from
   FormerFile former_ = FormerFile::kFreed;
+  Outlasts outlasts_ = Outlasts::kPowerCut;
   std::string buffer_;
   Status status_;
 };
+
+// All of a file at once. Errors of FileSink.
+Status WriteWholeFile(const std::string& path, std::string_view bytes, Outlasts outlasts = Outlasts::kPowerCut);
+Status WriteWholeFile(const std::string& path, std::span<const std::uint8_t> bytes,
+                      Outlasts outlasts = Outlasts::kPowerCut);
 
 }  // namespace haustra

@@ -1,4 +1,4 @@
-#include "tools/bench/vision_work.h"
+#include "tools/bench_command/vision_work.h"
 
 #include "hal/vision_device.h"
 #include "kernels/common/gaussian_kernel.h"

@@ -1,4 +1,4 @@
-#include "tools/bench/vision_bench.h"
+#include "tools/bench_command/vision_bench.h"
 
 #include <algorithm>
 #include <atomic>
@@ -13,8 +13,8 @@
 #include "capture/codec/image_codec.h"
 #include "hal/vision_device.h"
 #include "kernels/cpu/cpu_vision_device.h"
-#include "tools/bench/timing.h"
-#include "tools/bench/vision_work.h"
+#include "tools/bench_command/timing.h"
+#include "tools/bench_command/vision_work.h"
 #include "tools/command/console.h"
 #ifdef HAUSTRA_HAVE_CUDA
 #include "kernels/cuda/cuda_memory.h"

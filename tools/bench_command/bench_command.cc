@@ -1,9 +1,9 @@
-#include "tools/bench/bench_command.h"
+#include "tools/bench_command/bench_command.h"
 
 #include <memory>
 
 #include "kernels/cpu/cpu_vision_device.h"
-#include "tools/bench/vision_bench.h"
+#include "tools/bench_command/vision_bench.h"
 #include "tools/command/console.h"
 #include "tools/exit_codes.h"
 

@@ -1,4 +1,4 @@
-#include "platform/file_sink.h"
+#include "capture/files/file_sink.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -11,7 +11,7 @@
 #include <system_error>
 #include <utility>
 
-#include "platform/wipe_file.h"
+#include "capture/files/wipe_file.h"
 
 namespace haustra {
 namespace {
@@ -28,7 +28,7 @@ std::string ErrorText(int error) { return std::generic_category().message(error)
 
 Result<FileSink> FileSink::Create(const std::string& path) { return Create(path, FormerFile::kFreed); }
 
-Result<FileSink> FileSink::Create(const std::string& path, FormerFile former) {
+Result<FileSink> FileSink::Create(const std::string& path, FormerFile former, Outlasts outlasts) {
   // No two writers of one file meet in a temporary one, of this process or another; the last to commit wins.
   std::string temporary_path;
   int descriptor = -1;
@@ -42,11 +42,15 @@ Result<FileSink> FileSink::Create(const std::string& path, FormerFile former) {
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
     return Unavailable(path + ": cannot be created: " + ErrorText(error));
   }
-  return FileSink(path, std::move(temporary_path), descriptor, former);
+  return FileSink(path, std::move(temporary_path), descriptor, former, outlasts);
 }
 
-FileSink::FileSink(std::string path, std::string temporary_path, int descriptor, FormerFile former)
-    : path_(std::move(path)), temporary_path_(std::move(temporary_path)), descriptor_(descriptor), former_(former) {
+FileSink::FileSink(std::string path, std::string temporary_path, int descriptor, FormerFile former, Outlasts outlasts)
+    : path_(std::move(path)),
+      temporary_path_(std::move(temporary_path)),
+      descriptor_(descriptor),
+      former_(former),
+      outlasts_(outlasts) {
   buffer_.reserve(kBufferBytes);
 }
 
@@ -55,6 +59,7 @@ FileSink::FileSink(FileSink&& other) noexcept
       temporary_path_(std::move(other.temporary_path_)),
       descriptor_(std::exchange(other.descriptor_, -1)),
       former_(other.former_),
+      outlasts_(other.outlasts_),
       buffer_(std::move(other.buffer_)),
       status_(std::move(other.status_)) {}
 
@@ -105,8 +110,9 @@ Status FileSink::Commit() {
   if (descriptor_ < 0) return FailedPrecondition(path_ + ": committed twice");
   status_ = WriteOut(buffer_);
   buffer_.clear();
+  const bool waits_for_disk = outlasts_ == Outlasts::kPowerCut;
   // The bytes must be on the disk before the name is, or a power cut leaves an empty file under the right name.
-  if (status_.ok() && ::fsync(descriptor_) != 0 && errno != EINVAL && errno != EROFS) {
+  if (status_.ok() && waits_for_disk && ::fsync(descriptor_) != 0 && errno != EINVAL && errno != EROFS) {
     status_ = Unavailable(path_ + ": cannot be written: " + ErrorText(errno));
   }
   if (!status_.ok()) {
@@ -120,7 +126,7 @@ Status FileSink::Commit() {
     RemoveTemporary();
     return status_;
   }
-  status_ = SyncFolderOf(path_);
+  if (waits_for_disk) status_ = SyncFolderOf(path_);
   if (!has_former) return status_;
   const Status wiped = WipeFile(temporary_path_);
   if (status_.ok()) status_ = wiped;
@@ -135,6 +141,16 @@ bool FileSink::PutIntoPlace(bool* has_former) const {
     if (*has_former || errno != ENOENT) return *has_former;
   }
   return std::rename(temporary_path_.c_str(), path_.c_str()) == 0;
+}
+
+Status WriteWholeFile(const std::string& path, std::string_view bytes, Outlasts outlasts) {
+  HAUSTRA_ASSIGN(FileSink sink, FileSink::Create(path, FormerFile::kFreed, outlasts));
+  HAUSTRA_TRY(sink.Write(bytes));
+  return sink.Commit();
+}
+
+Status WriteWholeFile(const std::string& path, std::span<const std::uint8_t> bytes, Outlasts outlasts) {
+  return WriteWholeFile(path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()), outlasts);
 }
 
 }  // namespace haustra

@@ -1,4 +1,4 @@
-#include "tools/bench/timing.h"
+#include "tools/bench_command/timing.h"
 
 #include <algorithm>
 #include <span>

@@ -1,4 +1,4 @@
-#include "platform/wipe_file.h"
+#include "capture/files/wipe_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

@@ -1,5 +1,5 @@
-// Where the writers of engine/io put their bytes. The engine knows no file system: platform/file_sink.h is the sink
-// that writes files, StringSink the one for tests and for whatever is small enough to be kept.
+// Where writers put their bytes. The engine knows no file system: capture/files/file_sink.h is the sink that writes
+// files, StringSink the one for tests and for whatever is small enough to be kept.
 #pragma once
 
 #include <string>

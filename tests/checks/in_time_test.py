@@ -28,6 +28,9 @@ class InTimeTest(unittest.TestCase):
         self.assertEqual(code, 77)
         self.assertIn("skipped: a/part", output)
 
+    def test_no_time_is_not_endless_time(self):
+        self.assertEqual(self.run_script(0, "sleep", "2")[0], 77)
+
     def test_what_is_killed_by_somebody_else_fails(self):
         self.assertEqual(self.run_script(60, "sh", "-c", "kill -9 $$")[0], 137)
 

@@ -19,8 +19,10 @@ if [ "${HAUSTRA_DONE_BEFORE:-$end}" -lt "$end" ]; then
   end="$HAUSTRA_DONE_BEFORE"
   if [ "$((end - $(date +%s)))" -lt 60 ]; then skip; fi
 fi
+left="$((end - $(date +%s)))"
+if [ "$left" -le 0 ]; then skip; fi  # for timeout 0 is no limit
 status=0
-timeout --kill-after=20 "$((end - $(date +%s)))" "$@" || status="$?"
+timeout --kill-after=20 "$left" "$@" || status="$?"
 # 124: ended by timeout; 137: killed, by timeout if time is over, by somebody else if it is not.
 if [ "$status" -eq 124 ] || { [ "$status" -eq 137 ] && [ "$(date +%s)" -ge "$end" ]; }; then skip; fi
 exit "$status"

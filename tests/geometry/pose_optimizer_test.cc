@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -202,6 +203,42 @@ TEST(PoseOptimizer, ObservationThrownOutEarlyComesBack) {
   PoseOptimizerResult result;
   ASSERT_TRUE(OptimizePose(camera, scene.observations, start, {}, inliers, &result));
   EXPECT_GT(result.num_inliers, 180);
+}
+
+// Given rounds enough the marks settle, and what is left is plain least squares of what is marked.
+TEST(PoseOptimizer, EndsAtTheMinimumOfItsInliers) {
+  Rng rng(17);
+  const CameraModel camera = test::ColonCamera();
+  PoseOptimizerOptions options;
+  options.rounds = 40;
+  for (int trial = 0; trial < 60; ++trial) {
+    SCOPED_TRACE(trial);
+    const TrackedScene scene = MakeTrackedScene(rng, 200, 0.3, 2.0);
+    std::vector<std::uint8_t> inliers(scene.observations.size());
+    PoseOptimizerResult result;
+    const SE3 start = Disturbed(rng, scene.truth, 0.05, 0.05);
+    ASSERT_TRUE(OptimizePose(camera, scene.observations, start, options, inliers, &result));
+    const auto half_cost = [&](const Vector6d& step) {
+      const SE3 cam_from_world = SE3::Exp(step) * result.cam_from_world;
+      double sum = 0.0;
+      for (std::size_t i = 0; i < inliers.size(); ++i) {
+        if (inliers[i] == 0) continue;
+        const PoseObservation& observation = scene.observations[i];
+        Eigen::Vector2d pixel;
+        EXPECT_TRUE(camera.Project(cam_from_world * observation.point_in_world, &pixel));
+        sum += ((pixel - observation.pixel) / observation.sigma_px).squaredNorm();
+      }
+      return 0.5 * sum;
+    };
+    constexpr double kStep = 1e-5;
+    Vector6d gradient;
+    for (int i = 0; i < 6; ++i) {
+      const Vector6d step = kStep * Vector6d::Unit(i);
+      gradient[i] = (half_cost(step) - half_cost(-step)) / (2.0 * kStep);
+    }
+    // What the cost could still fall by, in squared sigmas.
+    EXPECT_LT(gradient.dot(result.information.ldlt().solve(gradient)), 1e-3);
+  }
 }
 
 TEST(PoseOptimizer, PointsBehindTheCameraAreOutliersAndDoNoHarm) {

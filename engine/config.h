@@ -107,6 +107,10 @@ struct TrackingConfig {
   // with what comes before the wall, so detected features have to agree; but on living tissue the detector finds few of
   // its features again (tracking/decisions/2026-11-26-followed-features-hold-a-sure-pose.md).
   int min_detected = 5;
+  // Points that were established when the map was last seen well: a tracked pose shows so many of them, or a tenth of
+  // those that should be in view where that is less. What came before the wall shows next to none
+  // (tracking/decisions/2026-11-28-debris-is-no-wall.md) [0, 1000]; 0: none are asked for.
+  int min_seasoned = 8;
   int min_recovery_inliers = 20;     // a pose found by brute force needs more [6, 1000]
   bool brute_force_recovery = true;  // off: a frame that guided search cannot place is lost (for comparison)
   double max_jump_depth_ratio =

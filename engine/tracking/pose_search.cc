@@ -24,6 +24,9 @@ constexpr double kChanceSigmas = 3.0;
 // Of the matches, or of the established points that should be seen where these are fewer. A false pose had 0.13 of its
 // matches; ninety others, rendered and of living tissue, 0.47 of the matches or 0.6 of what should be seen.
 constexpr double kEstablishedShare = 1.0 / 3.0;
+// Of the seasoned points that should be seen. It counts where they are few: in the first seconds of a map, and where
+// the scope goes on to new wall.
+constexpr double kSeasonedShare = 0.1;
 
 }  // namespace
 
@@ -150,7 +153,8 @@ bool PoseSearch::SearchLocalMap(double min_radius_px) {
   }
   const ViewQueries view_queries(parts_.config.matching, parts_.camera, parts_.noise, estimate_.cam_from_map);
   const SchedulerConfig& scheduler = parts_.config.scheduler;
-  estimate_.num_expected = 0;
+  estimate_.num_expected = estimate_.num_expected_seasoned = 0;
+  const TimePoint well_seen = parts_.sight.WellSeen(local_map().map_id);
   // Reduced frames have nothing finer.
   const double min_expected_scale = features.is_reduced ? scheduler.reduced_min_scale_px : 0.0;
   // Fewer points: every n-th, others in the next frame.
@@ -163,7 +167,9 @@ bool PoseSearch::SearchLocalMap(double min_radius_px) {
     GuidedQuery query;
     double scale_px = 0.0;
     if (!view_queries.OfPoint(point, &query, &scale_px)) continue;
-    estimate_.num_expected += local_map().is_established(point) && scale_px >= min_expected_scale;
+    const bool is_expected = local_map().is_established(point) && scale_px >= min_expected_scale;
+    estimate_.num_expected += is_expected;
+    estimate_.num_expected_seasoned += is_expected && point.established <= well_seen;
     if (static_cast<std::uint32_t>(i) / step % kDecoyStep == frame_index % kDecoyStep) {
       decoys_.push_back(Displaced(query, i % 2 == 0));
     }
@@ -202,7 +208,14 @@ bool PoseSearch::IsTrackedPoseEvident(bool is_confirmed) {
   const TrackingConfig& tracking = parts_.config.tracking;
   // Young points were seen in the frames that the followed features come from: the two are one witness.
   const bool is_held = is_confirmed && estimate_.num_established >= tracking.min_inliers;
-  return MeasureChance() && HasEvidence(tracking.min_inliers, is_held ? tracking.min_detected : tracking.min_inliers);
+  return HasSeasonedWitnesses() && MeasureChance() &&
+         HasEvidence(tracking.min_inliers, is_held ? tracking.min_detected : tracking.min_inliers);
+}
+
+bool PoseSearch::HasSeasonedWitnesses() const {
+  const double asked = std::min<double>(parts_.config.tracking.min_seasoned,
+                                        kSeasonedShare * static_cast<double>(estimate_.num_expected_seasoned));
+  return local_map().is_young(parts_.config.mapping.min_map_keyframes) || estimate_.num_seasoned >= asked;
 }
 
 bool PoseSearch::HasEvidence(int min_inliers, int min_detected) const {

@@ -39,8 +39,9 @@ struct PoseEstimate {
   SE3 cam_from_map;
   Matrix6d information = Matrix6d::Zero();  // of the pose, from the last optimisation
   int num_expected = 0;                     // established points that should be visible from the pose
+  int num_expected_seasoned = 0;            // of these, those established when the map was last seen well
   int num_established = 0;                  // of the matches
-  int num_seasoned = 0;                     // of these, those established when the map was last seen well
+  int num_seasoned = 0;                     // of these likewise
   double median_depth = 1.0;                // of the matches, map units
 };
 
@@ -107,6 +108,10 @@ class PoseSearch {
   bool HasEvidence(int min_inliers, int min_detected) const;
   // `is_confirmed`: so was the pose before, of which this one is a small step (TrackingConfig::min_detected).
   bool IsTrackedPoseEvident(bool is_confirmed);
+  // Step by step the map may have gone over to what came before the wall, which agrees with itself for as long as it
+  // stays. False: the map is not young, and hardly any of the points is seen that were established when it was last
+  // seen well, though they should be (TrackingConfig::min_seasoned).
+  bool HasSeasonedWitnesses() const;
   // For a pose without a prediction. Bubbles and films move by themselves: what was triangulated on them a moment ago
   // agrees with them, and not with the wall. False: established points should be seen, and hardly any is that was
   // established when the map was last seen well.

@@ -125,6 +125,8 @@ void AddTracking(Fields* out) {
   out->push_back(Tracking<&C::min_inliers>("min_inliers", {6, 1000}, "points", "a pose with fewer is not a pose"));
   out->push_back(Tracking<&C::min_detected>("min_detected", {0, 1000}, "points",
                                             "of them, detected in the frame and not only followed into it"));
+  out->push_back(Tracking<&C::min_seasoned>("min_seasoned", {0, 1000}, "points",
+                                            "of a tracked pose, known when the map was last seen well"));
   out->push_back(Tracking<&C::min_recovery_inliers>("min_recovery_inliers", {6, 1000}, "points",
                                                     "a pose found by brute force needs as many"));
   out->push_back(Tracking<&C::brute_force_recovery>("brute_force_recovery", {}, "",

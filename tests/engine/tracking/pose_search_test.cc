@@ -111,5 +111,59 @@ TEST_F(PoseSearchTest, WitnessesAreThoseFromBeforeTheViewThinned) {
   EXPECT_FALSE(search_.HasEstablishedWitnesses()) << "20 of 70";
 }
 
+// Bubbles that the map took points from agree with a pose for as long as they stay.
+TEST_F(PoseSearchTest, APoseOfDebrisAloneHasNoSeasonedWitnesses) {
+  sight_.Note(1, 300, 1.0, AfterMs(1000));
+  Add(config_.tracking.min_seasoned, wall_, 3, AfterMs(1000));
+  Add(40, wall_, 3, AfterMs(1001));
+  ErrorOfFit();
+  search_.CountMatches();
+  search_.estimate().num_expected_seasoned = 500;
+  EXPECT_TRUE(search_.HasSeasonedWitnesses());
+  search_.estimate().matches.erase(search_.estimate().matches.begin());
+  search_.CountMatches();
+  EXPECT_FALSE(search_.HasSeasonedWitnesses());
+  EXPECT_FALSE(search_.IsTrackedPoseEvident(true));
+}
+
+TEST_F(PoseSearchTest, OnNewWallFewSeasonedPointsShouldBeSeen) {
+  sight_.Note(1, 300, 1.0, AfterMs(1000));
+  Add(2, wall_, 3, AfterMs(1000));
+  Add(40, wall_, 3, AfterMs(1001));
+  ErrorOfFit();
+  search_.CountMatches();
+  search_.estimate().num_expected_seasoned = 20;
+  EXPECT_TRUE(search_.HasSeasonedWitnesses());
+  search_.estimate().num_expected_seasoned = 21;
+  EXPECT_FALSE(search_.HasSeasonedWitnesses());
+}
+
+TEST_F(PoseSearchTest, AYoungMapKnewNothingBefore) {
+  map_.keyframes.Clear();
+  EXPECT_TRUE(map_.keyframes.PushBack({}));
+  sight_.Note(1, 300, 1.0, AfterMs(1000));
+  Add(40, wall_, 3, AfterMs(1001));
+  ErrorOfFit();
+  search_.CountMatches();
+  search_.estimate().num_expected_seasoned = 500;
+  EXPECT_TRUE(search_.HasSeasonedWitnesses());
+}
+
+// The search itself counts what should be seen: established points in view, those of before the view thinned by
+// themselves.
+TEST_F(PoseSearchTest, CountsTheSeasonedPointsInView) {
+  sight_.Note(1, 300, 1.0, AfterMs(1000));
+  Add(30, wall_, 3, AfterMs(1000));
+  Add(20, wall_, 3, AfterMs(1001));
+  Add(10, wall_, 2, TimePoint::max());
+  for (int i = 0; i < map_.num_points; ++i) {
+    map_.points[i].normal = (wall_.InverseTranslation() - map_.points[i].position).normalized();
+  }
+  ErrorOfFit();
+  search_.SearchLocalMap(0.0);
+  EXPECT_EQ(search_.estimate().num_expected, 50);
+  EXPECT_EQ(search_.estimate().num_expected_seasoned, 30);
+}
+
 }  // namespace
 }  // namespace haustra::test

@@ -210,10 +210,7 @@ Tracker::Outcome Tracker::TrackMap(FrameResult* result) {
   if (config_.tracking.brute_force_recovery && (!has_pose || is_questioned) && budget_.MayRecover(false)) {
     const PoseRecovery::Verdict verdict = recovery_.Question(has_pose);
     if (verdict == PoseRecovery::Verdict::kNone && has_pose) result->reason = TrackingReason::kWeakEvidence;
-    if (verdict == PoseRecovery::Verdict::kRecovered) {
-      tracking.velocity.reset();
-      result->reason = TrackingReason::kRecovered;
-    }
+    if (verdict == PoseRecovery::Verdict::kRecovered) result->reason = TrackingReason::kRecovered;
     if (verdict == PoseRecovery::Verdict::kRecovered || verdict == PoseRecovery::Verdict::kBetter) {
       result->num_matches = static_cast<int>(matches.size());
     }

@@ -77,6 +77,11 @@ Result<std::map<std::int64_t, Picture>> ReadPictures(const RunOutput& run, const
   while (pictures.size() < frames.size()) {
     const Result<Frame> frame = source->Next(kNoDeadline);
     if (frame.code() == StatusCode::kDataLoss) continue;
+    if (frame.code() == StatusCode::kNotFound) {
+      const auto missing = std::find_if(frames.begin(), frames.end(), [&](auto f) { return !pictures.contains(f); });
+      return InvalidArgument(options.sequence + ": has no frame " +
+                             std::to_string(run.figures.part.StoredFrame(*missing)) + ": not the sequence of this run");
+    }
     HAUSTRA_TRY(frame.status());
     if (!frames.contains(frame->index)) continue;
     HAUSTRA_ASSIGN(pictures[frame->index], MakePicture(run, *frame, frame->index, options));

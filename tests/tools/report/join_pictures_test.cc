@@ -6,6 +6,9 @@
 #include <algorithm>
 
 #include "capture/codec/image_codec.h"
+#ifdef HAUSTRA_HAS_VIDEO
+#include "tests/capture/video_writer.h"
+#endif
 #include "tests/tools/evaluate/text_folder.h"
 #include "tests/tools/report/small_report.h"
 
@@ -147,6 +150,23 @@ TEST_F(JoinPicturesTest, RunWithoutMergesSaysSo) {
   EXPECT_THAT(*html, HasSubstr("No maps were merged"));
   EXPECT_THAT(*html, Not(HasSubstr("<figure>")));
 }
+
+#ifdef HAUSTRA_HAS_VIDEO
+// A copy of the recording that was cut, or another one.
+TEST_F(JoinPicturesTest, ARecordingThatEndsBeforeAFrameOfTheRunIsRefused) {
+  std::vector<Image> frames;
+  for (int i = 0; i < 20; ++i) {
+    frames.emplace_back(32, 24, PixelFormat::kGrey8);
+    for (int y = 0; y < 24; ++y) std::fill_n(frames.back().row(y), 32, static_cast<std::uint8_t>(4 * i));
+  }
+  options_.sequence = folder_.At("short.mkv");
+  ASSERT_EQ(WriteVideo(options_.sequence, "ffv1", 25, frames), "");
+  for (evaluate::RunFrame& frame : run_.frames) frame.timestamp_ns -= 1000000000;
+  const Result<std::string> html = Html();
+  EXPECT_EQ(html.code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(html.status().message(), options_.sequence + ": has no frame 49: not the sequence of this run");
+}
+#endif
 
 }  // namespace
 }  // namespace haustra::report

@@ -10,8 +10,8 @@ namespace haustra::end_to_end {
 namespace {
 
 nlohmann::json EvaluateInto(const std::string& json, const std::string& sequence, const std::string& result_folder) {
-  const CommandResult result = Haustra(
-      {"evaluate", result_folder, "--groundtruth", SequenceFolder(sequence) + "/groundtruth.txt", "--json", json});
+  const CommandResult result = Haustra({"evaluate", result_folder, "--groundtruth",
+                                        SequenceFolder(sequence) + "/groundtruth.txt", "--json", json, "--overwrite"});
   EXPECT_EQ(result.exit_code, 0) << result.ToString();
   return result.exit_code == 0 ? ReadJson(json) : nlohmann::json();
 }

@@ -19,8 +19,8 @@ struct PictureOptions {
   std::size_t max_joins = 12;                                // evenly chosen when there are more
 };
 
-// HTML, with the pictures as JPEG inside. Errors of OpenSequence; kInvalidArgument when a frame of the sequence does
-// not have the time that the run gives it.
+// HTML, with the pictures as JPEG inside. Errors of OpenSequence; kInvalidArgument when a frame of the sequence is
+// missing, or does not have the time that the run gives it.
 Result<std::string> JoinPicturesHtml(const evaluate::RunOutput& run, const evaluate::Evaluation& evaluation,
                                      const std::map<int, MapModel>& models, const PictureOptions& options);
 

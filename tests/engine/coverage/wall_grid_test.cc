@@ -64,6 +64,7 @@ TEST(WallGrid, SmallHolesAreBridgedAndLargeOnesAreNot) {
 }
 
 TEST(WallGrid, OnlyThePassedPartIsClaimed) {
+  RecordProperty("req", "COV-002");
   const BentTube tube{.radius = 2.0, .length = 10.0};
   Lumen lumen = tube.Known();
   lumen.passed_begin_mu = 3.0;

@@ -88,6 +88,7 @@ TEST_F(WallObserverTest, AStraightTubeIsSeenFromTheEdgeOfThePictureToTheLimits) 
 }
 
 TEST_F(WallObserverTest, AFoldHidesAStripUntilTheScopeLooksBack) {
+  RecordProperty("req", "COV-001");
   BentTube tube{.radius = 1.0, .length = 10.0};
   const double fold = 4.0, crest = 0.6;
   tube.wall = [&](double s, double) {
@@ -122,6 +123,7 @@ TEST_F(WallObserverTest, TimesAreThoseOfTheBestView) {
 }
 
 TEST_F(WallObserverTest, AWallThatWasNotReconstructedIsNeverSeen) {
+  RecordProperty("req", "COV-001");
   const BentTube tube{.radius = 1.0, .length = 10.0};
   WallGrid grid = GridOf(tube, [](double s, double) { return s < 4.0 || s > 5.0; });
   observer_.Observe(CamFromMap(2.0, true), 1.0, &grid);

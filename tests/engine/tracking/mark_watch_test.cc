@@ -55,6 +55,7 @@ TEST_F(MarkWatchTest, MarkOnTheWallInSightIsInFront) {
 }
 
 TEST_F(MarkWatchTest, FoldBeforeTheMarkHidesIt) {
+  RecordProperty("req", "MRK-001");
   AddWall(-1.0, 1.0, 3.0, 200, false);
   AddWall(-1.0, 1.0, 1.0, 200, true);
   EXPECT_EQ(Look().state, MarkState::kHidden);
@@ -68,6 +69,7 @@ TEST_F(MarkWatchTest, FoldBesideTheMarkDoesNotHideIt) {
 }
 
 TEST_F(MarkWatchTest, WallSeenFromBehindIsHidden) {
+  RecordProperty("req", "MRK-001");
   AddWall(-1.0, 1.0, 3.0, 200, true);
   map_.marks[0].normal = {0.0, 0.0, 1.0};
   EXPECT_EQ(Look().state, MarkState::kHidden);
@@ -75,12 +77,14 @@ TEST_F(MarkWatchTest, WallSeenFromBehindIsHidden) {
 
 // Nothing of the patch was found, though all around it was.
 TEST_F(MarkWatchTest, PatchOfWhichNothingIsFoundIsHidden) {
+  RecordProperty("req", "MRK-002");
   AddWall(-0.2, 0.2, 3.0, 100, false);
   AddWall(-0.35, 0.35, 2.7, 100, true);
   EXPECT_EQ(Look().state, MarkState::kHidden);
 }
 
 TEST_F(MarkWatchTest, NothingFoundNearLeavesItUnsure) {
+  RecordProperty("req", "MRK-002");
   AddWall(2.0, 3.0, 3.0, 200, true);
   EXPECT_EQ(Look().state, MarkState::kUnsure);
 }
@@ -94,6 +98,7 @@ TEST_F(MarkWatchTest, MarkBehindTheCameraIsOutOfView) {
 }
 
 TEST_F(MarkWatchTest, PredictedPoseLeavesItUnsure) {
+  RecordProperty("req", "MRK-002");
   AddWall(-1.0, 1.0, 3.0, 200, true);
   watch_.LookAhead(map_, SE3{});
   ASSERT_EQ(watch_.sightings().size(), 1u);
@@ -101,6 +106,7 @@ TEST_F(MarkWatchTest, PredictedPoseLeavesItUnsure) {
 }
 
 TEST_F(MarkWatchTest, FrameWithoutAPoseShowsNone) {
+  RecordProperty("req", "MRK-002");
   AddWall(-1.0, 1.0, 3.0, 200, true);
   Look();
   watch_.Clear();
@@ -109,6 +115,7 @@ TEST_F(MarkWatchTest, FrameWithoutAPoseShowsNone) {
 
 // A tube that bends away: the mark lies around the corner of a fold that truth says is between, from many places.
 TEST_F(MarkWatchTest, TubeWithAFoldHidesWhatLiesBehindIt) {
+  RecordProperty("req", "MRK-001");
   // Wall of radius 1 along z; at z = 2.5 a fold leaves an opening of radius 0.5.
   int num_drawn = 0, num_lost = 0, num_hidden = 0, num_seen = 0;
   constexpr int kNumTrials = 300;  // with a sanitizer, too: of fewer one in twenty is luck

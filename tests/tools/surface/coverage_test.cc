@@ -81,6 +81,7 @@ TEST(MapCoverage, OfATubeIsWhatItsGeometrySays) {
 }
 
 TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
+  RecordProperty("req", "COV-003");
   // A wall at the side, seen by a camera that goes along it.
   const TubeSurface flat(
       [](double, const Eigen::Vector3d& bearing) { return bearing.y() > 0.1 ? 0.5 / bearing.y() : 0.0; });

@@ -1,5 +1,7 @@
 #include "tools/report/map_model.h"
 
+#include <zlib.h>
+
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -102,6 +104,21 @@ Result<std::map<int, MapModel>> ReadMapModels(const evaluate::RunOutput& run) {
     HAUSTRA_ASSIGN(models[map_id], ReadMapModel((maps / MapFolderName(map_id)).string()));
   }
   return models;
+}
+
+std::string ChecksumOfPoses(const MapModel& model) {
+  auto crc = ::crc32_z(0, nullptr, 0);
+  const auto add = [&crc](const void* bytes, std::size_t num) {
+    crc = ::crc32_z(crc, static_cast<const Bytef*>(bytes), num);
+  };
+  for (const auto& [keyframe_id, keyframe] : model.keyframes) {
+    add(&keyframe_id, sizeof(keyframe_id));
+    add(keyframe.cam_from_map.rotation.coeffs().data(), 4 * sizeof(double));
+    add(keyframe.cam_from_map.translation.data(), 3 * sizeof(double));
+  }
+  char text[16];
+  std::snprintf(text, sizeof(text), "%08lx", static_cast<unsigned long>(crc));
+  return text;
 }
 
 std::string MapFolderName(int map_id) {

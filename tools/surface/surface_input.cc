@@ -17,6 +17,7 @@ Result<std::vector<SurfaceMap>> ReadSurfaceMaps(const evaluate::RunOutput& run) 
     for (std::size_t i = 0; i < model.point_ids.size(); ++i) point_of_id[model.point_ids[i]] = i;
     SurfaceMap& map = maps.emplace_back();
     map.map_id = map_id;
+    map.poses_checksum = report::ChecksumOfPoses(model);
     map.camera = geometry.camera;
     map.depth_mu = geometry.depth_mu;
     for (const auto& [keyframe_id, seen] : model.keyframes) {

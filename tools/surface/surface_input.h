@@ -23,6 +23,7 @@ struct SurfaceKeyframe {
 
 struct SurfaceMap {
   int map_id = 0;
+  std::string poses_checksum;              // report::ChecksumOfPoses
   CameraCalibration camera;                // with which the map was made
   double depth_mu = 0.0;                   // median distance of the points
   std::vector<SurfaceKeyframe> keyframes;  // by id

@@ -64,6 +64,7 @@ std::string ToJson(const std::vector<SurfaceMap>& maps, const std::vector<MapSur
   for (std::size_t i = 0; i < maps.size(); ++i) {
     const MapSurface& surface = surfaces[i];
     json["maps"].push_back({{"map_id", maps[i].map_id},
+                            {"poses_checksum", maps[i].poses_checksum},
                             {"keyframes_with_depth", surface.depths.size()},
                             {"keyframes_without_picture", surface.num_without_picture},
                             {"keyframes_without_depth", surface.num_without_depth},

@@ -124,6 +124,22 @@ TEST_F(RunSiteTest, WhatWasLookedAtComesWithTheSurface) {
   }
 }
 
+TEST_F(RunSiteTest, ASurfaceOfAnotherRunIsRefused) {
+  const auto checksum = [&] {
+    const auto model = report::ReadMapModel(folder_.At("out/maps/map_0000"));
+    EXPECT_TRUE(model.ok());
+    return report::ChecksumOfPoses(*model);
+  };
+  const std::string of_this_run = checksum();
+  folder_.Write("mesh/map_0000.ply", "ply\nend_header\n");
+  folder_.Write("mesh/surface.json", R"({"maps":[{"map_id":0,"poses_checksum":")" + of_this_run + R"("}]})");
+  EXPECT_TRUE(Make("mesh").ok());
+  folder_.Write("out/maps/map_0000/images.txt", "2 1 0 0 0 0 0 1.0001 1 000006.jpg\n100.5 50.5 7 120.5 60.5 -1\n");
+  EXPECT_NE(checksum(), of_this_run);
+  EXPECT_EQ(Make("mesh").code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(Make("mesh").status().message(), HasSubstr("map_0000.ply: made of the map of another run"));
+}
+
 TEST_F(RunSiteTest, ASurfaceThatIsNotThereOrIsNoneIsNamed) {
   EXPECT_EQ(Make("none").code(), StatusCode::kNotFound);
   EXPECT_THAT(Make("none").status().message(), HasSubstr("none: no such folder"));

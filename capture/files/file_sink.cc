@@ -72,10 +72,10 @@ void FileSink::Discard() {
 }
 
 void FileSink::RemoveTemporary() {
-  if (former_ == FormerFile::kWiped) {
-    (void)WipeFile(temporary_path_);
-  } else {
+  if (former_ == FormerFile::kFreed) {
     ::unlink(temporary_path_.c_str());
+  } else {
+    (void)WipeFile(temporary_path_);
   }
 }
 
@@ -133,9 +133,17 @@ Status FileSink::Commit() {
   return status_;
 }
 
+Status FileSink::CommitAs(const std::string& path) {
+  path_ = path;
+  return Commit();
+}
+
 // What is to be wiped changes names with the new file in one step, so a crash leaves it under the temporary name or in
 // place, and never under none.
 bool FileSink::PutIntoPlace(bool* has_former) const {
+  if (former_ == FormerFile::kStays) {
+    return ::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) == 0;
+  }
   if (former_ == FormerFile::kWiped) {
     *has_former = ::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0;
     if (*has_former || errno != ENOENT) return *has_former;

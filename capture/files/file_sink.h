@@ -1,6 +1,6 @@
 // A file that is there as a whole or not at all: bytes go to a temporary file beside it, Commit renames it into place.
 // A reader, or a crash in the middle, never meets half a file, and an older file stays until the new one is complete.
-// Any number of writers of one name do not meet: the last to commit wins.
+// Any number of writers of one name do not meet: the last to commit wins, or the first where a file stays.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,9 @@
 namespace haustra {
 
 // What becomes of the bytes that a new file replaces, or that were not committed: the file system gets them as they
-// are, or overwritten (wipe_file.h), which takes as long as writing them.
-enum class FormerFile { kFreed, kWiped };
+// are, or overwritten (wipe_file.h), which takes as long as writing them. kStays: no file is replaced, and what was not
+// committed is overwritten.
+enum class FormerFile { kFreed, kWiped, kStays };
 
 // Up to what a committed file is there as a whole. A power cut costs the wait for the disk, twice: too long for each of
 // the frames of a camera, where it may leave the last ones empty.
@@ -25,8 +26,8 @@ enum class Outlasts { kPowerCut, kProcess };
 class FileSink final : public ByteSink {
  public:
   // kNotFound: the folder does not exist; kUnavailable: cannot be created (rights, disk). The message names the file.
-  // With kWiped the file system must be able to exchange two names (renameat2), as all journalling ones are; on another
-  // one Commit fails.
+  // With kWiped and kStays the file system must be able to exchange two names, or to refuse one that is taken
+  // (renameat2), as all journalling ones are; on another one Commit fails.
   static Result<FileSink> Create(const std::string& path, FormerFile former, Outlasts outlasts = Outlasts::kPowerCut);
   // kFreed.
   static Result<FileSink> Create(const std::string& path);
@@ -41,9 +42,11 @@ class FileSink final : public ByteSink {
   // Of the temporary file, for another process that writes the bytes in place of Write; -1 after an error or Commit.
   int descriptor() const { return descriptor_; }
 
-  // To the disk (kPowerCut) and into place, with the folder's entry. kUnavailable as for Write; kFailedPrecondition
-  // when called twice.
+  // To the disk (kPowerCut) and into place, with the folder's entry. kUnavailable as for Write, and with kStays when
+  // there is a file; kFailedPrecondition when called twice.
   Status Commit();
+  // The same under another name in that folder.
+  Status CommitAs(const std::string& path);
 
  private:
   FileSink(std::string path, std::string temporary_path, int descriptor, FormerFile former, Outlasts outlasts);

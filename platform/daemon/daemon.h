@@ -70,6 +70,8 @@ class Daemon {
     std::string path;
     std::optional<ControlServer::ClientId> client;
     std::shared_ptr<FileSink> sink;
+    std::uint64_t num_changes = 0;  // that it has, when written
+    std::string kept_as;            // kKeep, when committed
   };
 
   // Everything before the worker; kExitOk, or the code to end with.
@@ -139,6 +141,7 @@ class Daemon {
   haustra_service Service() const;
   // A stop that was ordered is not forgotten by what is written after it.
   RecordedState state_to_record() const { return is_to_end_ ? RecordedState::kStopped : RecordedState::kRunning; }
+  std::string name_to_keep() const { return label_.empty() ? "procedure" : label_; }
   bool is_open() const { return state_.procedure == ProcedurePhase::kOpen; }
   bool is_interrupted() const { return state_.procedure == ProcedurePhase::kInterrupted; }
 
@@ -180,8 +183,9 @@ class Daemon {
   std::deque<Held> held_;                         // requests that wait their turn, one of each client at most
   std::optional<ControlServer::ClientId> asker_;  // of what is under way
   ControlRequest asked_;
-  Status failure_;  // why it failed
-  Status wiped_;    // the last `end`
+  Status failure_;                // why it failed
+  Status wiped_;                  // the last `end`
+  bool is_keeping_maps_ = false;  // what comes of it is not known: the checkpoint is not touched
   std::string kept_as_;
   std::string kept_from_;  // the checkpoint, where maps that are newer could not be kept; empty: nothing is missing
 
@@ -200,8 +204,8 @@ class Daemon {
   // finds the file knows.
   std::atomic<bool> has_own_checkpoint_{false};
   bool is_checkpoint_under_way_ = false;
-  bool must_save_ = false;               // a checkpoint did not come to the disk
-  std::map<std::uint64_t, Save> saves_;  // that the worker writes
+  std::uint64_t checkpoint_changes_ = 0;  // of the worker's changes, those that the last checkpoint has
+  std::map<std::uint64_t, Save> saves_;   // that the worker writes
   std::uint64_t num_saves_ = 0;
   std::map<std::uint64_t, ControlServer::ClientId> mark_askers_;  // that the worker has not answered
   std::uint64_t num_mark_requests_ = 0;

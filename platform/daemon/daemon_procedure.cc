@@ -134,6 +134,7 @@ void Daemon::TakeLeaveOfWorker(const std::string& how) {
     // That file is of no use. The disk is waited for elsewhere.
     Discard(std::exchange(save.sink, nullptr));
     // Of what is under way the end of the worker is the news.
+    if (save.kind == SaveKind::kKeep) is_keeping_maps_ = false;
     if (save.kind != SaveKind::kKeep && save.kind != SaveKind::kFinal) {
       EndSave(save, Unavailable(save.path + ": the worker ended"));
     }
@@ -259,7 +260,8 @@ void Daemon::RecordOpen() {
 
 void Daemon::BeginWorker() {
   last_checkpoint_.reset();
-  is_checkpoint_under_way_ = must_save_ = false;
+  is_checkpoint_under_way_ = false;
+  checkpoint_changes_ = 0;
   ring_->SetProcedure(++number_);
   ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_BEGUN, number_));
   SendToWorker({.command = WorkerCommand::kBegin, .number = number_});
@@ -267,13 +269,13 @@ void Daemon::BeginWorker() {
 
 void Daemon::KeepMaps() {
   kept_from_.clear();
-  const std::string base = label_.empty() ? "procedure" : label_;
-  kept_as_ = base;
-  for (int i = 2; store_->has_saved(kept_as_); ++i) kept_as_ = base + "-" + std::to_string(i);
-  StartSave(SaveKind::kKeep, store_->saved_path(kept_as_));
+  is_keeping_maps_ = true;
+  StartSave(SaveKind::kKeep, store_->saved_path(name_to_keep()));
 }
 
 void Daemon::KeepCheckpoint() {
+  // They are newer. EndSave comes back here if they do not come to the disk.
+  if (is_keeping_maps_) return;
   kept_from_.clear();
   // Of an interrupted procedure there is nothing else.
   if (!is_interrupted()) kept_from_ = "its last checkpoint";
@@ -281,15 +283,14 @@ void Daemon::KeepCheckpoint() {
     const double age_s = std::round(ToSeconds(clock_.Now() - *last_checkpoint_));
     kept_from_ = "the checkpoint of " + std::to_string(static_cast<int>(age_s)) + " s before";
   }
-  const std::string base = label_.empty() ? "procedure" : label_;
-  kept_as_ = base;
-  for (int i = 2; store_->has_saved(kept_as_); ++i) kept_as_ = base + "-" + std::to_string(i);
-  DoFile([this, name = kept_as_, is_found = is_interrupted()]() -> std::function<void()> {
+  DoFile([this, name = name_to_keep(), is_found = is_interrupted()]() -> std::function<void()> {
     const bool has_one = (is_found || has_own_checkpoint_) && store_->has_checkpoint();
-    const Status status = has_one ? store_->KeepCheckpoint(name) : NotFound("there is no checkpoint to keep");
-    return [this, status] {
-      failure_ = status;
-      Tell(status.ok() ? ServiceEventKind::kKept : ServiceEventKind::kNotKept);
+    const Result<std::string> kept =
+        has_one ? store_->KeepCheckpoint(name) : Result<std::string>(NotFound("there is no checkpoint to keep"));
+    return [this, kept] {
+      failure_ = kept.status();
+      if (kept.ok()) kept_as_ = *kept;
+      Tell(kept.ok() ? ServiceEventKind::kKept : ServiceEventKind::kNotKept);
     };
   });
 }
@@ -363,7 +364,7 @@ void Daemon::Answer(bool is_done) {
 void Daemon::ConsiderCheckpoint(TimePoint now) {
   if (config_.checkpoint.interval_s == 0 || now < next_checkpoint_ || is_checkpoint_under_way_) return;
   next_checkpoint_ = now + seconds(config_.checkpoint.interval_s);
-  if (report_.has_changed != 0 || must_save_) {
+  if (report_.num_changes != checkpoint_changes_) {
     is_checkpoint_under_way_ = true;
     StartSave(SaveKind::kCheckpoint, store_->checkpoint_path());
     return;
@@ -376,19 +377,22 @@ void Daemon::ConsiderCheckpoint(TimePoint now) {
 }
 
 void Daemon::StartSave(SaveKind kind, const std::string& path, std::optional<ControlServer::ClientId> client) {
-  Save save{kind, path, client, nullptr};
-  DoFile([this, save, worker = num_workers_]() mutable -> std::function<void()> {
-    Result<FileSink> created = FileSink::Create(save.path, FormerFile::kWiped);
+  Save save;
+  save.kind = kind;
+  save.path = path;
+  save.client = client;
+  const bool is_checkpoint = kind == SaveKind::kCheckpoint || kind == SaveKind::kFinal;
+  const FormerFile former = is_checkpoint ? FormerFile::kWiped : FormerFile::kStays;
+  DoFile([this, save, former, worker = num_workers_]() mutable -> std::function<void()> {
+    Result<FileSink> created = FileSink::Create(save.path, former);
     const Status status = created.status();
     if (created.ok()) save.sink = std::make_shared<FileSink>(std::move(*created));
     return [this, save, status, worker]() mutable {
       if (!status.ok()) return EndSave(save, status);
-      // One that has gone meanwhile is nobody's news: saves end with their worker.
+      // Saves end with their worker. Of the one at the stop that end is the news.
       if (worker_ == nullptr || worker != num_workers_) {
         Discard(std::exchange(save.sink, nullptr));
-        if (save.kind == SaveKind::kNamed || save.kind == SaveKind::kCheckpoint) {
-          EndSave(save, Unavailable(save.path + ": the worker ended"));
-        }
+        if (save.kind != SaveKind::kFinal) EndSave(save, Unavailable(save.path + ": the worker ended"));
         return;
       }
       const std::uint64_t number = ++num_saves_;
@@ -434,11 +438,18 @@ void Daemon::Commit(const WorkerReport& report) {
   if (it == saves_.end()) return;
   Save save = std::move(it->second);
   saves_.erase(it);
+  save.num_changes = report.num_changes;
   const Status written = WithPath(save.path, report.status());
-  DoFile([this, save = std::move(save), written, label = label_,
+  DoFile([this, save = std::move(save), written, label = label_, name = name_to_keep(),
           state = state_to_record()]() mutable -> std::function<void()> {
     Status status = written;
-    if (status.ok()) status = save.sink->Commit();
+    if (status.ok() && save.kind == SaveKind::kKeep) {
+      // Chosen here: files that were on their way to the disk are in place by now.
+      save.kept_as = store_->FreeName(name);
+      status = save.sink->CommitAs(store_->saved_path(save.kept_as));
+    } else if (status.ok()) {
+      status = save.sink->Commit();
+    }
     if (status.ok() && save.path == store_->checkpoint_path()) has_own_checkpoint_ = true;
     save.sink.reset();
     if (status.ok() && save.kind == SaveKind::kCheckpoint) status = store_->WriteOpen(label, state);
@@ -458,13 +469,17 @@ void Daemon::EndSave(const Save& save, const Status& status) {
     return;
   }
   if (save.kind == SaveKind::kKeep) {
+    is_keeping_maps_ = false;
+    // Who had them has gone meanwhile.
+    if (!status.ok() && !state_.has_worker) return KeepCheckpoint();
     failure_ = status;
+    if (status.ok()) kept_as_ = save.kept_as;
     return Tell(status.ok() ? ServiceEventKind::kKept : ServiceEventKind::kNotKept);
   }
   is_checkpoint_under_way_ = false;
-  must_save_ = !status.ok();
   if (status.ok()) {
     ++earlier_.checkpoints;
+    checkpoint_changes_ = save.num_changes;
     last_checkpoint_ = clock_.Now();
   } else {
     ++earlier_.checkpoints_failed;

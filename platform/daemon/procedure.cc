@@ -211,11 +211,9 @@ void Procedure::OnMapsAtRest() {
 // to the system; that they are on the disk is the supervisor's business.
 void Procedure::WriteMaps(SaveRequest request) {
   const TimePoint begin = context_.clock.Now();
-  has_changed_.store(false, std::memory_order_relaxed);
   Status status = engine_->SaveAtlas(*request.sink);
   if (status.ok()) status = request.sink->Finish();
   request.sink.reset();
-  if (!status.ok()) has_changed_.store(true, std::memory_order_relaxed);
   {
     const std::lock_guard lock(mutex_);
     counts_.checkpoint_pause = context_.clock.Now() - begin;
@@ -253,10 +251,7 @@ void Procedure::BetweenMapSteps() {
   if (stop_.load(std::memory_order_relaxed)) return;
   DoOrders();
   const std::uint64_t changes = NumChanges(engine_->mapper_counters());
-  if (changes != changes_seen_) {
-    changes_seen_ = changes;
-    has_changed_.store(true, std::memory_order_relaxed);
-  }
+  num_changes_.store(changes, std::memory_order_relaxed);
   if (now >= next_snapshot_ && changes != published_changes_) {
     published_changes_ = changes;
     next_snapshot_ = now + Duration(snapshot_interval_ns_.load());

@@ -77,8 +77,8 @@ class Procedure final : private SessionObserver, private SessionHooks {
   WatchedVisionDevice::Fault fault() const { return watched_->fault(); }
   // What ended the session by itself; nothing while it runs or when it was stopped.
   std::optional<Status> ended() const;
-  // Whether there is something new since the last save.
-  bool has_changed() const { return has_changed_.load(std::memory_order_relaxed); }
+  // Changes of the maps since Start. Asked in `saved`: those that are in that file.
+  std::uint64_t num_changes() const { return num_changes_.load(std::memory_order_relaxed); }
   SignsOfLife signs() const;
   SignalState signal() const { return source_->signal(); }
   std::string signal_text() const { return source_->signal_text(); }
@@ -138,8 +138,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   Heartbeat mapping_beat_;
   Heartbeat merging_beat_;  // by the mapping thread, which waits for its answers
   std::atomic<std::int64_t> snapshot_interval_ns_{0};
-  std::atomic<bool> has_changed_{false};
-  std::uint64_t changes_seen_ = 0;                  // mapping thread: when has_changed_ was set last
+  std::atomic<std::uint64_t> num_changes_{0};       // by the mapping thread
   TimePoint next_snapshot_;                         // mapping thread
   TimePoint next_depths_;                           // mapping thread
   TimePoint next_damage_log_;                       // session thread

@@ -156,7 +156,13 @@ bool ProcedureStore::has_checkpoint() const {
 
 bool ProcedureStore::has_saved(const std::string& name) const {
   std::error_code error;
-  return fs::exists(saved_path(name), error);
+  return fs::exists(fs::symlink_status(saved_path(name), error));
+}
+
+std::string ProcedureStore::FreeName(const std::string& name) const {
+  std::string free = name;
+  for (int i = 2; has_saved(free); ++i) free = name + "-" + std::to_string(i);
+  return free;
 }
 
 bool ProcedureStore::MayResume(Duration limit) const {
@@ -195,12 +201,15 @@ Status ProcedureStore::Close() const {
   return Status::Ok();
 }
 
-Status ProcedureStore::KeepCheckpoint(const std::string& name) const {
-  if (std::rename(checkpoint_path().c_str(), saved_path(name).c_str()) != 0) {
-    return Unavailable(saved_path(name) + ": cannot be put into place: " + ErrorText(errno));
+Result<std::string> ProcedureStore::KeepCheckpoint(const std::string& name) const {
+  const std::string free = FreeName(name);
+  const std::string path = saved_path(free);
+  if (::renameat2(AT_FDCWD, checkpoint_path().c_str(), AT_FDCWD, path.c_str(), RENAME_NOREPLACE) != 0) {
+    return Unavailable(path + ": cannot be put into place: " + ErrorText(errno));
   }
-  HAUSTRA_TRY(SyncFolderOf(saved_path(name)));
-  return SyncFolderOf(checkpoint_path());
+  HAUSTRA_TRY(SyncFolderOf(path));
+  HAUSTRA_TRY(SyncFolderOf(checkpoint_path()));
+  return free;
 }
 
 }  // namespace haustra

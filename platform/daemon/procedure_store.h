@@ -7,7 +7,7 @@
 //   FOLDER/saved/NAME.atlas  maps that were kept
 //
 // Files are replaced as a whole or not at all (capture/files/file_sink.h), those before them are overwritten, and they
-// are readable by the service alone.
+// are readable by the service alone. Nothing replaces a file in saved/.
 #pragma once
 
 #include <cstdint>
@@ -53,6 +53,9 @@ class ProcedureStore {
   std::string saved_path(const std::string& name) const { return folder_ + "/saved/" + name + ".atlas"; }
   bool has_checkpoint() const;
   bool has_saved(const std::string& name) const;
+  // The first of NAME, NAME-2, NAME-3 ... that no saved file has. Right as long as nobody else puts one there: to be
+  // asked where files are put into place.
+  std::string FreeName(const std::string& name) const;
 
   // What an earlier daemon had left open at Open; nothing when it had ended its procedure. A record that cannot be read
   // counts as an open procedure without a name.
@@ -70,8 +73,8 @@ class ProcedureStore {
   // record without data, which the tower is asked about; never data that nobody knows of. kUnavailable: the checkpoint
   // could not be wiped, and the record stays; or the record could not.
   Status Close() const;
-  // The checkpoint becomes saved/NAME.atlas.
-  Status KeepCheckpoint(const std::string& name) const;
+  // The checkpoint becomes a saved file under a name that is free (FreeName). Which one. kUnavailable.
+  Result<std::string> KeepCheckpoint(const std::string& name) const;
 
  private:
   ProcedureStore(std::string folder, int lock);

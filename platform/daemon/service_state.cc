@@ -273,6 +273,8 @@ ServiceStep InStopped(ServiceState state, const ServiceEvent& event) {
 
 ServiceStep InReaping(ServiceState state, const ServiceEvent& event) {
   if (event.kind == Event::kWorkerGone) return AfterWorker(state);
+  // On its way to the disk when the worker was killed.
+  if (event.kind == Event::kKept && state.purpose == Purpose::kEndKeep) state.is_kept = true;
   if (event.kind == Event::kTimeUp) {
     // The kernel cannot end it: it hangs in a driver. No other worker can use that device. What is left to do is done.
     if (state.exit_code == 0) state.exit_code = kExitUnavailable;

@@ -171,6 +171,7 @@ class Worker {
     const auto saved = [this, number](const Status& status) {
       WorkerReport report = MakeReport(WorkerNews::kSaved, status);
       report.number = number;
+      report.num_changes = procedure_.load()->num_changes();
       Post(report);
     };
     if (files.size() != 1) {
@@ -228,7 +229,7 @@ class Worker {
     report.fault = static_cast<WorkerFault>(procedure->fault());
     report.signal = static_cast<std::uint32_t>(procedure->signal());
     if (report.news == WorkerNews::kAlive) report.SetText(procedure->signal_text());
-    report.has_changed = procedure->has_changed() ? 1 : 0;
+    report.num_changes = procedure->num_changes();
     report.counts = procedure->counts();
     const SignsOfLife signs = procedure->signs();
     const TimePoint now = clock_.Now();

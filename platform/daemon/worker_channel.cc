@@ -117,7 +117,6 @@ Result<WorkerReport> ParseWorkerReport(std::span<const std::uint8_t> bytes) {
   if (report.code > static_cast<std::uint32_t>(StatusCode::kInternal)) return Nonsense("its code");
   if (static_cast<std::uint32_t>(report.fault) >= kNumWorkerFaults) return Nonsense("its fault");
   if (report.signal >= kNumSignals) return Nonsense("its signal");
-  if (report.has_changed > 1) return Nonsense("whether something changed");
   if (report.resident_bytes > kMostBytes) return Nonsense("its memory");
   for (const std::int64_t silence_ns : report.silence_ns) {
     if (silence_ns < 0) return Nonsense("a sign of life from the future");

@@ -56,7 +56,7 @@ enum class WorkerNews : std::uint32_t {
   kLoaded,  // code, text
   kBegun,
   kStopped,      // fault; the threads have ended
-  kSaved,        // number, code, text
+  kSaved,        // number, num_changes, code, text
   kSessionEnds,  // fault, code, text
   kMarked,       // number, code, text: the answer to what was asked of marks
 };
@@ -75,7 +75,7 @@ struct WorkerReport {
   WorkerFault fault = WorkerFault::kNone;
   std::uint32_t signal = 0;  // SignalState
   std::uint64_t number = 0;
-  std::uint64_t has_changed = 0;  // 1: there is something new to save
+  std::uint64_t num_changes = 0;  // of the maps since begin; kSaved: those that the file has
   std::uint64_t resident_bytes = 0;
   // How long ago each thread gave a sign of life.
   std::array<std::int64_t, 4> silence_ns{};  // tracking, capture, mapping, merging

@@ -163,6 +163,37 @@ TEST_F(FileSinkTest, WhatIsNotCommittedIsWipedWhenItIsToBe) {
   EXPECT_EQ(num_files(), 1);
 }
 
+TEST_F(FileSinkTest, WhatIsThereStaysWhenItIsTo) {
+  RecordProperty("req", "DATA-001");
+  std::ofstream(path()) << "old";
+  const std::string secret(100000, 's');
+  const std::string seen = (folder_ / "seen").string();
+  Result<FileSink> sink = FileSink::Create(path(), FormerFile::kStays);
+  ASSERT_TRUE(sink.ok());
+  ASSERT_TRUE(sink->Write(secret).ok());
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder_)) {
+    if (entry.path() != path()) fs::create_hard_link(entry.path(), seen);
+  }
+  const Status status = sink->Commit();
+  EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(status.message(), HasSubstr(path()));
+  EXPECT_EQ(Read(path()), "old");
+  EXPECT_EQ(Read(seen), std::string(secret.size(), '\0'));
+  EXPECT_EQ(num_files(), 2);
+}
+
+TEST_F(FileSinkTest, AnotherNameMayBeChosenInTheEnd) {
+  std::ofstream(path()) << "old";
+  Result<FileSink> sink = FileSink::Create(path(), FormerFile::kStays);
+  ASSERT_TRUE(sink.ok());
+  ASSERT_TRUE(sink->Write("new").ok());
+  const std::string other = (folder_ / "map-2.ply").string();
+  ASSERT_TRUE(sink->CommitAs(other).ok());
+  EXPECT_EQ(Read(path()), "old");
+  EXPECT_EQ(Read(other), "new");
+  EXPECT_EQ(num_files(), 2);
+}
+
 // A child writes one file after the other under one name until it is killed, at another moment each time.
 TEST_F(FileSinkTest, KillAtAnyMomentLeavesAWholeFile) {
   RecordProperty("req", "DMN-005");

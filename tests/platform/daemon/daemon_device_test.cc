@@ -2,12 +2,16 @@
 // (scripted_worker.cc); no time is asserted.
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <set>
 #include <string>
 #include <thread>
 
@@ -31,6 +35,35 @@ using std::chrono::seconds;
 
 constexpr Duration kHangLimit = seconds(60);
 
+// The disk, as files in saved/ meet it.
+std::atomic<bool> is_disk_held{false};  // it takes its time
+std::atomic<bool> is_disk_full{false};  // it says so in the end
+std::atomic<int> num_syncs_begun{0};
+
+bool IsInSaved(int file) {
+  std::error_code error;
+  return fs::read_symlink("/proc/self/fd/" + std::to_string(file), error).parent_path().filename() == "saved";
+}
+
+}  // namespace
+}  // namespace haustra
+
+// In place of the C library's.
+extern "C" int fsync(int file) {
+  if (haustra::IsInSaved(file)) {
+    ++haustra::num_syncs_begun;
+    while (haustra::is_disk_held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    if (haustra::is_disk_full) {
+      errno = ENOSPC;
+      return -1;
+    }
+  }
+  return static_cast<int>(::syscall(SYS_fsync, file));
+}
+
+namespace haustra {
+namespace {
+
 class DaemonDevice : public testing::Test {
  protected:
   DaemonDevice() {
@@ -48,9 +81,10 @@ class DaemonDevice : public testing::Test {
     config_.files.state_folder = config_.files.runtime_folder = folder_;
     config_.log.level = "error";
     script_ = new (test::MapScript(folder_ + "/script")) test::WorkerScript;
+    num_syncs_begun = 0;
   }
   ~DaemonDevice() override {
-    script_->is_making_held = false;
+    script_->is_making_held = is_disk_held = is_disk_full = false;
     Terminate();
     daemon_.reset();
     EXPECT_EQ(script_->num_races, 0) << "the thread sanitizer has reported a worker";
@@ -62,7 +96,7 @@ class DaemonDevice : public testing::Test {
     has_ended_ = false;
     daemon_.reset();
     daemon_ = std::make_unique<Daemon>(
-        config_, ConfigSource{}, clock_,
+        config_, config_source_, clock_,
         StarterOf({HAUSTRA_SCRIPTED_WORKER, folder_ + "/script", kWorkerOption, std::to_string(kWorkerChannel)}));
     thread_ = std::thread([this] {
       exit_code_ = daemon_->Run();
@@ -114,10 +148,43 @@ class DaemonDevice : public testing::Test {
     return !num_maps.empty() && num_maps != "0";
   }
   bool Exists(const std::string& name) const { return fs::exists(folder_ + "/" + name); }
+  // Which file it is, whatever its name; 0: none.
+  ino_t Inode(const std::string& name) const {
+    struct stat info {};
+    return ::stat((folder_ + "/" + name).c_str(), &info) == 0 ? info.st_ino : 0;
+  }
+  std::set<std::string> NamesInSaved() const {
+    std::set<std::string> names;
+    for (const auto& entry : fs::directory_iterator(folder_ + "/saved")) names.insert(entry.path().filename());
+    return names;
+  }
+  struct Kept {
+    std::string answer;  // to `end keep`
+    std::set<std::string> names;
+    bool is_checkpoint = false;  // that case-1.atlas was before
+  };
+  // `end keep`, whose worker goes when the maps are on their way to the disk.
+  Kept EndKeepWithoutWorker(const std::function<void()>& lose_worker) {
+    Kept kept;
+    is_disk_held = true;
+    std::thread client([&] { kept.answer = Ask("end keep"); });
+    EXPECT_TRUE(Until([&] { return num_syncs_begun > 0; }));
+    const ino_t checkpoint = Inode("checkpoint.atlas");
+    EXPECT_NE(checkpoint, 0u);
+    lose_worker();
+    EXPECT_TRUE(Until([&] { return StatusValue("worker").empty(); })) << Ask("status");
+    is_disk_held = false;
+    client.join();
+    kept.names = NamesInSaved();
+    kept.is_checkpoint = Inode("saved/case-1.atlas") == checkpoint;
+    return kept;
+  }
+  void KillWorker() const { ::kill(std::stoi(StatusValue("worker")), SIGKILL); }
 
   const SystemClock clock_;
   std::string folder_;
   DaemonConfig config_;
+  ConfigSource config_source_;
   test::WorkerScript* script_ = nullptr;
   std::unique_ptr<Daemon> daemon_;
   std::thread thread_;
@@ -297,6 +364,84 @@ TEST_F(DaemonDevice, EndKeepsTheCheckpointWhenTheWorkerHangs) {
   EXPECT_TRUE(StatusValue("trouble").starts_with("only the checkpoint of ")) << Ask("status");
   EXPECT_TRUE(Exists("saved/case-1.atlas"));
   EXPECT_FALSE(Exists("checkpoint.atlas"));
+}
+
+TEST_F(DaemonDevice, MapsOnTheirWayToTheDiskAreKeptWhenTheirWorkerDies) {
+  RecordProperty("req", "DMN-005,DMN-010");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  const Kept kept = EndKeepWithoutWorker([this] { KillWorker(); });
+  EXPECT_EQ(kept.answer, "kept as case-1\n");
+  EXPECT_EQ(kept.names, std::set<std::string>{"case-1.atlas"});
+  EXPECT_FALSE(kept.is_checkpoint) << "an older file has replaced them";
+  EXPECT_FALSE(Exists("checkpoint.atlas"));
+}
+
+TEST_F(DaemonDevice, MapsOnTheirWayToASlowDiskAreKeptWhenTheTimeIsUp) {
+  RecordProperty("req", "DMN-005,DMN-010");
+  // A process has it to start, too, which takes seconds on a machine with other work.
+  config_.watchdog.work_limit_ms = 6000;
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  const Kept kept = EndKeepWithoutWorker([] {});
+  EXPECT_EQ(kept.answer, "kept as case-1\n");
+  EXPECT_EQ(kept.names, std::set<std::string>{"case-1.atlas"});
+  EXPECT_FALSE(kept.is_checkpoint) << "an older file has replaced them";
+}
+
+TEST_F(DaemonDevice, CheckpointIsKeptWhenTheMapsOfAWorkerThatDiedDoNotComeToTheDisk) {
+  RecordProperty("req", "DMN-005,DMN-010");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  const Kept kept = EndKeepWithoutWorker([this] {
+    is_disk_full = true;
+    KillWorker();
+  });
+  EXPECT_TRUE(kept.answer.starts_with("kept as case-1 from the checkpoint of ")) << kept.answer;
+  EXPECT_EQ(kept.names, std::set<std::string>{"case-1.atlas"});
+  EXPECT_TRUE(kept.is_checkpoint);
+}
+
+TEST_F(DaemonDevice, EndKeepsBesideASaveOfThatNameThatIsUnderWay) {
+  RecordProperty("req", "DMN-005");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  is_disk_held = true;
+  std::string saved, kept;
+  std::thread client([&] { saved = Ask("save case-1"); });
+  EXPECT_TRUE(Until([&] { return num_syncs_begun > 0; }));
+  std::thread other([&] { kept = Ask("end keep"); });
+  EXPECT_TRUE(Until([&] { return StatusValue("summary").ends_with(": keeping"); })) << Ask("status");
+  is_disk_held = false;
+  client.join();
+  other.join();
+  EXPECT_EQ(saved, "saved " + folder_ + "/saved/case-1.atlas\n");
+  EXPECT_EQ(kept, "kept as case-1-2\n");
+  EXPECT_EQ(NamesInSaved(), (std::set<std::string>{"case-1-2.atlas", "case-1.atlas"}));
+}
+
+// What is in a save that somebody asked for does not help after a crash.
+TEST_F(DaemonDevice, SaveInBetweenCostsNoCheckpoint) {
+  RecordProperty("req", "DMN-005");
+  config_.checkpoint.interval_s = 0;
+  config_source_.assignments = {"checkpoint.interval_s=1", "log.level=error"};
+  for (const std::string key : {"tracking", "capture", "worker", "stop", "work"}) {
+    config_source_.assignments.push_back("watchdog." + key + "_limit_ms=60000");
+  }
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Ask("begin case-1"), "procedure 1\n");
+  ASSERT_TRUE(Until([&] { return HasMaps(); })) << Ask("status");
+  // From here on nothing can be seen, and the maps stay as they are.
+  ASSERT_TRUE(Until([&] { return StatusValue("tracking") == "lost"; })) << Ask("status");
+  std::this_thread::sleep_for(seconds(1));
+  EXPECT_TRUE(Ask("save between").starts_with("saved "));
+  is_disk_full = true;
+  EXPECT_TRUE(Ask("save failed").starts_with("error: "));
+  is_disk_full = false;
+  // The worker has said how things stand since.
+  std::this_thread::sleep_for(seconds(1));
+  ::kill(::getpid(), SIGHUP);
+  ASSERT_TRUE(Until([&] { return Exists("checkpoint.atlas"); }, seconds(20))) << Ask("status");
+  // Nor is what a checkpoint has written again.
+  EXPECT_TRUE(Until([&] { return StatusValue("checkpoints") != "0"; }));
+  std::this_thread::sleep_for(seconds(3));
+  EXPECT_EQ(StatusValue("checkpoints"), "1");
 }
 
 TEST_F(DaemonDevice, StopComesThroughWhileADriverHangs) {

@@ -335,6 +335,22 @@ TEST(ProcedureStore, LeftoversOfACrashAreRemoved) {
   EXPECT_TRUE(store->has_saved("b"));
 }
 
+TEST(ProcedureStore, CheckpointIsKeptUnderANameThatIsFree) {
+  RecordProperty("req", "DMN-005");
+  const StateFolder folder;
+  const auto store = OpenStore(folder);
+  Write(folder / "saved/case-1.atlas", "saved before");
+  fs::create_symlink("nowhere", folder / "saved/case-1-2.atlas");
+  Write(store->checkpoint_path(), "maps");
+  const Result<std::string> name = store->KeepCheckpoint("case-1");
+  ASSERT_TRUE(name.ok()) << name.status().ToString();
+  EXPECT_EQ(*name, "case-1-3");
+  EXPECT_EQ(Read(folder / "saved/case-1.atlas"), "saved before");
+  EXPECT_TRUE(fs::is_symlink(folder / "saved/case-1-2.atlas"));
+  EXPECT_EQ(Read(folder / "saved/case-1-3.atlas"), "maps");
+  EXPECT_FALSE(store->has_checkpoint());
+}
+
 TEST(ProcedureStore, RecordThatCannotBeOpenedIsOneOfAnOpenProcedure) {
   RecordProperty("req", "DMN-005,DATA-003");
   for (const bool is_link : {true, false}) {

@@ -73,6 +73,22 @@ TEST(ServiceState, WhatIsKeptIsOnTheDiskBeforeTheWorkerGoes) {
       .Takes(E::kWorkerGone, P::kWiping, {A::kWipe});
 }
 
+// Maps that come to the disk after their worker was killed are not replaced by a checkpoint.
+TEST(ServiceState, WhatIsKeptWhileTheWorkerIsReapedIsKept) {
+  RecordProperty("req", "DMN-005,DMN-010");
+  Walk()
+      .Running()
+      .Takes(E::kEndKeep, P::kStopping, {A::kStopWorker})
+      .Takes(E::kStoppedWithMaps, P::kKeeping, {A::kKeepMaps})
+      .Takes(E::kTimeUp, P::kReaping, {A::kKillWorker})
+      .Takes(E::kKept, P::kReaping)
+      .Takes(E::kWorkerGone, P::kWiping, {A::kWipe});
+  // Of another purpose it says nothing about what is to be kept later.
+  Walk going_on;
+  going_on.Running().Takes(E::kFault, P::kReaping, {A::kKillWorker}).Takes(E::kKept, P::kReaping);
+  EXPECT_FALSE(going_on.state().is_kept);
+}
+
 TEST(ServiceState, WhatCannotBeKeptIsNotWiped) {
   RecordProperty("req", "DMN-009");
   Walk walk;

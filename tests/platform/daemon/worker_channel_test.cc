@@ -139,7 +139,6 @@ TEST(WorkerReport, WhatNoWorkerSaysIsRefused) {
   EXPECT_TRUE(is_refused([](WorkerReport& r) { r.code = 10; }));
   EXPECT_TRUE(is_refused([](WorkerReport& r) { r.fault = static_cast<WorkerFault>(kNumWorkerFaults); }));
   EXPECT_TRUE(is_refused([](WorkerReport& r) { r.signal = kNumSignals; }));
-  EXPECT_TRUE(is_refused([](WorkerReport& r) { r.has_changed = 2; }));
   EXPECT_TRUE(is_refused([](WorkerReport& r) { r.resident_bytes = ~0ull; }));
   EXPECT_TRUE(is_refused([](WorkerReport& r) { r.silence_ns[2] = -1; }));
   EXPECT_TRUE(is_refused([](WorkerReport& r) { r.counts.latency_sum_s = std::numeric_limits<double>::quiet_NaN(); }));

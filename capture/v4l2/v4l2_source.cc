@@ -171,7 +171,13 @@ Status V4l2Source::Reconnect(TimePoint limit) {
     io_.Sleep(Sooner(next_attempt_, limit) - io_.Now());
     if (io_.Now() < next_attempt_) return Unavailable(gone_);
   }
-  const Status status = Connect();
+  Status status = Connect();
+  // Its format is known only now.
+  if (status.ok()) {
+    status = capture::internal::CheckRegion(options_.region, width_px_, height_px_, stream_->format().fourcc,
+                                            options_.field);
+    if (!status.ok()) status = Unavailable(stream_->path() + ": " + status.message());
+  }
   if (status.ok()) {
     ++counters_.num_restarts;
     return status;

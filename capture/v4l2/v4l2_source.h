@@ -45,10 +45,11 @@ struct V4l2Counters {
 //
 // Whatever happens to the camera, the source lives on: Next answers kUnavailable, with the reason, while the device is
 // gone or brings no signal, looks for it four times a second, and goes on with frames when it is back. After three
-// seconds without a picture the stream is begun again. A camera that comes back with pictures of another size stays
-// unavailable. Next never waits longer than a second for a picture, even with kNoDeadline. A driver may take its time
-// to bring a device back: recovering_since tells of each call. thread-bound(the reader), not rt-safe: restarting
-// allocates, and so does a damaged picture, for its message. A whole one asks nothing of the heap.
+// seconds without a picture the stream is begun again. A camera that comes, or comes back, with pictures of another
+// size or in a format that the region cannot be cut out of stays unavailable. Next never waits longer than a second for
+// a picture, even with kNoDeadline. A driver may take its time to bring a device back: recovering_since tells of each
+// call. thread-bound(the reader), not rt-safe: restarting allocates, and so does a damaged picture, for its message. A
+// whole one asks nothing of the heap.
 class V4l2Source final : public FrameSource {
  public:
   // The calibration (of the file that `sequence` names) is that of the picture or of the region. Without a file the

@@ -57,12 +57,17 @@ std::string_view TakeWord(std::string_view* text) {
 }
 
 Status ParseMark(std::string_view argument, ControlRequest* request) {
+  const auto missing = [](const char* what) {
+    return InvalidArgument(std::string("mark: ") + what + " is missing; mark X Y LABEL [FRAME]");
+  };
   for (double* value : {&request->x_px, &request->y_px}) {
+    if (argument.empty()) return missing(value == &request->x_px ? "X" : "Y");
     const std::string_view word = TakeWord(&argument);
     if (!ParseAll(word, value) || !(std::abs(*value) <= kMaxMarkPixel)) {
       return InvalidArgument("mark: " + Quoted(word) + " is no pixel; mark X Y LABEL [FRAME]");
     }
   }
+  if (argument.empty()) return missing("LABEL");
   const std::string_view name = TakeWord(&argument);
   if (!IsMarkName(name)) {
     return InvalidArgument("mark: " + Quoted(name) +
@@ -110,6 +115,7 @@ Result<ControlRequest> ParseControlRequest(std::string_view packet) {
     case ControlCommand::kBegin:
     case ControlCommand::kSave:
       if (argument.empty() && request.command == ControlCommand::kBegin) break;
+      if (argument.empty()) return InvalidArgument("save: NAME is missing");
       if (!IsControlName(argument)) {
         return InvalidArgument(std::string(word) + ": " + Quoted(argument) +
                                " is not a name (1 to 64 letters, digits, '.', '_', '-', the first a letter or digit)");
@@ -118,6 +124,7 @@ Result<ControlRequest> ParseControlRequest(std::string_view packet) {
       break;
     case ControlCommand::kMark: HAUSTRA_TRY(ParseMark(argument, &request)); break;
     case ControlCommand::kUnmark:
+      if (argument.empty()) return InvalidArgument("unmark: LABEL is missing");
       if (!IsMarkName(argument)) return InvalidArgument("unmark: " + Quoted(argument) + " is not a label of a mark");
       request.name = argument;
       break;

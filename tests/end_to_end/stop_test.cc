@@ -225,7 +225,7 @@ INSTANTIATE_TEST_SUITE_P(Commands, StoppedCommand,
                                          std::vector<std::string>{"calibrate", "SEQUENCE", "--mask", "PIPE", "--out",
                                                                   "FILE"},
                                          std::vector<std::string>{"export", "RUN", "--format", "tum", "--out", "OUT"},
-                                         std::vector<std::string>{"surface", "RUN", "--out", "OUT", "--device", "cpu"}),
+                                         std::vector<std::string>{"surface", "RUN", "--out", "OUT"}),
                          [](const auto& commands) { return commands.param.front(); });
 
 // One that writes from its start on.

@@ -369,6 +369,10 @@ int Run(const RunArguments& arguments) {
   for (const RunEvent& event : record.events()) {
     if (event.event == "frame_damaged") console::Warn(kRunCommand, "%s", event.details.c_str());
   }
+  for (const RefusedMark& mark : summary.refused_marks) {
+    console::Warn(kRunCommand, "mark %s in frame %u is refused: %s", mark.label.c_str(), mark.frame_index,
+                  mark.reason.c_str());
+  }
   // What ended the session, as that of a camera ends, does not end this, too.
   const std::atomic<bool>& stop_surface = stop_requested ? SecondStopSignal() : stop_requested;
   const Status surface = WriteSurface(arguments, engine, stop_surface, &summary);

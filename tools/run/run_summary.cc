@@ -436,9 +436,6 @@ std::string ToText(const RunSummary& s) {
     Append(&text, "  mark          %5zu     frames show %s (hidden in %zu, unsure in %zu)\n", num(MarkState::kInFront),
            mark.label.c_str(), num(MarkState::kHidden), num(MarkState::kUnsure));
   }
-  for (const RefusedMark& mark : s.refused_marks) {
-    Append(&text, "  mark refused  %s in frame %u: %s\n", mark.label.c_str(), mark.frame_index, mark.reason.c_str());
-  }
   Append(&text, "  frame time    p50 %.1f ms, p99 %.1f ms, p99.9 %.1f ms, max %.1f ms%s\n", s.frame_ms.p50,
          s.frame_ms.p99, s.frame_ms.p999, s.frame_ms.max,
          s.mode == "sequential" ? " (tracking and mapping in turn)" : " (from due to pose)");

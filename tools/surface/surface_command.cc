@@ -104,7 +104,7 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
   request.device = "auto";
   CLI::App* command = app.add_subcommand("surface", "Make the surface of the wall from a run");
   command->add_option("run", arguments->run, "Output folder of haustra run")->required();
-  command->add_option(
+  CLI::Option* sequence = command->add_option(
       "--sequence", request.sequence,
       "The sequence of the run, folder or video: depth is searched in it. Without one the depth that the "
       "run kept is taken (depth.enabled)");
@@ -146,6 +146,8 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
       ->check(CLI::Range(0, 256))
       ->default_val(0);
   AddDeviceOption(*command, request.device);
+  // Without one no picture is read and nothing is searched.
+  for (const char* option : {"--deinterlace", "--device"}) command->get_option(option)->needs(sequence);
   AddOverwriteFlag(*command, output.overwrite);
   command->callback([arguments, &action] { action = [arguments] { return Surface(*arguments); }; });
 }

@@ -720,6 +720,40 @@ TEST(V4l2Source, ACameraMayComeLater) {
   EXPECT_EQ(Indices(*source, 2), (std::vector<int>{0, 1}));
 }
 
+// Its format is known only then.
+TEST(V4l2Source, ACameraThatComesLaterMustFitItsRegion) {
+  ScriptedCamera camera;
+  camera.is_present = false;
+  V4l2Options options = Options();
+  options.may_come_later = true;
+  options.width_px = 64;
+  options.height_px = 48;
+  options.region = {1, 0, 63, 48};
+  const auto source = MustOpen(camera, options);
+  camera.is_present = true;
+  for (int i = 0; i < 3; ++i) {
+    const Result<Frame> frame = source->Next(kNoDeadline);
+    EXPECT_EQ(frame.code(), StatusCode::kUnavailable);
+    EXPECT_THAT(frame.status().message(), HasSubstr("/dev/video0: region 63x48+1+0: in YUYV two columns share"));
+    EXPECT_FALSE(camera.is_open());
+    EXPECT_EQ(source->pixel_format(), std::nullopt);
+  }
+  EXPECT_EQ(source->counters().num_restarts, 0u);
+  // Another is plugged in.
+  camera.modes.front().fourcc = V4L2_PIX_FMT_GREY;
+  camera.Sleep(seconds(1));
+  const Result<Frame> frame = source->Next(kNoDeadline);
+  ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+  EXPECT_EQ(frame->image.width, 63);
+  // And another one of the first kind.
+  camera.is_present = false;
+  EXPECT_EQ(source->Next(kNoDeadline).code(), StatusCode::kUnavailable);
+  camera.is_present = true;
+  camera.modes.front().fourcc = V4L2_PIX_FMT_UYVY;
+  camera.Sleep(seconds(1));
+  EXPECT_THAT(source->Next(kNoDeadline).status().message(), HasSubstr("in UYVY two columns share"));
+}
+
 // Seconds for each call, as of a USB device that answers nothing.
 TEST(V4l2Source, WhileADeviceIsBroughtBackEachOfItsCallsIsASignOfLife) {
   RecordProperty("req", "DMN-002");

@@ -71,6 +71,20 @@ TEST(VocabularyFile, WhatIsReadIsWhatWasWritten) {
   for (std::int32_t word = 0; word < read->num_words(); ++word) EXPECT_EQ(read->weight(word), vocabulary.weight(word));
 }
 
+// It has no centres: what is empty may lie nowhere when it is written, and lies in the file when it is read.
+TEST(VocabularyFile, OfOneWordIsReadBack) {
+  VocabularySample sample;
+  sample.descriptors.assign(10 * kDescriptorBytes, 7);
+  sample.picture_ends = {5, 10};
+  const Vocabulary vocabulary = Vocabulary::Train(sample, {}).value();
+  ASSERT_EQ(vocabulary.tree().centres.data(), nullptr);
+  const std::string bytes = FileOf(vocabulary);
+  const Result<Vocabulary> read = Read(bytes);
+  ASSERT_TRUE(read.ok()) << read.status().ToString();
+  EXPECT_EQ(read->num_words(), 1);
+  EXPECT_EQ(FileOf(*read), bytes);
+}
+
 TEST(VocabularyFile, CutOffAtAnyLengthIsRefused) {
   const std::string bytes = FileOf(SmallVocabulary());
   for (std::size_t length = 0; length < bytes.size(); ++length) {

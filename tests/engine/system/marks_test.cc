@@ -287,9 +287,11 @@ TEST(Marks, OutliveTheirKeyframes) {
   EXPECT_FALSE(anchor() == first_anchor);
   const std::size_t first = procedure.num_frames();
   procedure.Move(10.0, 1.0, 225);
-  // With so few keyframes the map is not what it was; what is left of it knows the place.
+  // With so few keyframes the map is not what it was: the mark comes close to its place only as the scope draws
+  // back, within the limit in 4 of 28 frames. One whose place is lost when its keyframe goes is there in none.
   const MarkedProcedure::Score score = procedure.Judge(*id, place, first);
   EXPECT_GE(score.num_in_view, 10);
+  EXPECT_GE(score.num_found, 2);
   EXPECT_EQ(atlas.marks().size(), 1u);
 }
 

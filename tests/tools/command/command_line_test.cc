@@ -125,6 +125,19 @@ TEST_F(CommandLineTest, DeinterlaceTakesItsThreeWordsAndNamesAnyOther) {
   }
 }
 
+// Depth that the run kept is searched on no device, and in no pictures.
+TEST_F(CommandLineTest, WhatHasNoUseWithoutASequenceIsRefusedWithoutOne) {
+  for (const std::string option : {"--device cuda", "--deinterlace on"}) {
+    try {
+      app_.parse("surface run --out to " + option, false);
+      ADD_FAILURE() << option << " was taken";
+    } catch (const CLI::ParseError& error) {
+      EXPECT_THAT(error.what(), HasSubstr("--sequence")) << option;
+    }
+    EXPECT_NO_THROW(app_.parse("surface run --out to --sequence colon " + option, false)) << option;
+  }
+}
+
 // CLI::Range lets nan through, and an option without a check takes inf, too.
 TEST_F(CommandLineTest, EveryOptionThatTakesANumberRefusesWhatIsNone) {
   int num_options = 0;

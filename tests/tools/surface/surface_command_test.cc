@@ -251,6 +251,8 @@ TEST_F(SurfaceCommandTest, OptionsOutOfRangeAreRefused) {
   EXPECT_EQ(Surface("seq", {"--max-range", "7"}), kExitUsage);
   EXPECT_EQ(Surface("seq", {"--max-slant", "90"}), kExitUsage);
   EXPECT_EQ(Surface("seq", {"--segment", "0"}), kExitUsage);
+  EXPECT_EQ(Surface("", {"--device", "cpu"}), kExitUsage) << "nothing is searched";
+  EXPECT_EQ(Surface("", {"--deinterlace", "off"}), kExitUsage) << "no picture is read";
 }
 
 // What `haustra run` makes of the depth that it has kept.

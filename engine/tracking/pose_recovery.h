@@ -33,7 +33,8 @@ class PoseRecovery {
  private:
   bool SearchByBruteForce();
   bool IsQuestionedPoseConfirmed();
-  bool BruteForceAgrees(double min_share) const;
+  int NumAlike() const { return static_cast<int>(alike_.size()); }
+  int NumAgreeing() const;  // of alike_, with the estimate
   bool IsChosenPoseEvident();
 
   const PoseSearch::Parts parts_;

@@ -10,8 +10,8 @@
 namespace haustra::report {
 
 // PLY files as they are, by map id; of maps that are not in `models`, or have none in the folder, there is none.
-// kInvalidArgument: a file is none, or surface.json says that a mesh is of another run's map; kUnavailable: a file cannot
-// be read.
+// kInvalidArgument: a file is none, or surface.json says that a mesh is of another run's map; kUnavailable: a file
+// cannot be read.
 Result<std::map<int, std::string>> ReadSurfaceMeshes(const std::string& folder, const std::map<int, MapModel>& models);
 
 }  // namespace haustra::report

@@ -1,0 +1,112 @@
+// A wall seen again of which little looks as it did: most brute-force matches lead elsewhere. The truth is the pose
+// from which the rest was projected.
+#include "engine/tracking/pose_recovery.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "tests/tools/run/scripted_colon.h"
+
+namespace haustra::test {
+namespace {
+
+class PoseRecoveryTest : public ::testing::Test {
+ protected:
+  static constexpr int kNumPoints = 200;
+
+  // The map has kNumPoints points, and the frame shows all of them: so many in their places, the rest anywhere.
+  void SeeWall(int num_true) {
+    map_.map_id = 1;
+    for (int i = 0; i < config_.mapping.min_map_keyframes; ++i) ASSERT_TRUE(map_.keyframes.PushBack({}));
+    std::vector<Keypoint> in_map(kNumPoints);
+    std::vector<std::uint8_t> descriptors;
+    const FeatureSetHandle set = colon_.device().CreateFeatureSet().value();
+    for (int i = 0; i < kNumPoints; ++i) {
+      LocalPoint& point = map_.points[map_.num_points++];
+      point.position = {rng_.Uniform(-0.8, 0.8), rng_.Uniform(-0.6, 0.6), rng_.Uniform(1.5, 3.0)};
+      point.normal = -Eigen::Vector3d::UnitZ();
+      point.scale_times_distance = kScalePx * point.position.norm();
+      point.descriptor = {set, i};
+      point.keyframe_mask = 0b111;
+      point.established = TimePoint{};
+      Show(point.position, &in_map[i]);
+      const Eigen::Vector3d elsewhere(rng_.Uniform(-0.8, 0.8), rng_.Uniform(-0.6, 0.6), 2.0);
+      Show(i < num_true ? wall_ * point.position : elsewhere, &frame_.features.keypoints[i]);
+      const auto descriptor = EncodeAppearance({static_cast<std::uint32_t>(i + 1), static_cast<std::uint32_t>(i + 1)});
+      descriptors.insert(descriptors.end(), descriptor.begin(), descriptor.end());
+    }
+    frame_.features.num = kNumPoints;
+    frame_.features.set = colon_.device().CreateFeatureSet().value();
+    const std::span in_frame(frame_.features.keypoints.data(), std::size_t{kNumPoints});
+    ASSERT_TRUE(colon_.device().WriteFeatures(set, in_map, descriptors).ok());
+    ASSERT_TRUE(colon_.device().WriteFeatures(frame_.features.set, in_frame, descriptors).ok());
+    for (int i = 0; i < kNumPoints; ++i) {
+      Eigen::Vector3d bearing;
+      ASSERT_TRUE(colon_.camera().Unproject(frame_.features.pixel(i), &bearing));
+      const Eigen::Vector3f rounded = bearing.cast<float>();
+      frame_.features.bearings[i] = {rounded.x(), rounded.y(), rounded.z()};
+    }
+    snapshots_.WriteSlot() = map_;
+    snapshots_.Publish();
+    snapshots_.Refresh();
+  }
+  void Show(const Eigen::Vector3d& in_cam, Keypoint* keypoint) const {
+    Eigen::Vector2d pixel;
+    ASSERT_TRUE(colon_.camera().Project(in_cam, &pixel));
+    *keypoint = {};
+    keypoint->x_px = static_cast<float>(pixel.x());
+    keypoint->y_px = static_cast<float>(pixel.y());
+    keypoint->scale_px = kScalePx;
+  }
+  double Error() const { return (search_.estimate().cam_from_map.translation - wall_.translation).norm(); }
+
+  static constexpr float kScalePx = 2.0f;
+  ScriptedColon colon_;
+  EngineConfig& config_ = colon_.config();
+  LaneWait lane_{colon_.device()};
+  FrameBudget budget_{config_.scheduler, nullptr};
+  OverlayWatch overlay_{config_.initialisation, false, colon_.camera().width_px(), colon_.camera().height_px(),
+                        config_.features.max};
+  NoiseModel noise_{config_.noise};
+  MapSight sight_{config_.keyframes.low_inliers};
+  LocalMap map_{config_.memory.max_local_points};
+  LatestMailbox<LocalMap> snapshots_{map_};
+  ProposedView frame_{config_.features.max};
+  LastFrame last_{config_.features.max, std::pmr::get_default_resource()};
+  const PoseSearch::Parts parts_{config_, colon_.camera(), lane_,      budget_, overlay_,
+                                 noise_,  sight_,          snapshots_, frame_,  last_};
+  PoseSearch search_{parts_};
+  PoseRecovery recovery_{parts_, search_};
+  Rng rng_{5};
+  const SE3 wall_{Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.1, 0.0, 0.2)};
+};
+
+TEST_F(PoseRecoveryTest, AWallThatIsAllThereIsFound) {
+  SeeWall(kNumPoints);
+  EXPECT_TRUE(recovery_.Recover(true));
+  EXPECT_LT(Error(), 1e-3);
+}
+
+TEST_F(PoseRecoveryTest, ManyMatchesElsewhereDoNotRefuseIt) {
+  const int num_true = 30;
+  ASSERT_LT(num_true, config_.place.relocalisation.min_match_share * kNumPoints);
+  SeeWall(num_true);
+  EXPECT_TRUE(recovery_.Recover(true));
+  EXPECT_LT(Error(), 1e-2);
+}
+
+TEST_F(PoseRecoveryTest, WithFewThatAgreeTheirShareDecides) {
+  config_.tracking.min_recovery_agreeing = 40;
+  SeeWall(30);
+  EXPECT_FALSE(recovery_.Recover(true));
+}
+
+TEST_F(PoseRecoveryTest, MatchesThatAllLeadElsewhereGiveNoPose) {
+  SeeWall(0);
+  EXPECT_FALSE(recovery_.Recover(true));
+}
+
+}  // namespace
+}  // namespace haustra::test

@@ -29,7 +29,7 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
   MapId map_id = proposal.map_id;
   const bool is_known = publisher_.FollowReframings(proposal.num_reframings_heard, &map_id, &cam_from_map);
   if (!is_known || !state_.active || state_.atlas.map(state_.active).id != map_id) {
-    publisher_.Retire(proposal.view.features.set);
+    state_.device.ReleaseFeatureSet(proposal.view.features.set);
     return {};
   }
   const TimePoint start = state_.Now();
@@ -38,7 +38,7 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
   const KeyframeHandle handle = state_.atlas.AddKeyframe(state_.active, proposal.view.frame_index,
                                                          proposal.view.timestamp, cam_from_map, proposal.view.features);
   if (!handle) {
-    publisher_.Retire(proposal.view.features.set);
+    state_.device.ReleaseFeatureSet(proposal.view.features.set);
     CountRefused();
     return {};
   }

@@ -52,7 +52,7 @@ class SnapshotPublisher {
   std::uint64_t num_found() const { return num_found_; }
 
   // Takes a feature set that the atlas has given up; it is released when neither a snapshot in use nor a question of
-  // place recognition can name it.
+  // place recognition can name it. Not before the next Publish().
   void Retire(FeatureSetHandle set) { retired_.push_back({version_ + 1, places_.num_asked(), set}); }
   void ReleaseRetired();
 

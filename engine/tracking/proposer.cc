@@ -53,9 +53,14 @@ void Proposer::Commit() {
   link_.proposals.CommitPush();
 }
 
+// Shared before the mapper can see it: one that refuses the keyframe releases the set at once.
 bool Proposer::ProposeKeyframe(const PoseEstimate& estimate, const LocalMap& map, Tracking* tracking) {
+  if (!device_.RetainFeatureSet(frame_.features.set)) return false;
   KeyframeProposal* slot = Begin(ProposalKind::kKeyframe);
-  if (slot == nullptr) return false;
+  if (slot == nullptr) {
+    device_.ReleaseFeatureSet(frame_.features.set);
+    return false;
+  }
   slot->map_id = tracking->course.map_id;
   slot->cam_from_map = estimate.cam_from_map;
   slot->num_reframings_heard = heard_.num_reframings;

@@ -32,7 +32,7 @@ class Proposer {
   // of the map were searched.
   bool IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate, const LocalMap& map,
                   const LocalKeyframe& reference, bool has_fewer_points) const;
-  // True: the frame's feature set has the mapper for an owner, and the course begins anew.
+  // True: the mapper shares the frame's feature set, and the course begins anew.
   bool ProposeKeyframe(const PoseEstimate& estimate, const LocalMap& map, Tracking* tracking);
   // The initialiser's views and the frame; nothing when the ring is full, and the initialiser keeps its views.
   std::optional<AwaitingMap> ProposeMap(const Lost& lost, Initialiser* initialiser);

@@ -433,10 +433,11 @@ void Tracker::ConsiderKeyframe(const LocalKeyframe& reference, Tracking* trackin
   // A pose that was found without a prediction waits for the next frame to confirm it.
   if (result->reason != TrackingReason::kTracked) return;
   if (!proposer_.IsKeyframe(*tracking, search_.estimate(), local_map(), reference, budget_.has_fewer_points())) return;
-  is_set_given_ = result->is_keyframe = proposer_.ProposeKeyframe(search_.estimate(), local_map(), tracking);
+  result->is_keyframe = proposer_.ProposeKeyframe(search_.estimate(), local_map(), tracking);
 }
 
-// The current frame becomes the last one.
+// The current frame becomes the last one. Its feature set stays ours until the next one does, whatever the mapper makes
+// of the keyframe that it may be.
 void Tracker::KeepFrame(Tracking* tracking) {
   ForgetLastFrame();
   const PoseEstimate& estimate = search_.estimate();
@@ -451,7 +452,7 @@ void Tracker::KeepFrame(Tracking* tracking) {
   course.frame_index = current_.frame_index;
   std::swap(last_.features, current_.features);
   extractor_.KeepLast();
-  owns_last_set_ = !is_set_given_;
+  owns_last_set_ = true;
   for (const PointMatch& match : estimate.matches) {
     last_.matches.emplace_back(match.feature_idx, local_map().points[match.point_idx].handle);
   }

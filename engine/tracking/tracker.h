@@ -123,7 +123,7 @@ class Tracker {
   ProposedView current_;
   bool has_frame_ = false;
   Duration period_ = std::chrono::milliseconds(40);  // of the frames; of a source that has shown none yet a usual one
-  bool is_set_given_ = false;                        // the current feature set has a new owner: mapper or initialiser
+  bool is_set_given_ = false;                        // the current feature set founds a map, or may: no longer ours
   LastFrame last_;
   bool owns_last_set_ = false;
 

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <utility>
 #include <vector>
 
@@ -26,27 +27,35 @@ class FollowWatch final : public ForwardingVisionDevice {
     followed.assign(request.follow.begin() + request.num_only_followed, request.follow.end());
     return ForwardingVisionDevice::EnqueueExtract(lane, request);
   }
+  Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
+    if (lane == Lane::kTracking && on_search) on_search();
+    if (!std::exchange(finds, true)) return Status(StatusCode::kDataLoss);
+    return ForwardingVisionDevice::EnqueueGuidedMatch(lane, request);
+  }
 
-  std::vector<Keypoint> followed;     // what the last extraction was asked to make features of
-  bool has_room = true, sees = true;  // false: the next frame finds it otherwise
+  std::vector<Keypoint> followed;   // what the last extraction was asked to make features of
+  std::function<void()> on_search;  // before every search of the tracker's
+  // False: the next frame, or the next search of either side, finds it otherwise.
+  bool has_room = true, sees = true, finds = true;
 };
 
 class TrackerWithMapper : public testing::Test {
  protected:
-  TrackerWithMapper()
-      : link_(config_),
+  explicit TrackerWithMapper(const EngineConfig& config = SmallEngineConfig(), const Clock* clock = nullptr)
+      : colon_(TimePoint{}, config),
+        link_(config_),
         places_(config_, std::pmr::get_default_resource()),
         device_(colon_.device()),
         mapper_(config_, colon_.camera(), device_, link_, places_, nullptr, false, nullptr),
-        tracker_(config_, colon_.camera(), device_, link_, nullptr, 1.0) {
+        tracker_(config_, colon_.camera(), device_, link_, clock, 1.0) {
     colon_.config().merging.enabled = false;
     colon_.Move(0.0, 3.0, 100);
   }
 
-  FrameResult TrackNext() {
+  FrameResult TrackNext(TimePoint deadline = kNoDeadline) {
     const Result<Frame> frame = colon_.source().Next(kNoDeadline);
     EXPECT_TRUE(frame.ok());
-    return tracker_.Track(*frame, kNoDeadline);
+    return tracker_.Track(*frame, deadline);
   }
   void Map() {
     while (mapper_.Step()) continue;

@@ -218,6 +218,30 @@ TEST(TinyPools, IdsThatHaveAllBeenGivenRefuseKeyframesAndAreCounted) {
   EXPECT_EQ(tight.engine->atlas().num_keyframe_ids(), 30u);
 }
 
+// However long it goes on: tracking needs a set for every frame.
+TEST(TinyPools, RefusedKeyframesKeepNoFeatureSets) {
+  EngineConfig config = CrowdedConfig();
+  config.memory.max_keyframes = 20;
+  config.memory.max_keyframe_ids = 30;
+  ScriptedColon colon(TimePoint{}, config);
+  OneLongWay(&colon);
+  colon.Move(7.0, 3.0, 100);
+  const auto engine = colon.MakeEngine();
+  std::uint64_t num_refused = 0;
+  int num_free = 0;
+  FrameResult result;
+  for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+    const bool is_first_refused = num_refused == 0;
+    result = engine->Track(*frame, kNoDeadline);
+    while (engine->BackgroundStep()) continue;
+    num_refused = engine->mapper_counters().num_keyframes_refused;
+    if (is_first_refused) num_free = colon.device().num_free_feature_sets();
+  }
+  ASSERT_GE(num_refused, 30u);
+  EXPECT_EQ(result.state, TrackingState::kTracking);
+  EXPECT_EQ(colon.device().num_free_feature_sets(), num_free) << "after " << num_refused << " refused keyframes";
+}
+
 TEST(TinyPools, FullRingsLoseTheNewestAndCountIt) {
   EngineConfig config = CrowdedConfig();
   config.memory.max_map_events = 4;

@@ -113,8 +113,8 @@ class Estimator {
 
   Status TooFew(std::size_t count) const {
     return FailedPrecondition(
-        Text("only %zu pieces of the clip can be reconstructed, %d are needed: the scope hardly "
-             "moves, or the pictures show too little that stays in place",
+        Text("only %zu pieces of the clip can be reconstructed, %d are needed: it is short, the scope hardly moves or "
+             "jumps from picture to picture, or these show too little that stays in place",
              count, options_.min_windows));
   }
 

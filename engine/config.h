@@ -111,11 +111,7 @@ struct TrackingConfig {
   // those that should be in view where that is less. What came before the wall shows next to none
   // (tracking/decisions/2026-11-28-debris-is-no-wall.md) [0, 1000]; 0: none are asked for.
   int min_seasoned = 8;
-  int min_recovery_inliers = 20;  // a pose found by brute force needs more [6, 1000]
-  // So many brute-force matches that agree with it are enough, however many do not. How many do not says how often the
-  // texture repeats: on living tissue true poses had 11 to 45 of 90 to 240, a false one of a phantom 8 of 87
-  // (tracking/decisions/2026-11-28-a-share-of-matches-is-no-evidence.md) [6, 1000].
-  int min_recovery_agreeing = 12;
+  int min_recovery_inliers = 20;     // a pose found by brute force needs more [6, 1000]
   bool brute_force_recovery = true;  // off: a frame that guided search cannot place is lost (for comparison)
   double max_jump_depth_ratio =
       0.5;                     // tracked motion in one frame over the median depth: more is inconsistent [0.01, 10]

@@ -88,7 +88,7 @@ PoseRecovery::Verdict PoseRecovery::Question(bool has_pose) {
   if (!has_pose) return Verdict::kNone;
   search_.estimate() = questioned_;
   const double min_share = kPredictedShare * parts_.config.place.relocalisation.min_match_share;
-  return parts_.lane.has_pending() || NumAgreeing() >= min_share * NumAlike() ? Verdict::kStands : Verdict::kNone;
+  return parts_.lane.has_pending() || BruteForceAgrees(min_share) ? Verdict::kStands : Verdict::kNone;
 }
 
 // Two poses are one when most of what agreed with the first agrees with the second.
@@ -100,21 +100,18 @@ bool PoseRecovery::IsQuestionedPoseConfirmed() {
   return 2 * num > static_cast<std::ptrdiff_t>(questioned_.matches.size());
 }
 
-// Of what looks alike, how much lies where the pose says. Where walls are only alike, little does.
-int PoseRecovery::NumAgreeing() const {
-  return static_cast<int>(std::count_if(alike_.begin(), alike_.end(), [&](const PointMatch& match) {
+// Of what looks alike `min_share` has to lie where the pose says. Where walls are only alike, little does.
+bool PoseRecovery::BruteForceAgrees(double min_share) const {
+  const auto num = std::count_if(alike_.begin(), alike_.end(), [&](const PointMatch& match) {
     return search_.AgreesWith(search_.estimate().cam_from_map, match);
-  }));
+  });
+  return static_cast<double>(num) >= min_share * static_cast<double>(alike_.size());
 }
 
 // The gates of relocalisation: what agrees covers the picture and holds all six degrees of freedom.
 bool PoseRecovery::IsChosenPoseEvident() {
   const RelocalisationConfig& gates = parts_.config.place.relocalisation;
-  const int num_agreeing = NumAgreeing();
-  if (num_agreeing < parts_.config.tracking.min_recovery_agreeing &&
-      num_agreeing < gates.min_match_share * NumAlike()) {
-    return false;
-  }
+  if (!BruteForceAgrees(gates.min_match_share)) return false;
   pixels_.clear();
   for (const PointMatch& match : search_.estimate().matches) {
     pixels_.push_back(parts_.frame.features.pixel(match.feature_idx));

@@ -33,8 +33,7 @@ class PoseRecovery {
  private:
   bool SearchByBruteForce();
   bool IsQuestionedPoseConfirmed();
-  int NumAlike() const { return static_cast<int>(alike_.size()); }
-  int NumAgreeing() const;  // of alike_, with the estimate
+  bool BruteForceAgrees(double min_share) const;
   bool IsChosenPoseEvident();
 
   const PoseSearch::Parts parts_;

@@ -129,8 +129,6 @@ void AddTracking(Fields* out) {
                                             "of a tracked pose, known when the map was last seen well"));
   out->push_back(Tracking<&C::min_recovery_inliers>("min_recovery_inliers", {6, 1000}, "points",
                                                     "a pose found by brute force needs as many"));
-  out->push_back(Tracking<&C::min_recovery_agreeing>("min_recovery_agreeing", {6, 1000}, "matches",
-                                                     "brute-force matches that are enough, whatever their share"));
   out->push_back(Tracking<&C::brute_force_recovery>("brute_force_recovery", {}, "",
                                                     "off: a frame that guided search cannot place is lost"));
   out->push_back(

@@ -23,7 +23,8 @@ nlohmann::json Evaluate(const std::string& sequence) {
 }
 
 nlohmann::json Evaluate(const std::string& sequence, const std::string& result_folder) {
-  return EvaluateInto(result_folder + "/evaluation.json", sequence, result_folder);
+  // Not inside: what is not part of a run would keep it from being made again.
+  return EvaluateInto(result_folder + "_evaluation.json", sequence, result_folder);
 }
 
 void ExpectAtLeast(const Floors& floors, const std::string& result_folder) {

@@ -1,7 +1,6 @@
 #include "tools/report/surface_meshes.h"
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "capture/files/whole_file.h"
@@ -9,26 +8,33 @@
 namespace haustra::report {
 namespace {
 
-// By map id, where surface.json has it: surfaces of before there was a checksum pass.
+using Json = nlohmann::ordered_json;
+
+// By map id: surfaces of before there was a checksum have none, and pass.
 Result<std::map<int, std::string>> ReadChecksums(const std::string& folder) {
+  HAUSTRA_ASSIGN(const Json maps, ReadMapsOfSurface(folder));
   std::map<int, std::string> checksums;
-  const std::filesystem::path path = std::filesystem::path(folder) / "surface.json";
-  if (!std::filesystem::is_regular_file(path)) return checksums;
-  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path.string()));
-  const auto json = nlohmann::json::parse(text, nullptr, false);
-  if (!json.is_object() || !json.value("maps", nlohmann::json()).is_array()) {
-    return InvalidArgument(path.string() + ": not what haustra surface writes");
-  }
-  for (const nlohmann::json& map : json["maps"]) {
+  for (const Json& map : maps) {
     if (!map.is_object()) continue;
-    const nlohmann::json id = map.value("map_id", nlohmann::json());
-    const nlohmann::json checksum = map.value("poses_checksum", nlohmann::json());
+    const Json id = map.value("map_id", Json()), checksum = map.value("poses_checksum", Json());
     if (id.is_number_integer() && checksum.is_string()) checksums[id.get<int>()] = checksum.get<std::string>();
   }
   return checksums;
 }
 
 }  // namespace
+
+Result<Json> ReadMapsOfSurface(const std::string& folder) {
+  const std::filesystem::path path = std::filesystem::path(folder) / "surface.json";
+  if (!std::filesystem::is_regular_file(path)) return Json::array();
+  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path.string()));
+  const Json surface = Json::parse(text, nullptr, false);
+  const auto maps = surface.find("maps");
+  if (!surface.is_object() || maps == surface.end() || !maps->is_array()) {
+    return InvalidArgument(path.string() + ": not what haustra surface writes");
+  }
+  return *maps;
+}
 
 Result<std::map<int, std::string>> ReadSurfaceMeshes(const std::string& folder, const std::map<int, MapModel>& models) {
   HAUSTRA_ASSIGN(const auto checksums, ReadChecksums(folder));

@@ -2,12 +2,17 @@
 #pragma once
 
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "hal/core/status.h"
 #include "tools/report/map_model.h"
 
 namespace haustra::report {
+
+// What surface.json says of each map ("maps", an array); empty where there is none. kInvalidArgument: not what `haustra
+// surface` writes; kUnavailable: it cannot be read.
+Result<nlohmann::ordered_json> ReadMapsOfSurface(const std::string& folder);
 
 // PLY files as they are, by map id; of maps that are not in `models`, or have none in the folder, there is none.
 // kInvalidArgument: a file is none, or surface.json says that a mesh is of another run's map; kUnavailable: a file

@@ -28,15 +28,8 @@ void AddMeshes(std::map<int, std::string>&& meshes, ViewSite* site, std::map<int
 
 // What was looked at, of maps that have a mesh. A surface of before there was a coverage has none.
 Status AddCoverage(const std::string& folder, ViewSite* site, std::map<int, ShownWall>* walls) {
-  const std::filesystem::path path = std::filesystem::path(folder) / "surface.json";
-  if (!std::filesystem::is_regular_file(path)) return Status::Ok();
-  HAUSTRA_ASSIGN(const std::string text, ReadWholeText(path.string()));
-  const Json surface = Json::parse(text, nullptr, false);
-  const auto maps = surface.find("maps");
-  if (!surface.is_object() || maps == surface.end() || !maps->is_array()) {
-    return InvalidArgument(path.string() + ": not what haustra surface writes");
-  }
-  for (const Json& map : *maps) {
+  HAUSTRA_ASSIGN(const Json maps, report::ReadMapsOfSurface(folder));
+  for (const Json& map : maps) {
     if (!map.is_object() || !map.value("map_id", Json()).is_number_integer() || !map.contains("lumen")) continue;
     const auto wall = walls->find(map["map_id"].get<int>());
     if (wall == walls->end()) continue;

@@ -4,22 +4,20 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
+#include <span>
 #include <vector>
 
-#include "tests/tools/run/scripted_colon.h"
+#include "tests/engine/tracking/search_in_map.h"
 
 namespace haustra::test {
 namespace {
 
-class PoseRecoveryTest : public ::testing::Test {
+class PoseRecoveryTest : public SearchInMap {
  protected:
   static constexpr int kNumPoints = 200;
 
   // The map has kNumPoints points, and the frame shows all of them: so many in their places, the rest anywhere.
   void SeeWall(int num_true) {
-    map_.map_id = 1;
-    for (int i = 0; i < config_.mapping.min_map_keyframes; ++i) ASSERT_TRUE(map_.keyframes.PushBack({}));
     std::vector<Keypoint> in_map(kNumPoints);
     std::vector<std::uint8_t> descriptors;
     const FeatureSetHandle set = colon_.device().CreateFeatureSet().value();
@@ -48,38 +46,11 @@ class PoseRecoveryTest : public ::testing::Test {
       const Eigen::Vector3f rounded = bearing.cast<float>();
       frame_.features.bearings[i] = {rounded.x(), rounded.y(), rounded.z()};
     }
-    snapshots_.WriteSlot() = map_;
-    snapshots_.Publish();
-    snapshots_.Refresh();
-  }
-  void Show(const Eigen::Vector3d& in_cam, Keypoint* keypoint) const {
-    Eigen::Vector2d pixel;
-    ASSERT_TRUE(colon_.camera().Project(in_cam, &pixel));
-    *keypoint = {};
-    keypoint->x_px = static_cast<float>(pixel.x());
-    keypoint->y_px = static_cast<float>(pixel.y());
-    keypoint->scale_px = kScalePx;
+    PublishMap();
   }
   double Error() const { return (search_.estimate().cam_from_map.translation - wall_.translation).norm(); }
 
-  static constexpr float kScalePx = 2.0f;
-  ScriptedColon colon_;
-  EngineConfig& config_ = colon_.config();
-  LaneWait lane_{colon_.device()};
-  FrameBudget budget_{config_.scheduler, nullptr};
-  OverlayWatch overlay_{config_.initialisation, false, colon_.camera().width_px(), colon_.camera().height_px(),
-                        config_.features.max};
-  NoiseModel noise_{config_.noise};
-  MapSight sight_{config_.keyframes.low_inliers};
-  LocalMap map_{config_.memory.max_local_points};
-  LatestMailbox<LocalMap> snapshots_{map_};
-  ProposedView frame_{config_.features.max};
-  LastFrame last_{config_.features.max, std::pmr::get_default_resource()};
-  const PoseSearch::Parts parts_{config_, colon_.camera(), lane_,      budget_, overlay_,
-                                 noise_,  sight_,          snapshots_, frame_,  last_};
-  PoseSearch search_{parts_};
   PoseRecovery recovery_{parts_, search_};
-  Rng rng_{5};
   const SE3 wall_{Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.1, 0.0, 0.2)};
 };
 

@@ -4,65 +4,37 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/tools/run/scripted_colon.h"
+#include "tests/engine/tracking/search_in_map.h"
 
 namespace haustra::test {
 namespace {
 
 TimePoint AfterMs(int ms) { return TimePoint(std::chrono::milliseconds(ms)); }
 
-class PoseSearchTest : public ::testing::Test {
+class PoseSearchTest : public SearchInMap {
  protected:
-  PoseSearchTest() {
-    map_.map_id = 1;
-    for (int i = 0; i < config_.mapping.min_map_keyframes; ++i) EXPECT_TRUE(map_.keyframes.PushBack({}));
-    frame_.features.num = 0;
-  }
-
   // Points of the map that the frame shows as if it stood at `pose`, seen by so many keyframes.
   void Add(int num, const SE3& pose, int num_keyframes, TimePoint established) {
     for (int i = 0; i < num; ++i) {
       const Eigen::Vector3d in_cam(rng_.Uniform(-0.5, 0.5), rng_.Uniform(-0.4, 0.4), rng_.Uniform(1.5, 3.0));
-      Eigen::Vector2d pixel;
-      ASSERT_TRUE(colon_.camera().Project(in_cam, &pixel));
       LocalPoint& point = map_.points[map_.num_points];
       point.position = pose.Inverse() * in_cam;
       point.keyframe_mask = (std::uint64_t{1} << num_keyframes) - 1;
       point.established = established;
       const int feature = frame_.features.num++;
-      Keypoint& keypoint = frame_.features.keypoints[feature];
-      keypoint = {};
-      keypoint.x_px = static_cast<float>(pixel.x());
-      keypoint.y_px = static_cast<float>(pixel.y());
-      keypoint.scale_px = 2.0f;
+      Show(in_cam, &frame_.features.keypoints[feature]);
       search_.estimate().matches.push_back({feature, map_.num_points++});
     }
   }
   // How far from the truth the fit ends that begins at the last pose.
   double ErrorOfFit() {
-    snapshots_.WriteSlot() = map_;
-    snapshots_.Publish();
-    snapshots_.Refresh();
+    PublishMap();
     search_.estimate().cam_from_map = SE3{};
     EXPECT_TRUE(search_.FitMatches());
     return (search_.estimate().cam_from_map.translation - wall_.translation).norm();
   }
   int NumMatches() const { return static_cast<int>(search_.estimate().matches.size()); }
 
-  ScriptedColon colon_;
-  const EngineConfig& config_ = colon_.config();
-  LaneWait lane_{colon_.device()};
-  FrameBudget budget_{config_.scheduler, nullptr};
-  OverlayWatch overlay_{config_.initialisation, false, colon_.camera().width_px(), colon_.camera().height_px(),
-                        config_.features.max};
-  NoiseModel noise_{config_.noise};
-  MapSight sight_{config_.keyframes.low_inliers};
-  LocalMap map_{config_.memory.max_local_points};
-  LatestMailbox<LocalMap> snapshots_{map_};
-  ProposedView frame_{config_.features.max};
-  LastFrame last_{config_.features.max, std::pmr::get_default_resource()};
-  PoseSearch search_{{config_, colon_.camera(), lane_, budget_, overlay_, noise_, sight_, snapshots_, frame_, last_}};
-  Rng rng_{5};
   const SE3 wall_{Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.06, 0.0, 0.0)};
   const SE3 debris_{Eigen::Quaterniond::Identity(), Eigen::Vector3d(-0.01, 0.01, 0.0)};
 };

@@ -70,7 +70,7 @@ TEST_F(PoseRecoveryTest, TheShareOfMatchesThatAgreeDecides) {
 }
 
 TEST_F(PoseRecoveryTest, FewThatAgreeAreNotEnough) {
-  const int num_true = static_cast<int>(0.7 * config_.place.relocalisation.min_match_share * kNumPoints);
+  const int num_true = static_cast<int>(0.9 * config_.place.relocalisation.min_match_share * kNumPoints);
   ASSERT_GE(num_true, config_.tracking.min_recovery_inliers);
   SeeWall(num_true);
   EXPECT_FALSE(recovery_.Recover(true));

@@ -309,10 +309,29 @@ int TwoViewRansac::Triangulate(const SE3& b_from_a) {
   return num_inliers;
 }
 
+// Of the two rotations behind one essential matrix the smaller parallax counts.
+int TwoViewRansac::NumStill(const SE3& b_from_a, const Options& options) const {
+  const Eigen::Matrix3d essential = EssentialFromPose(b_from_a);
+  const std::array<Eigen::Matrix3d, 2> rotations = {b_from_a.matrix3(), Twisted(b_from_a).matrix3()};
+  std::array<int, 2> num_moving{};
+  int num_explained = 0;
+  for (int i = 0; i < num_matches_; ++i) {
+    if (SampsonAngle2(essential, bearings_a_[i], bearings_b_[i]) * inverse_tolerance2_[i] >= 1.0) continue;
+    ++num_explained;
+    for (int k = 0; k < 2; ++k) {
+      const double sine2 = (rotations[k] * bearings_a_[i]).cross(bearings_b_[i]).squaredNorm();
+      if (sine2 * inverse_tolerance2_[i] > kMovingTolerances * kMovingTolerances) ++num_moving[k];
+    }
+  }
+  const double enough = std::max<double>(options.min_moving_share * num_explained, kMinMatches);
+  return std::min(num_moving[0], num_moving[1]) < enough ? num_explained : 0;
+}
+
 bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<const Eigen::Vector3d> bearings_b,
                         std::span<const double> tolerance_rad, const Options& options, Rng& rng, Estimate* estimate) {
   num_matches_ = 0;
   has_rival_ = false;
+  num_still_ = 0;
   const int min_inliers = std::max(options.min_inliers, kMinMatches);
   if (bearings_a.size() > static_cast<std::size_t>(max_matches_)) return false;
   num_matches_ = static_cast<int>(bearings_a.size());
@@ -381,6 +400,7 @@ bool TwoViewRansac::Run(std::span<const Eigen::Vector3d> bearings_a, std::span<c
       num_inliers >= min_inliers && num_moving >= options.min_moving_share * num_inliers && num_moving >= kMinMatches;
   has_rival_ = has_rival_ && is_found;
   if (!is_found || has_rival_) {
+    if (!is_found) num_still_ = NumStill(best, options);
     std::fill_n(inliers_.begin(), num_matches_, std::uint8_t{0});
     return false;
   }

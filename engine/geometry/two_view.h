@@ -73,6 +73,9 @@ class TwoViewRansac {
 
   // The last Run found a motion, and another one that fits nearly as well: it returned false.
   bool has_rival() const { return has_rival_; }
+  // The last Run returned false because hardly anything moves: so many matches agree with a motion, and all but
+  // min_moving_share of them with its rotation alone. 0 when it was for another reason, or true.
+  int num_still() const { return num_still_; }
   // Of the last Run, one entry a match: 1 for an inlier, which has a point in front of both cameras.
   std::span<const std::uint8_t> inliers() const { return {inliers_.data(), static_cast<std::size_t>(num_matches_)}; }
   // Triangulated points in camera a, in units of the baseline, and the angles between their rays. Only the entries of
@@ -104,10 +107,12 @@ class TwoViewRansac {
   // motion by the lowest one; sets has_rival_ where another one costs hardly more. False when it was stopped.
   bool LookForRivals(const Options& options, SE3* b_from_a, double* cost, int* num_in_front);
   int Triangulate(const SE3& b_from_a);
+  int NumStill(const SE3& b_from_a, const Options& options) const;
 
   int max_matches_;
   int num_matches_ = 0;
   bool has_rival_ = false;
+  int num_still_ = 0;
   std::span<const Eigen::Vector3d> bearings_a_;
   std::span<const Eigen::Vector3d> bearings_b_;
   std::vector<double> inverse_tolerance2_;

@@ -185,10 +185,11 @@ TrackingReason Initialiser::Compare(const ProposedView& earlier, const ProposedV
   const bool found = ransac_.Run(bearings_a_, bearings_b_, tolerance_, ransac, rng_, &estimate);
   if (!found && budget.ShouldStopInitialising()) return TrackingReason::kNoTime;
   if (ransac_.has_rival()) return TrackingReason::kUncertainMotion;
-  num_inliers_ = found ? estimate.num_inliers : 0;
-  if (!found || num_inliers_ < options.min_points || num_inliers_ < options.min_inlier_share * num_matches_) {
+  num_inliers_ = found ? estimate.num_inliers : ransac_.num_still();
+  if (num_inliers_ < options.min_points || num_inliers_ < options.min_inlier_share * num_matches_) {
     return TrackingReason::kNoEpipolarGeometry;
   }
+  if (!found) return TrackingReason::kLowParallax;
 
   // What no rotation explains, in the middle of the inliers.
   Eigen::Matrix3d rotation;

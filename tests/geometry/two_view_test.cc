@@ -172,6 +172,29 @@ TEST(TwoViewRansac, PureRotationIsRefused) {
   }
 }
 
+// A motion that is too small is not the same as none that explains the matches: its views are good.
+TEST(TwoViewRansac, TellsHowManyMatchesAStillSceneExplains) {
+  Rng rng(64);
+  TwoViewRansac ransac(300);
+  TwoViewRansac::Estimate estimate;
+  for (int trial = 0; trial < test::Trials(20); ++trial) {
+    for (const double step : {0.0, 0.002}) {
+      const TwoViewScene still =
+          MakeTwoViewScene(rng, Shape::kTube, 250, step * Eigen::Vector3d::UnitX(), 0.3, kHalfPixelRad);
+      EXPECT_FALSE(ransac.Run(still.a, still.b, still.tolerance, {}, rng, &estimate));
+      EXPECT_NEAR(ransac.num_still(), still.num_true, 0.1 * still.num_true);
+    }
+    const TwoViewScene moved =
+        MakeTwoViewScene(rng, Shape::kTube, 250, 0.4 * Eigen::Vector3d::UnitX(), 0.3, kHalfPixelRad);
+    EXPECT_TRUE(ransac.Run(moved.a, moved.b, moved.tolerance, {}, rng, &estimate));
+    EXPECT_EQ(ransac.num_still(), 0);
+    const TwoViewScene random =
+        MakeTwoViewScene(rng, Shape::kTube, 250, 0.4 * Eigen::Vector3d::UnitX(), 1.0, kHalfPixelRad);
+    EXPECT_FALSE(ransac.Run(random.a, random.b, random.tolerance, {}, rng, &estimate));
+    EXPECT_EQ(ransac.num_still(), 0);
+  }
+}
+
 TEST(TwoViewRansac, PlaneIsSolvedOrRefusedButNotMistaken) {
   // A plane has two explanations, both often with all points in front: which of them fits better is noise.
   Rng rng(7);

@@ -205,6 +205,21 @@ TEST_F(InitialiserTest, ReferenceThatNothingExplainsForLongIsGivenUp) {
   EXPECT_FALSE(initialiser_.has_reference());
 }
 
+// A scope that hardly moves spoils no reference, however long: of the whole motion there will be enough.
+TEST_F(InitialiserTest, ReferenceIsKeptWhileHardlyAnythingMoves) {
+  InitialisationConfig& options = colon_.config().initialisation;
+  const double sigma_px = options.noise_sigma_0_px;
+  options.noise_sigma_0_px = 40.0;
+  initialiser_.Keep(See(1));
+  for (int i = 0; i < 4; ++i) {
+    const ProposedView view = See(5);
+    EXPECT_EQ(Try(view, Duration{0}), TrackingReason::kLowParallax);
+    EXPECT_FALSE(initialiser_.is_worn_out());
+  }
+  options.noise_sigma_0_px = sigma_px;
+  EXPECT_EQ(Try(See(1), Duration{0}), TrackingReason::kMapProposed);
+}
+
 // While parallax is wanting, younger views have still less: the oldest stays the one that is compared with.
 TEST_F(InitialiserTest, ReferenceIsComparedAgainWhileParallaxIsWanting) {
   InitialisationConfig& options = colon_.config().initialisation;

@@ -40,6 +40,7 @@ MemoryPlan Engine::PlanMemory(const EngineConfig& config, int width_px, int heig
   MemoryPlan plan = Mapper::PlanMemory(config);
   plan.Append(TrackingLink::PlanMemory(config));
   plan.Append(Tracker::PlanMemory(config));
+  plan.Add(MemoryPlace::kHostArena, "scene region", 1, SceneRegion::BytesFor(width_px, height_px), "image size");
   plan.Add(MemoryPlace::kHostArena, "place recognition", static_cast<std::uint64_t>(PlaceTask::MaxCandidates(config)),
            PlaceTask::BytesFor(config),
            "features.max, memory.max_keyframes, recognition.max_candidates, common_area.group_size, "
@@ -49,18 +50,19 @@ MemoryPlan Engine::PlanMemory(const EngineConfig& config, int width_px, int heig
 }
 
 Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode,
-               const Clock* clock, double scene_share, const Vocabulary* vocabulary, DepthMatcher* depth)
+               const Clock* clock, ImageView scene_mask, const Vocabulary* vocabulary, DepthMatcher* depth)
     : config_(config),
       camera_(camera),
       clock_(clock),
       arena_(PlanMemory(config, camera.width_px(), camera.height_px()).bytes(MemoryPlace::kHostArena)),
+      scene_(camera_, scene_mask, &arena_),
       link_(config_, &arena_),
       places_(config_, &arena_),
       background_device_(BackgroundDevice(device, mode)),
-      mapper_(config_, camera_, background_device_, link_, places_, clock, mode == Mode::kRealTime, vocabulary,
+      mapper_(config_, camera_, scene_, background_device_, link_, places_, clock, mode == Mode::kRealTime, vocabulary,
               &arena_),
       recogniser_(config_, camera_, background_device_),
-      tracker_(config_, camera_, device, link_, clock, scene_share, &arena_) {
+      tracker_(config_, camera_, scene_, device, link_, clock, &arena_) {
   HAUSTRA_CHECK((depth != nullptr) == config.depth.enabled);
   if (depth == nullptr) return;
   depth_.emplace(config_, camera_, mapper_.atlas(), *depth, &arena_);

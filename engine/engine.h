@@ -1,6 +1,6 @@
 // The SLAM engine: the only header of engine/ that a program needs to run it.
 //
-//   Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, 1.0);
+//   Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, mask);
 //   for each frame: FrameResult result = engine.Track(frame, kNoDeadline); while (engine.BackgroundStep()) {}
 //   engine.Resolve(result, &pose)   // final pose, any time later
 //
@@ -19,6 +19,7 @@
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/config.h"
 #include "engine/depth/depth_keeper.h"
 #include "engine/mapping/mapper.h"
@@ -48,12 +49,12 @@ class Engine {
   // `device` is planned by PlanFor and outlives the engine. `clock` (may be null) times the stages of tracker and
   // mapper; in real-time mode it boxes the mapper's work and tells the tracker what it has time for. Takes all its
   // memory here: one arena for the pools, and workspaces on the heap. Throws std::bad_alloc; CheckFits(PlanMemory)
-  // tells beforehand. scene_share: part of the image's area inside the scope's window (static mask), (0, 1].
+  // tells beforehand. scene_mask: see SceneRegion.
   // `vocabulary` fits the configuration and outlives the engine; null unless config.place.retrieval asks for one
   // (engine/place/make_retrieval.h). `depth` is made with config.depth.options() for this camera and outlives the
   // engine; null unless config.depth.enabled asks for one.
   Engine(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, Mode mode, const Clock* clock,
-         double scene_share, const Vocabulary* vocabulary = nullptr, DepthMatcher* depth = nullptr);
+         ImageView scene_mask, const Vocabulary* vocabulary = nullptr, DepthMatcher* depth = nullptr);
 
   // Before the first frame: the maps of an atlas file (engine/io/atlas_format.h) become stored maps of this engine,
   // which tracking may find itself in and maps of this run may be joined with. Their keyframes get new ids, from 0 on:
@@ -154,6 +155,7 @@ class Engine {
   CameraModel camera_;
   const Clock* clock_;
   MemoryArena arena_;  // of everything below
+  SceneRegion scene_;
   TrackingLink link_;
   PlaceMailbox places_;
   // Real-time mode only; the gate on an accelerator only.

@@ -101,15 +101,4 @@ Result<DepthSearch> CreateDepthSearch(std::string_view name, const EngineConfig&
   return search;
 }
 
-double SceneShare(const ImageView& mask) {
-  if (mask.is_empty()) return 1.0;
-  std::size_t inside = 0;
-  for (int y = 0; y < mask.height; ++y) {
-    inside +=
-        static_cast<std::size_t>(std::count_if(mask.row(y), mask.row(y) + mask.width, [](auto v) { return v > 127; }));
-  }
-  const double share = static_cast<double>(inside) / (static_cast<double>(mask.width) * mask.height);
-  return share > 0.0 ? share : 1.0;
-}
-
 }  // namespace haustra

@@ -50,7 +50,4 @@ struct DepthSearch {
 Result<DepthSearch> CreateDepthSearch(std::string_view name, const EngineConfig& config, const CameraModel& camera,
                                       ImageView mask);
 
-// Part of the image inside the static mask (0, 1]; 1 without one.
-double SceneShare(const ImageView& mask);
-
 }  // namespace haustra

@@ -8,7 +8,7 @@ namespace haustra {
 struct DepthConfig {
   // Costs memory for every keyframe (haustra plan) and a core or a share of the GPU.
   bool enabled = false;
-  // Pixels from one cell to the next [1, 8]. 4, a quarter of the resolution, is for a GPU. A core takes 0.9 s a
+  // Pixels from one cell to the next [1, 8]. 4, a quarter of the resolution, is for a GPU. A core takes 0.4 s a
   // keyframe at 8 and 480x360, longer than from one keyframe to the next of a moving scope: some have no depth then.
   int step_px = 4;
   int iterations = 5;   // of the search [1, 20]

@@ -74,6 +74,12 @@ const KeptDepth* DepthKeeper::DepthOf(KeyframeHandle keyframe) const {
   return kept.keyframe == keyframe ? &kept : nullptr;
 }
 
+std::uint32_t DepthKeeper::num_keyframes() const {
+  std::uint32_t num = 0;
+  atlas_.keyframes().ForEach([&](KeyframeHandle keyframe, const Keyframe&) { num += DepthOf(keyframe) != nullptr; });
+  return num;
+}
+
 void DepthKeeper::TakeAnswer() {
   const DepthTask& task = *mailbox_.Answered();
   counters_.search_time += task.duration;
@@ -103,6 +109,10 @@ bool DepthKeeper::Keep(const HandedPicture& handed) {
   }
   if (oldest == nullptr) return false;
   if (handed.image.width != width_px_ || handed.image.height != height_px_) return true;
+  if (oldest->arrival != 0 && !oldest->was_asked) {
+    if (!oldest->keyframe.is_valid()) FindKeyframe(oldest);
+    counters_.num_late += atlas_.GetKeyframe(oldest->keyframe) != nullptr;
+  }
   oldest->arrival = ++counters_.num_pictures;
   oldest->frame_index = handed.frame_index;
   oldest->timestamp = handed.timestamp;

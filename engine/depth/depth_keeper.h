@@ -25,6 +25,7 @@ struct DepthCounters {
   std::uint64_t num_pictures = 0;    // of keyframes that were proposed
   std::uint64_t num_searches = 0;    // asked; those that were stopped are asked again
   std::uint64_t num_depths = 0;      // found; some went with their keyframes
+  std::uint64_t num_late = 0;        // keyframes whose pictures had to go before their turn came
   std::uint64_t num_too_little = 0;  // keyframes of too few points, or that no other one sees well
   std::uint64_t num_in_vain = 0;     // the keyframe was culled meanwhile, or the device failed
   Duration search_time{0};
@@ -45,6 +46,8 @@ class DepthKeeper {
 
   // Null: there is none.
   const KeptDepth* DepthOf(KeyframeHandle keyframe) const;
+  // That have a depth now.
+  std::uint32_t num_keyframes() const;
   const DepthCounters& counters() const { return counters_; }
 
  private:

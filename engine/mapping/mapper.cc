@@ -18,10 +18,10 @@ constexpr int kFoundingViews = 2;  // that become keyframes
 
 }  // namespace
 
-Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-               PlaceMailbox& places, const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary,
-               std::pmr::memory_resource* memory)
-    : state_(config, camera, device, link, clock, is_time_boxed, memory),
+Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, const SceneRegion& scene, VisionDevice& device,
+               TrackingLink& link, PlaceMailbox& places, const Clock* clock, bool is_time_boxed,
+               const Vocabulary* vocabulary, std::pmr::memory_resource* memory)
+    : state_(config, camera, scene, device, link, clock, is_time_boxed, memory),
       retrieval_(MakeRetrieval(config, device, vocabulary)),
       publisher_(state_, places),
       evictor_(

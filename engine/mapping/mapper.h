@@ -17,6 +17,7 @@
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/config.h"
 #include "engine/io/saved_atlas.h"
 #include "engine/mapping/evictor.h"
@@ -46,8 +47,8 @@ class Mapper {
   // `vocabulary` may be null unless config.place.retrieval asks for one (make_retrieval.h); it outlives the mapper.
   // `clock` may be null: then nothing is timed and bundle adjustment is bounded by iterations alone (sequential mode).
   // `places` leads to the recogniser.
-  Mapper(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-         PlaceMailbox& places, const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary,
+  Mapper(const EngineConfig& config, const CameraModel& camera, const SceneRegion& scene, VisionDevice& device,
+         TrackingLink& link, PlaceMailbox& places, const Clock* clock, bool is_time_boxed, const Vocabulary* vocabulary,
          std::pmr::memory_resource* memory = std::pmr::get_default_resource());
   // Lines of the atlas and the rings, which are taken from `memory`, and of what mapping keeps on the heap.
   static MemoryPlan PlanMemory(const EngineConfig& config);

@@ -7,6 +7,7 @@
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/config.h"
 #include "engine/mapping/local_bundle.h"
 #include "engine/noise_model.h"
@@ -46,10 +47,12 @@ struct MapperCounters {
 
 struct MappingState {
   // Takes the memory of the atlas. `time` may be null: then nothing is timed, and time bounds nothing.
-  MappingState(const EngineConfig& engine_config, const CameraModel& camera_model, VisionDevice& vision_device,
-               TrackingLink& tracking_link, const Clock* time, bool has_time_box, std::pmr::memory_resource* memory)
+  MappingState(const EngineConfig& engine_config, const CameraModel& camera_model, const SceneRegion& scene_region,
+               VisionDevice& vision_device, TrackingLink& tracking_link, const Clock* time, bool has_time_box,
+               std::pmr::memory_resource* memory)
       : config(engine_config),
         camera(camera_model),
+        scene(scene_region),
         device(vision_device),
         link(tracking_link),
         clock(time),
@@ -76,6 +79,7 @@ struct MappingState {
 
   const EngineConfig& config;
   const CameraModel& camera;
+  const SceneRegion& scene;
   VisionDevice& device;
   TrackingLink& link;
   const Clock* clock;

@@ -58,6 +58,9 @@ Result<MarkId> MarkKeeper::Set(const MarkRequest& request) {
   if (label.empty()) return InvalidArgument("a mark needs a label");
   if (atlas.FindMark(label)) return InvalidArgument("there is a mark '" + label + "' already");
   if (!state_.camera.IsInImage(request.pixel)) return InvalidArgument("the pixel lies outside the image");
+  if (!state_.scene.Shows(request.pixel)) {
+    return InvalidArgument("the pixel lies in the border around the scene (static mask)");
+  }
   if (atlas.marks().size() == atlas.marks().capacity()) {
     return CapacityExceeded("there are " + std::to_string(atlas.marks().capacity()) +
                             " marks already (memory.max_marks); remove one first");

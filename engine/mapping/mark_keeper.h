@@ -37,7 +37,8 @@ class MarkKeeper {
   void HearTracker();
 
   // kFailedPrecondition: the frame has no measured pose, or too little of the map is near. kNotFound: no such frame
-  // is remembered. kInvalidArgument: label or pixel. kCapacityExceeded: there are as many as may be.
+  // is remembered. kInvalidArgument: label, or a pixel that shows no scene. kCapacityExceeded: there are as many as may
+  // be.
   Result<MarkId> Set(const MarkRequest& request);
   // kNotFound.
   Status Remove(std::string_view label);

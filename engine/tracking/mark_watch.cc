@@ -39,7 +39,8 @@ std::string_view ToString(MarkState state) {
   return "unknown";
 }
 
-MarkWatch::MarkWatch(const CameraModel& camera, int max_features) : camera_(camera) {
+MarkWatch::MarkWatch(const CameraModel& camera, const SceneRegion& scene, int max_features)
+    : camera_(camera), scene_(scene) {
   ReserveTouched(&found_, static_cast<std::size_t>(max_features));
 }
 
@@ -74,7 +75,7 @@ MarkSighting MarkWatch::Place(const LocalMark& mark, const SE3& cam_from_map) co
   sighting.id = mark.id;
   sighting.distance_in_depths = static_cast<float>(point_in_cam.norm() / median_depth_);
   Eigen::Vector2d pixel;
-  if (!camera_.Project(point_in_cam, &pixel) || !camera_.IsInImage(pixel)) return sighting;
+  if (!camera_.Project(point_in_cam, &pixel) || !scene_.Shows(pixel)) return sighting;
   sighting.state = MarkState::kUnsure;
   sighting.u_px = static_cast<float>(pixel.x());
   sighting.v_px = static_cast<float>(pixel.y());
@@ -139,7 +140,7 @@ int MarkWatch::NumExpected(const LocalMap& map, const LocalMark& mark, const SE3
     const Eigen::Vector3d to_camera = centre - point.position;
     if (point.normal.dot(to_camera) < kMinExpectedCos * to_camera.norm()) continue;
     Eigen::Vector2d pixel;
-    num += camera_.Project(cam_from_map * point.position, &pixel) && camera_.IsInImage(pixel);
+    num += camera_.Project(cam_from_map * point.position, &pixel) && scene_.Shows(pixel);
   }
   return num;
 }

@@ -10,13 +10,14 @@
 
 #include "engine/atlas/local_map.h"
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/tracking/pose_search.h"
 #include "hal/core/fixed_vector.h"
 
 namespace haustra {
 
 enum class MarkState : std::uint8_t {
-  kOutOfView,  // the camera does not look there
+  kOutOfView,  // the camera does not look there, or the border around the scene covers it
   kInFront,    // it can be seen
   kHidden,     // the wall is between, or it is seen from behind
   kUnsure,     // it lies in the picture, but too little of the map was found there
@@ -38,8 +39,8 @@ using MarkSightings = FixedVector<MarkSighting, kMaxMarks>;
 
 class MarkWatch {
  public:
-  // The camera outlives it.
-  MarkWatch(const CameraModel& camera, int max_features);
+  // Camera and scene outlive it.
+  MarkWatch(const CameraModel& camera, const SceneRegion& scene, int max_features);
   // Of its workspace, on the heap.
   static std::size_t BytesFor(int max_features) { return static_cast<std::size_t>(max_features) * sizeof(Found); }
 
@@ -66,6 +67,7 @@ class MarkWatch {
   int NumExpected(const LocalMap& map, const LocalMark& mark, const SE3& cam_from_map) const;
 
   const CameraModel& camera_;
+  const SceneRegion& scene_;
   double median_depth_ = 1.0;  // of the last frame that was measured
   std::vector<Found> found_;
   MarkSightings sightings_;

@@ -24,8 +24,8 @@ constexpr double kMaxVelocityMs = 120.0;
 
 }  // namespace
 
-Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-                 const Clock* clock, double scene_share, std::pmr::memory_resource* memory)
+Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, const SceneRegion& scene, VisionDevice& device,
+                 TrackingLink& link, const Clock* clock, std::pmr::memory_resource* memory)
     : config_(config),
       camera_(camera),
       device_(device),
@@ -40,13 +40,13 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, VisionDe
                config.features.max),
       chain_(camera, config.features.max),
       extractor_({config, camera, device, lane_, budget_, overlay_, current_, last_, chain_}),
-      initialiser_(config, camera, device, lane_, overlay_, scene_share, memory),
+      initialiser_(config, camera, device, lane_, overlay_, scene.share(), memory),
       search_(
           {config, camera, lane_, budget_, overlay_, noise_meter_.model(), sight_, link.snapshots, current_, last_}),
       recovery_(
           {config, camera, lane_, budget_, overlay_, noise_meter_.model(), sight_, link.snapshots, current_, last_},
           search_),
-      marks_(camera, config.features.max),
+      marks_(camera, scene, config.features.max),
       proposer_(config, device, link, noise_meter_.model(), current_, heard_) {
   ReserveTouched(&tracked_, static_cast<std::size_t>(config.features.max));
 }

@@ -19,6 +19,7 @@
 
 #include "engine/atlas/local_map.h"
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/config.h"
 #include "engine/scheduler/frame_budget.h"
 #include "engine/scheduler/lane_wait.h"
@@ -41,9 +42,9 @@ namespace haustra {
 
 class Tracker {
  public:
-  // scene_share: see Initialiser. clock: see FrameBudget.
-  Tracker(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, TrackingLink& link,
-          const Clock* clock, double scene_share, std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+  // clock: see FrameBudget.
+  Tracker(const EngineConfig& config, const CameraModel& camera, const SceneRegion& scene, VisionDevice& device,
+          TrackingLink& link, const Clock* clock, std::pmr::memory_resource* memory = std::pmr::get_default_resource());
   // A line for the views that tracking keeps in the arena, one for its workspaces on the heap, both fixed at
   // construction.
   static MemoryPlan PlanMemory(const EngineConfig& config);

@@ -63,6 +63,7 @@ std::string Daemon::StatusText(TimePoint now) const {
   if (last_checkpoint_) status.checkpoint_age = now - *last_checkpoint_;
   status.checkpoint_error = checkpoint_error_;
   status.worker_pid = worker_ != nullptr ? worker_->pid() : 0;
+  status.searches_depth = config_.engine.depth.enabled;
   status.device = device_;
   status.worker_faults = num_faults_;
   status.last_fault = last_fault_;
@@ -85,6 +86,7 @@ std::string Daemon::MetricsText(TimePoint now) const {
     metrics.requests_malformed += server->num_malformed();
   }
   metrics.capacity = config_.engine.memory;
+  metrics.searches_depth = config_.engine.depth.enabled;
   metrics.workers = num_workers_;
   metrics.worker_faults = num_faults_;
   metrics.worker_bytes = report_.resident_bytes;

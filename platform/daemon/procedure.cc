@@ -72,7 +72,7 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   HAUSTRA_ASSIGN(procedure->depth_, CreateDepthSearch(config.vision.device, config.engine, camera, mask));
   procedure->engine_ =
       std::make_unique<Engine>(config.engine, camera, *procedure->watched_, Engine::Mode::kRealTime, &context.clock,
-                               SceneShare(mask), procedure->vocabulary_.get(), procedure->depth_.matcher.get());
+                               mask, procedure->vocabulary_.get(), procedure->depth_.matcher.get());
   LeaveMemoryOutOfDumps();
   return procedure;
 }
@@ -257,6 +257,7 @@ void Procedure::BetweenMapSteps() {
     next_snapshot_ = now + Duration(snapshot_interval_ns_.load());
     PublishSnapshot(now);
   }
+  if (engine_->depths() != nullptr) CountDepths(*engine_->depths());
   if (depth_publisher_ && now >= next_depths_) PublishDepths(now);
   std::optional<SaveRequest> request;
   {
@@ -273,6 +274,23 @@ void Procedure::PublishSnapshot(TimePoint now) {
   counts_.maps = snapshot_->num_maps;
   counts_.keyframes = static_cast<std::uint32_t>(engine_->atlas().keyframes().size());
   counts_.points = static_cast<std::uint32_t>(engine_->atlas().points().size());
+}
+
+// All keyframes are looked at: only when there may be another depth, or one less.
+void Procedure::CountDepths(const DepthKeeper& depths) {
+  const DepthCounters& counters = depths.counters();
+  const std::uint64_t late = counters.num_late + engine_->num_pictures_refused();
+  const std::uint64_t changes = num_changes_.load(std::memory_order_relaxed) + counters.num_depths +
+                                counters.num_too_little + counters.num_in_vain + late;
+  if (changes == counted_changes_) return;
+  counted_changes_ = changes;
+  const std::uint32_t num_keyframes = depths.num_keyframes();
+  const std::lock_guard lock(mutex_);
+  counts_.keyframes_with_depth = num_keyframes;
+  counts_.depths_found = counters.num_depths;
+  counts_.depths_late = late;
+  counts_.depths_too_little = counters.num_too_little;
+  counts_.depths_in_vain = counters.num_in_vain;
 }
 
 // What had to wait comes in the next step.

@@ -111,6 +111,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   void BetweenMapSteps() override;
   void PublishSnapshot(TimePoint now);
   void PublishDepths(TimePoint now);
+  void CountDepths(const DepthKeeper& depths);
   void WriteMaps(SaveRequest request);
   void DoOrders();
 
@@ -144,6 +145,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   TimePoint next_damage_log_;                       // session thread
   std::uint64_t num_damage_not_logged_ = 0;         // likewise, since the last one
   std::optional<std::uint64_t> published_changes_;  // nothing yet: loaded maps have changed nothing
+  std::uint64_t counted_changes_ = 0;               // mapping thread
 
   mutable std::mutex mutex_;  // never taken by the tracking thread
   ProcedureCounts counts_;

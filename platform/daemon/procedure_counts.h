@@ -39,6 +39,13 @@ struct ProcedureCounts {
   std::uint32_t maps = 0;
   std::uint32_t keyframes = 0;
   std::uint32_t points = 0;
+  std::uint32_t keyframes_with_depth = 0;
+
+  // Of keyframes whose depth was to be searched.
+  std::uint64_t depths_found = 0;
+  std::uint64_t depths_late = 0;        // their pictures had gone before their turn came, or were never taken
+  std::uint64_t depths_too_little = 0;  // of too few points, or that no other keyframe sees well
+  std::uint64_t depths_in_vain = 0;     // the keyframe was culled meanwhile, or the device failed
 
   std::uint64_t checkpoints = 0;
   std::uint64_t checkpoints_failed = 0;
@@ -54,7 +61,7 @@ inline ProcedureCounts WithoutProcedure(ProcedureCounts counts) {
   counts.last_reason = none.last_reason;
   counts.last_map_id = none.last_map_id;
   counts.last_latency = none.last_latency;
-  counts.maps = counts.keyframes = counts.points = 0;
+  counts.maps = counts.keyframes = counts.points = counts.keyframes_with_depth = 0;
   return counts;
 }
 
@@ -71,6 +78,10 @@ inline ProcedureCounts Sum(const ProcedureCounts& earlier, const ProcedureCounts
   sum.frames_dropped += earlier.frames_dropped;
   sum.frames_damaged += earlier.frames_damaged;
   sum.latency_sum_s += earlier.latency_sum_s;
+  sum.depths_found += earlier.depths_found;
+  sum.depths_late += earlier.depths_late;
+  sum.depths_too_little += earlier.depths_too_little;
+  sum.depths_in_vain += earlier.depths_in_vain;
   sum.checkpoints += earlier.checkpoints;
   sum.checkpoints_failed += earlier.checkpoints_failed;
   if (sum.checkpoint_pause.count() == 0) sum.checkpoint_pause = earlier.checkpoint_pause;

@@ -103,6 +103,11 @@ std::string ToStatusText(const ServiceStatus& status, const ProcedureCounts& cou
     lines.Add("maps", counts.maps);
     lines.Add("keyframes", counts.keyframes);
     lines.Add("points", counts.points);
+    lines.Add("depth", status.searches_depth ? "on" : "off");
+    if (status.searches_depth) {
+      lines.Add("keyframes_with_depth", counts.keyframes_with_depth);
+      lines.Add("depths_late", counts.depths_late);
+    }
   }
   lines.Add("frames", Sum(counts.frames));
   lines.Add("frames_dropped", counts.frames_dropped);
@@ -176,6 +181,15 @@ std::string ToMetricsText(const ServiceMetrics& metrics, const ProcedureCounts& 
   for (const auto& pool : pools) out.Sample("", Label("pool", pool.pool), Number(pool.used));
   out.Begin("haustra_pool_capacity", "gauge", "entities that a pool has room for");
   for (const auto& pool : pools) out.Sample("", Label("pool", pool.pool), Number(pool.capacity));
+
+  out.Single("haustra_depth_enabled", "gauge", "1 when the depth of keyframes is searched",
+             metrics.searches_depth ? 1 : 0);
+  out.Single("haustra_keyframes_with_depth", "gauge", "keyframes whose depth is known", counts.keyframes_with_depth);
+  out.Begin("haustra_depths_total", "counter", "keyframes whose depth was to be searched, by what came of it");
+  out.Sample("", Label("result", "found"), std::to_string(counts.depths_found));
+  out.Sample("", Label("result", "late"), std::to_string(counts.depths_late));
+  out.Sample("", Label("result", "too_little_seen"), std::to_string(counts.depths_too_little));
+  out.Sample("", Label("result", "in_vain"), std::to_string(counts.depths_in_vain));
 
   out.Begin("haustra_checkpoints_total", "counter", "checkpoints, by how they came out");
   out.Sample("", Label("result", "written"), std::to_string(counts.checkpoints));

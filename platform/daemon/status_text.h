@@ -26,7 +26,8 @@ struct ServiceStatus {
   std::optional<Duration> checkpoint_age;
   std::string checkpoint_error;
   std::int64_t worker_pid = 0;  // 0: none
-  std::string device;           // the worker's, "cpu" or "cuda"; empty: none is ready
+  bool searches_depth = false;
+  std::string device;  // the worker's, "cpu" or "cuda"; empty: none is ready
   std::uint64_t worker_faults = 0;
   std::string last_fault;
   std::string trouble;
@@ -45,6 +46,7 @@ struct ServiceMetrics {
   std::uint64_t worker_faults = 0;  // that had to be replaced
   std::uint64_t worker_bytes = 0;   // resident
   std::optional<Duration> checkpoint_age;
+  bool searches_depth = false;
   int clients = 0;
   std::uint64_t clients_refused = 0;
   std::uint64_t requests_malformed = 0;

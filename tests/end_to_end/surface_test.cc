@@ -172,11 +172,15 @@ TEST(Surface, CoverageOfTheWallIsNearTheTruth) {
   const nlohmann::json json = ReadJson(scratch + "/wall/surface.json");
   EXPECT_EQ(json["maps"][0]["lumen"]["found"], true);
   EXPECT_FALSE(json.contains("depth")) << "there is no true depth beside this truth";
-  // When this was written: 3.9 points, 0.76, a false place of 90 mm2.
+  // When this was written: -6.8 points, -6.3 of what was seen at all, 0.78, a false place of 89 mm2. With four other
+  // seeds of the run up to -9.0, -8.9, 0.75 and 105 mm2. The aims are 5 points and 100 mm2.
   const nlohmann::json& coverage = json["coverage"];
-  EXPECT_LT(coverage["worst_points"], 12.0) << coverage.dump();
-  EXPECT_GT(coverage["agreement"], 0.65) << coverage.dump();
-  EXPECT_LT(coverage["largest_false_mm2"], 250.0) << coverage.dump();
+  EXPECT_LT(coverage["worst_points"], 9.5) << coverage.dump();
+  EXPECT_LT(coverage["worst_seen_points"], 9.5) << coverage.dump();
+  EXPECT_GT(coverage["agreement"], 0.72) << coverage.dump();
+  EXPECT_LT(coverage["largest_false_mm2"], 115.0) << coverage.dump();
+  EXPECT_LE(coverage["false_well_mm2"], coverage["false_mm2"]) << coverage.dump();
+  EXPECT_LT(coverage["false_mm2"], 450.0) << coverage.dump();
   EXPECT_TRUE(Exists(scratch + "/wall/map_0000_wall.png"));
   EXPECT_TRUE(Exists(scratch + "/wall/map_0000_wall.csv"));
 

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """The page of `haustra view`, and that of the report, in a headless Chromium: what they say, and that they draw.
 
-    view_page_test.py HAUSTRA HAUSTRAD SEQUENCE RESULT
+    view_page_test.py HAUSTRA HAUSTRAD SEQUENCE RESULT LIVE
 
-RESULT is a run of SEQUENCE, a rendered colon. Skipped (exit code 77) where there is no Chromium. With HAUSTRA_VIEW_PICTURES
-set to a folder the windows are kept there as PNG, for a person to look at.
+RESULT is a run of SEQUENCE, a rendered colon. LIVE is another, in which the scope passes a part of the lumen. Skipped (exit
+code 77) where there is no Chromium. With HAUSTRA_VIEW_PICTURES set to a folder the windows are kept there as PNG, for a person
+to look at.
 """
 
 import contextlib
@@ -26,7 +27,7 @@ import browser
 from png_pixels import pixels
 from served_view import ServedView
 
-HAUSTRA, HAUSTRAD, SEQUENCE, RESULT = (Path(path).resolve() for path in sys.argv[1:5])
+HAUSTRA, HAUSTRAD, SEQUENCE, RESULT, LIVE = (Path(path).resolve() for path in sys.argv[1:6])
 PICTURES = os.environ.get("HAUSTRA_VIEW_PICTURES")
 LABEL = '<b>&"x'
 PIN_IS_SHOWN = "(pin => pin !== null && getComputedStyle(pin).visibility === 'visible')(document.querySelector('.pin'))"
@@ -45,6 +46,9 @@ window.wallOf = (id, t_s) => ({map: id, epoch: 0, t_s, keyframes: 2, depths: 2, 
   lumen: {found: true, passed_radii: 4}, wall_coverage: 0.5, seen_poorly: 0.25, picture: 'iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGNgYPgPAAEDAQAIicLsAAAAAElFTkSuQmCC'});
 """
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
+SEEN_WELL, SEEN_NEVER = (0x56, 0xB4, 0xE9), (0, 0, 0)  # of the unrolled wall
+# Until the scope has passed a part of the lumen at the speed of Service.
+WALL_LIMIT_S = 120
 
 
 class Service:
@@ -54,12 +58,12 @@ class Service:
         (folder / "state").mkdir(exist_ok=True)
         settings = [f"files.state_folder={folder}/state", f"files.runtime_folder={folder}", "procedure.begin_at_start=true",
                     "publish.view=true", "publish.depth=true", "depth.enabled=true", "depth.step_px=8",
-                    "depth.iterations=1", "depth.newer_keyframes=1", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.1",
+                    "depth.iterations=1", "depth.newer_keyframes=1", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.2",
                     "watchdog.tracking_limit_ms=60000", "watchdog.capture_limit_ms=60000",
                     "watchdog.mapping_limit_ms=300000", "watchdog.worker_limit_ms=60000", "watchdog.stop_limit_ms=60000"]
         words = [word for setting in settings for word in ("--set", setting)]
         environment = {key: value for key, value in os.environ.items() if key not in ("NOTIFY_SOCKET", "WATCHDOG_USEC")}
-        self._process = subprocess.Popen([HAUSTRAD, "--source", SEQUENCE, *words], stderr=subprocess.DEVNULL, env=environment)
+        self._process = subprocess.Popen([HAUSTRAD, "--source", LIVE, *words], stderr=subprocess.DEVNULL, env=environment)
 
     def __enter__(self):
         return self
@@ -144,6 +148,41 @@ class PageTest(unittest.TestCase):
         self.assertEqual(page.value("document.querySelector('#marks th').textContent"), "polyp")
         self.assertTrue(page.wait_for("document.body.dataset.rings === '1'"), page.messages)
         self.assertTrue(page.wait_for(PIN_IS_SHOWN), page.messages)
+
+    def assert_picture_is_shown(self, page):
+        """The recording has moments in which the lens is covered: then a later picture."""
+        for _ in range(60):
+            shown = {pixel for row in pixels(page.picture(0.5, page.box("#picture"))) for pixel in row}
+            if len(shown) > 500:
+                return
+            time.sleep(0.5)
+        self.fail(f"{len(shown)} colours")
+
+    def assert_wall_is_unrolled(self, page):
+        """There is a picture of it, in which some was seen well and some was not, and its text says the same."""
+        text = "document.getElementById('wall-text').textContent"
+        self.assertTrue(page.wait_for("Number(document.body.dataset.wall) > 0.05", WALL_LIMIT_S), page.value(text))
+        self.assertFalse(page.value("document.getElementById('wall-panel').hidden"))
+        self.assertRegex(page.value(text), r"^\d+ % seen well, \d+ % poorly, \d+ % never, along \d\.\d radii of the lumen")
+        self.assertFalse(page.value("document.getElementById('wall').hidden"))
+        page.value("document.getElementById('wall').scrollIntoView({block: 'center'})")
+        x, y, width, height = page.box("#wall")
+        left, top = page.value("[scrollX, scrollY]")
+        colours = [pixel for row in pixels(page.picture(1.0, (x + left, y + top, width, height))) for pixel in row]
+        for name, colour in (("well", SEEN_WELL), ("never", SEEN_NEVER)):
+            share = sum(max(abs(a - b) for a, b in zip(c, colour)) < 12 for c in colours) / len(colours)
+            self.assertGreater(share, 0.05, name)
+        page.value("scrollTo(0, 0)")
+
+    def assert_depth_is_told(self, folder):
+        """The service says what depth does."""
+        control = [HAUSTRA, "control", "--folder", folder]
+        status = subprocess.run([*control, "status"], capture_output=True, text=True, check=True).stdout
+        self.assertRegex(status, r"(?m)^depth on$")
+        self.assertRegex(status, r"(?m)^keyframes_with_depth [1-9]\d*$")
+        self.assertRegex(status, r"(?m)^depths_late \d+$")
+        metrics = subprocess.run([*control, "metrics"], capture_output=True, text=True, check=True).stdout
+        self.assertRegex(metrics, r'(?m)^haustra_depths_total\{result="found"\} [1-9]\d*$')
 
     def test_finished_run(self):
         with tempfile.TemporaryDirectory() as scratch, browser.Browser() as page:
@@ -334,12 +373,11 @@ class PageTest(unittest.TestCase):
                         if attempt == 0:
                             self.assert_mark_is_shown(page, folder)
                             self.assert_scene_is_drawn(page)
-                            shown = {pixel for row in pixels(page.picture(0.5, page.box("#picture"))) for pixel in row}
-                            self.assertGreater(len(shown), 500)
+                            self.assert_picture_is_shown(page)
                             # The wall comes while the scope moves.
                             self.assertTrue(page.wait_for("document.body.dataset.surface === 'shown'"), page.messages)
-                            self.assertFalse(page.value("document.getElementById('wall-panel').hidden"))
-                            self.assertIn("lumen", page.value("document.getElementById('wall-text').textContent").lower())
+                            self.assert_wall_is_unrolled(page)
+                            self.assert_depth_is_told(folder)
                         keep(page, f"live_{attempt}.png")
                     for each in (page, other):
                         self.assertTrue(each.wait_for("document.getElementById('state').textContent === 'No engine'"))

@@ -153,7 +153,7 @@ int Main(int argc, char** argv) {
   model.guided = std::chrono::milliseconds(1);
   device.SetModel(model);
   device.SetAccelerator(true);
-  Engine engine(config, colon.camera(), device, Engine::Mode::kRealTime, &clock, 1.0);
+  Engine engine(config, colon.camera(), device, Engine::Mode::kRealTime, &clock, ImageView{});
   SwingingSource source(colon.camera().calibration(), num_frames);
 
   std::atomic<bool> stop{false};

@@ -198,8 +198,8 @@ int Measure(LatencyArguments arguments) {
   const Result<DepthSearch> depth = CreateDepthSearch(arguments.device, config, *camera, (*source)->static_mask());
   if (!depth.ok()) return console::Fail(kLatencyCommand, depth.status());
   const SystemClock clock;
-  Engine engine(config, *camera, **device, Engine::Mode::kRealTime, &clock, SceneShare((*source)->static_mask()),
-                vocabulary->get(), depth->matcher.get());
+  Engine engine(config, *camera, **device, Engine::Mode::kRealTime, &clock, (*source)->static_mask(), vocabulary->get(),
+                depth->matcher.get());
 
   const int num_cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   StressOptions stress{arguments.stress_cpu, arguments.stress_memory};

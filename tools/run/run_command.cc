@@ -278,7 +278,7 @@ int Run(const RunArguments& arguments) {
     mark_requests = std::move(read).value();
   }
   const SystemClock clock;
-  Engine engine(config, *camera, **device, mode, &clock, SceneShare((*source)->static_mask()), vocabulary->get(),
+  Engine engine(config, *camera, **device, mode, &clock, (*source)->static_mask(), vocabulary->get(),
                 depth->matcher.get());
   if (!arguments.load_atlas.empty()) {
     if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok())

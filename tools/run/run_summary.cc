@@ -123,11 +123,7 @@ MemoryPlan PlanOf(const Engine& engine) {
 std::optional<DepthFigures> DepthFiguresOf(const Engine& engine) {
   const DepthKeeper* depths = engine.depths();
   if (depths == nullptr) return std::nullopt;
-  DepthFigures figures{depths->counters(), engine.num_pictures_refused(), 0};
-  engine.atlas().keyframes().ForEach([&](KeyframeHandle keyframe, const Keyframe&) {
-    figures.num_keyframes += depths->DepthOf(keyframe) != nullptr ? 1 : 0;
-  });
-  return figures;
+  return DepthFigures{depths->counters(), engine.num_pictures_refused(), depths->num_keyframes()};
 }
 
 }  // namespace
@@ -346,6 +342,7 @@ std::string ToJson(const RunSummary& s) {
                      {"searches", depth.num_searches},
                      {"in_vain", depth.num_in_vain},
                      {"too_little_seen", depth.num_too_little},
+                     {"late", depth.num_late},
                      {"ms_per_search", MeanMs(depth.search_time, depth.num_searches)}};
   }
   if (s.surface && s.surface->why_not.empty()) {

@@ -102,8 +102,7 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
   HAUSTRA_TRY(device->SetStaticMask(source->static_mask()));
   const SystemClock clock;
   HAUSTRA_ASSIGN(const DepthSearch depth, CreateDepthSearch(arguments.device, config, camera, source->static_mask()));
-  Engine engine(config, camera, *device, mode, &clock, SceneShare(source->static_mask()), vocabulary,
-                depth.matcher.get());
+  Engine engine(config, camera, *device, mode, &clock, source->static_mask(), vocabulary, depth.matcher.get());
   monitor->Begin(engine);
   RealTimeOptions options;
   options.rate = arguments.rate;

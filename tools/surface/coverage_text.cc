@@ -55,10 +55,14 @@ std::string ToText(const CoverageScore& score) {
   for (const CoverageScore::Segment& segment : score.segments) {
     text += "  map " + std::to_string(segment.map_id) + ", " + Fixed(segment.begin_radii, 1) + " to " +
             Fixed(segment.end_radii, 1) + " radii: " + Percent(segment.found) + ", true " + Percent(segment.truth) +
-            ", off by " + Fixed(segment.points(), 1) + " points\n";
+            ", off by " + Fixed(segment.points(), 1) + " points; at all " + Percent(segment.found_seen) + ", true " +
+            Percent(segment.truth_seen) + ", off by " + Fixed(segment.seen_points(), 1) + " points\n";
   }
-  return text + "  cells that agree           " + Percent(score.agreement()) + "\n  called seen, never was     " +
-         Fixed(score.false_mm2, 0) + " mm2, the largest place " + Fixed(score.largest_false_mm2, 0) + " mm2\n";
+  const auto places = [](const CoverageScore::FalsePlaces& of) {
+    return Fixed(of.all_mm2, 0) + " mm2, the largest place " + Fixed(of.largest_mm2, 0) + " mm2\n";
+  };
+  return text + "  cells that agree             " + Percent(score.agreement()) + "\n  called seen, never was       " +
+         places(score.falsely_seen) + "  called seen well, never was  " + places(score.falsely_well);
 }
 
 std::string CellsCsv(const WallGrid& wall) {
@@ -121,7 +125,10 @@ nlohmann::ordered_json ToJson(const CoverageScore& score) {
                         {"to_radii", segment.end_radii},
                         {"wall_coverage", segment.found},
                         {"true_wall_coverage", segment.truth},
-                        {"points", segment.points()}});
+                        {"points", segment.points()},
+                        {"seen", segment.found_seen},
+                        {"true_seen", segment.truth_seen},
+                        {"seen_points", segment.seen_points()}});
   }
   nlohmann::ordered_json cells;
   for (const WallView called : {WallView::kWell, WallView::kPoorly, WallView::kNever}) {
@@ -130,9 +137,15 @@ nlohmann::ordered_json ToJson(const CoverageScore& score) {
           score.cells[static_cast<int>(called)][static_cast<int>(known)];
     }
   }
-  return {{"segments", segments},           {"worst_points", score.worst_points()},
-          {"agreement", score.agreement()}, {"cells", cells},
-          {"false_mm2", score.false_mm2},   {"largest_false_mm2", score.largest_false_mm2}};
+  return {{"segments", segments},
+          {"worst_points", score.worst_points()},
+          {"worst_seen_points", score.worst_seen_points()},
+          {"agreement", score.agreement()},
+          {"cells", cells},
+          {"false_mm2", score.falsely_seen.all_mm2},
+          {"largest_false_mm2", score.falsely_seen.largest_mm2},
+          {"false_well_mm2", score.falsely_well.all_mm2},
+          {"largest_false_well_mm2", score.falsely_well.largest_mm2}};
 }
 
 }  // namespace haustra::surface

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "engine/geometry/sim3.h"
 #include "tools/evaluate/csv_table.h"
@@ -36,17 +37,18 @@ WallView TrueViewAt(const TrueWall& truth, const Eigen::Vector3d& point_in_world
   return view;
 }
 
-double TrueShare(const TrueWall& truth, int first_row, int last_row) {
+// Of the cells that were seen so or better.
+double TrueShare(const TrueWall& truth, int first_row, int last_row, WallView at_least) {
   const std::size_t begin = std::size_t(first_row) * truth.columns, end = std::size_t(last_row + 1) * truth.columns;
-  std::size_t well = 0;
-  for (std::size_t i = begin; i < end; ++i) well += truth.cells[i].view == WallView::kWell ? 1 : 0;
-  return static_cast<double>(well) / static_cast<double>(end - begin);
+  std::size_t count = 0;
+  for (std::size_t i = begin; i < end; ++i) count += truth.cells[i].view >= at_least ? 1 : 0;
+  return static_cast<double>(count) / static_cast<double>(end - begin);
 }
 
 // Areas of the cells that are false and hang together along or around.
-void FindFalseRegions(const WallGrid& wall, double mm_per_mu, const std::vector<char>& is_false, CoverageScore* score) {
+void AddFalsePlaces(const WallGrid& wall, double mm_per_mu, std::vector<char> is_open,
+                    CoverageScore::FalsePlaces* places) {
   constexpr int kColumns = WallGrid::kAngles;
-  std::vector<char> is_open = is_false;
   for (int start = 0; start < static_cast<int>(is_open.size()); ++start) {
     if (is_open[start] == 0) continue;
     double area_mm2 = 0.0;
@@ -64,34 +66,40 @@ void FindFalseRegions(const WallGrid& wall, double mm_per_mu, const std::vector<
         stack.push_back(r * kColumns + c);
       }
     }
-    score->false_mm2 += area_mm2;
-    score->largest_false_mm2 = std::max(score->largest_false_mm2, area_mm2);
+    places->all_mm2 += area_mm2;
+    places->largest_mm2 = std::max(places->largest_mm2, area_mm2);
   }
 }
 
 void JudgeMap(int map_id, const MapCoverage& coverage, const Sim3& truth_from_map, const TrueWall& truth,
               CoverageScore* score) {
   const WallGrid& wall = *coverage.wall;
-  std::vector<char> is_false(std::size_t(wall.num_rows()) * WallGrid::kAngles, 0);
+  std::vector<char> is_falsely_seen(std::size_t(wall.num_rows()) * WallGrid::kAngles, 0);
+  std::vector<char> is_falsely_well = is_falsely_seen;
   for (int row = wall.first_claimed_row(); row < wall.end_claimed_row(); ++row) {
     for (int column = 0; column < WallGrid::kAngles; ++column) {
       const WallView called = wall.cell(row, column).view;
       const WallView known = TrueViewAt(truth, truth_from_map * wall.PointOf(row, column).position_in_map);
       ++score->cells[static_cast<int>(called)][static_cast<int>(known)];
-      is_false[std::size_t(row) * WallGrid::kAngles + column] =
-          called == WallView::kWell && known == WallView::kNever ? 1 : 0;
+      if (known != WallView::kNever) continue;
+      const std::size_t cell = std::size_t(row) * WallGrid::kAngles + column;
+      is_falsely_seen[cell] = called != WallView::kNever ? 1 : 0;
+      is_falsely_well[cell] = called == WallView::kWell ? 1 : 0;
     }
   }
-  FindFalseRegions(wall, truth_from_map.scale, is_false, score);
+  AddFalsePlaces(wall, truth_from_map.scale, std::move(is_falsely_seen), &score->falsely_seen);
+  AddFalsePlaces(wall, truth_from_map.scale, std::move(is_falsely_well), &score->falsely_well);
   const auto true_row = [&](int row) {
     return NearestRow(truth, truth_from_map * wall.lumen().line.At(wall.LengthOf(row)).position);
   };
   for (const WallCoverage& segment : coverage.segments) {
     const int one = true_row(segment.first_row), other = true_row(segment.end_row - 1);
+    const int first = std::min(one, other), last = std::max(one, other);
     const double step_radii = wall.step_mu() / wall.lumen().radius_mu;
     score->segments.push_back({map_id, (segment.first_row - wall.first_claimed_row()) * step_radii,
                                (segment.end_row - wall.first_claimed_row()) * step_radii, segment.well,
-                               TrueShare(truth, std::min(one, other), std::max(one, other))});
+                               TrueShare(truth, first, last, WallView::kWell), segment.well + segment.poorly,
+                               TrueShare(truth, first, last, WallView::kPoorly)});
   }
 }
 
@@ -144,6 +152,12 @@ std::size_t CoverageScore::num_cells() const {
 double CoverageScore::worst_points() const {
   double worst = 0.0;
   for (const Segment& segment : segments) worst = std::max(worst, std::abs(segment.points()));
+  return worst;
+}
+
+double CoverageScore::worst_seen_points() const {
+  double worst = 0.0;
+  for (const Segment& segment : segments) worst = std::max(worst, std::abs(segment.seen_points()));
   return worst;
 }
 

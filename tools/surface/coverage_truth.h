@@ -34,18 +34,25 @@ struct CoverageScore {
   struct Segment {
     int map_id = 0;
     double begin_radii = 0.0, end_radii = 0.0;
-    double found = 0.0, truth = 0.0;  // shares seen well
+    double found = 0.0, truth = 0.0;            // shares seen well
+    double found_seen = 0.0, truth_seen = 0.0;  // shares seen at all, well or poorly
     double points() const { return 100.0 * (found - truth); }
+    double seen_points() const { return 100.0 * (found_seen - truth_seen); }
+  };
+  // Of the places that hang together, in whose cells the wall was never seen and was called seen: all, and the largest.
+  struct FalsePlaces {
+    double all_mm2 = 0.0, largest_mm2 = 0.0;
   };
   std::vector<Segment> segments;
   // Cells of the maps by what they were called and what the nearest place of the true wall was: [called][true].
   std::size_t cells[3][3] = {};
-  // Of the places that hang together, were called seen well and were never seen: the largest, and all.
-  double largest_false_mm2 = 0.0, false_mm2 = 0.0;
+  FalsePlaces falsely_seen;  // called well or poorly
+  FalsePlaces falsely_well;  // called well
 
   std::size_t num_cells() const;
-  double worst_points() const;  // of the segments, without its sign; 0: none
-  double agreement() const;     // share of the cells
+  double worst_points() const;       // of the segments, without its sign; 0: none
+  double worst_seen_points() const;  // the same
+  double agreement() const;          // share of the cells
 };
 
 // Maps are laid on the truth by the Sim(3) that `evaluation` has found; those without one, or without a lumen, are left

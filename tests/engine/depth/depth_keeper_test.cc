@@ -216,6 +216,26 @@ TEST_F(DepthKeeperTest, PicturesThatAreLentAreNotWrittenOver) {
   for (const DepthView& source : task->sources) EXPECT_LT(ValueOf(source), GreyOf(3));
 }
 
+// The search of the first keyframe stays out, and with it the pictures of three are lent.
+TEST_F(DepthKeeperTest, KeyframesWhosePicturesGoBeforeTheirTurnAreCounted) {
+  Begin();
+  for (std::uint32_t i = 0; i < 6; ++i) HandAndWork(i);
+  EXPECT_EQ(keeper_->counters().num_late, 0u);
+  // Nobody misses the depth of a keyframe that was culled.
+  atlas_.RemoveKeyframe(KeyframeOf(3), KeyframeOf(1));
+  HandAndWork(6);
+  EXPECT_EQ(keeper_->counters().num_late, 0u);
+  HandAndWork(7);
+  EXPECT_EQ(keeper_->counters().num_late, 1u);
+  keeper_->SetFinishing(true);
+  Work();
+  for (int i = 0; mailbox_->Asked() != nullptr && i < kNumKeyframes; ++i) Answer(2.0);
+  const DepthCounters& counters = keeper_->counters();
+  EXPECT_EQ(counters.num_depths + counters.num_too_little + counters.num_late, std::uint64_t{kNumKeyframes - 1});
+  EXPECT_EQ(keeper_->num_keyframes(), counters.num_depths);
+  EXPECT_EQ(keeper_->DepthOf(KeyframeOf(4)), nullptr);
+}
+
 TEST_F(DepthKeeperTest, AFullRingLosesTheNewestAndCountsIt) {
   Begin();
   for (std::uint32_t i = 0; i < kHandedPictures; ++i) EXPECT_TRUE(Hand(i));

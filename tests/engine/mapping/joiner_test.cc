@@ -25,7 +25,8 @@ class JoinerTest : public testing::Test {
     const EngineConfig& config = join_.colon.config();
     link_.emplace(config);
     places_.emplace(config, std::pmr::get_default_resource());
-    state_.emplace(config, join_.colon.camera(), join_.colon.device(), *link_, &clock_, true,
+    scene_.emplace(join_.colon.camera(), ImageView{});
+    state_.emplace(config, join_.colon.camera(), *scene_, join_.colon.device(), *link_, &clock_, true,
                    std::pmr::get_default_resource());
     publisher_.emplace(*state_, *places_);
     retrieval_ = MakeRetrieval(config, join_.colon.device(), nullptr);
@@ -132,6 +133,7 @@ class JoinerTest : public testing::Test {
   TickingClock clock_;
   SchurBundleAdjuster adjuster_;
   std::optional<TrackingLink> link_;
+  std::optional<SceneRegion> scene_;
   std::optional<PlaceMailbox> places_;
   std::optional<MappingState> state_;
   std::optional<SnapshotPublisher> publisher_;

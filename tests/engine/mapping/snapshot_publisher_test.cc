@@ -12,7 +12,8 @@ class SnapshotPublisherTest : public testing::Test {
   SnapshotPublisherTest()
       : link_(colon_.config()),
         places_(colon_.config(), std::pmr::get_default_resource()),
-        state_(colon_.config(), colon_.camera(), colon_.device(), link_, nullptr, false,
+        scene_(colon_.camera(), {}),
+        state_(colon_.config(), colon_.camera(), scene_, colon_.device(), link_, nullptr, false,
                std::pmr::get_default_resource()),
         publisher_(state_, places_) {
     colon_.AddWall(0.0, 5.0, 1000);
@@ -39,6 +40,7 @@ class SnapshotPublisherTest : public testing::Test {
   SyntheticColon colon_{7};
   TrackingLink link_;
   PlaceMailbox places_;
+  SceneRegion scene_;
   MappingState state_;
   SnapshotPublisher publisher_;
   MapId map_id_ = kNoId;

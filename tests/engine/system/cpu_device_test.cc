@@ -74,7 +74,7 @@ class CpuDeviceEngine : public ::testing::TestWithParam<int> {
     device_ = CreateCpuVisionDevice(Engine::PlanFor(config_, camera_.calibration()), Engine::ExtractOptionsFor(config_),
                                     GetParam())
                   .value();
-    engine_ = std::make_unique<Engine>(config_, camera_, *device_, Engine::Mode::kRealTime, &clock_, 1.0);
+    engine_ = std::make_unique<Engine>(config_, camera_, *device_, Engine::Mode::kRealTime, &clock_, ImageView{});
   }
 
   FrameResult Track(Duration time) {

@@ -26,7 +26,7 @@ TEST(DepthSearch, AMatcherIsFreeWhenItsEngineHasGone) {
   DepthMap depth(matcher.width(), matcher.height());
   const auto match = [&] { return matcher.Match(view, {&view, 1}, seeds, &depth).code(); };
   {
-    Engine engine(config, camera, colon.device(), Engine::Mode::kSequential, nullptr, 1.0, nullptr, &matcher);
+    Engine engine(config, camera, colon.device(), Engine::Mode::kSequential, nullptr, ImageView{}, nullptr, &matcher);
     EXPECT_EQ(match(), StatusCode::kOk);
     engine.StopDepth(true);
     EXPECT_EQ(match(), StatusCode::kCancelled);

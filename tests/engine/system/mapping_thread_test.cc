@@ -23,10 +23,11 @@ class WatchedClock final : public Clock {
 class MappingThread : public testing::Test {
  protected:
   MappingThread()
-      : link_(config_),
+      : scene_(colon_.camera(), {}),
+        link_(config_),
         places_(config_, std::pmr::get_default_resource()),
-        mapper_(config_, colon_.camera(), colon_.device(), link_, places_, &clock_, true, nullptr),
-        tracker_(config_, colon_.camera(), colon_.device(), link_, nullptr, 1.0) {
+        mapper_(config_, colon_.camera(), scene_, colon_.device(), link_, places_, &clock_, true, nullptr),
+        tracker_(config_, colon_.camera(), scene_, colon_.device(), link_, nullptr) {
     colon_.config().merging.enabled = false;
     colon_.Move(0.0, 8.0, 200);
   }
@@ -47,6 +48,7 @@ class MappingThread : public testing::Test {
   ScriptedColon colon_;
   const EngineConfig& config_ = colon_.config();
   WatchedClock clock_;
+  SceneRegion scene_;
   TrackingLink link_;
   PlaceMailbox places_;
   Mapper mapper_;
@@ -122,10 +124,11 @@ TEST(MappingFullPools, RefusedMapLeavesTheActiveOneAsItWas) {
     colon.Move(12.0, 14.0, 50);
     colon.Occlude(5);
     colon.Move(0.2, 0.3, 10);
+    const SceneRegion scene(colon.camera(), {});
     TrackingLink link(config);
     PlaceMailbox places(config, std::pmr::get_default_resource());
-    Mapper mapper(config, colon.camera(), colon.device(), link, places, nullptr, false, nullptr);
-    Tracker tracker(config, colon.camera(), colon.device(), link, nullptr, 1.0);
+    Mapper mapper(config, colon.camera(), scene, colon.device(), link, places, nullptr, false, nullptr);
+    Tracker tracker(config, colon.camera(), scene, colon.device(), link, nullptr);
     FrameResult result;
     for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
       result = tracker.Track(*frame, kNoDeadline);

@@ -26,11 +26,13 @@ using ::testing::HasSubstr;
 // A scope in a wavy tube of radius 1 along z.
 class MarkedProcedure {
  public:
-  explicit MarkedProcedure(const EngineConfig& config = SmallEngineConfig())
+  // mask: as in SceneRegion.
+  explicit MarkedProcedure(const EngineConfig& config = SmallEngineConfig(), ImageView mask = {})
       : camera_(ColonCamera()),
         device_(Engine::PlanFor(config, camera_.calibration()), {}),
         source_(camera_.calibration()),
-        engine_(config, camera_, device_, Engine::Mode::kSequential, nullptr, 1.0) {
+        engine_(config, camera_, device_, Engine::Mode::kSequential, nullptr, mask) {
+    EXPECT_TRUE(device_.SetStaticMask(mask).ok());
     Rng rng(17);
     for (std::uint32_t id = 1; id <= 9000; ++id) {
       landmarks_.push_back(
@@ -99,6 +101,7 @@ class MarkedProcedure {
   }
 
   Engine& engine() { return engine_; }
+  const MarkSightings& sightings(std::size_t frame) const { return sightings_[frame]; }
   std::size_t num_frames() const { return truth_.size(); }
   const std::vector<FrameResult>& results() const { return results_; }
   int NumEvents(MapEventKind kind) const { return static_cast<int>(std::count(events_.begin(), events_.end(), kind)); }
@@ -255,6 +258,51 @@ TEST(Marks, AreRefusedWithAReason) {
   EXPECT_THAT(set(kNewestFrame, {300, 200}, "c").message(), HasSubstr("marks already"));
   ASSERT_TRUE(procedure.engine().RemoveMark("b").ok());
   EXPECT_THAT(set(kNewestFrame, {300, 200}, "c").message(), HasSubstr("no measured pose"));
+}
+
+// The scope's window is a disc as high as 0.8 of the picture. Points are found up to its edge, so that there is a patch
+// of wall at every pixel just beyond it.
+TEST(Marks, AreNotSetAndNotShownInTheBorderAroundTheScene) {
+  RecordProperty("req", "MRK-003");
+  const CameraModel camera = ColonCamera();
+  const int width = camera.width_px(), height = camera.height_px();
+  const Eigen::Vector2d centre(0.5 * width, 0.5 * height);
+  const double radius = 0.4 * height;
+  std::vector<std::uint8_t> mask;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) mask.push_back((Eigen::Vector2d(x, y) - centre).norm() < radius ? 255 : 0);
+  }
+  MarkedProcedure procedure(SmallEngineConfig(), {mask.data(), width, height, width, PixelFormat::kGrey8});
+  procedure.Move(0.0, 2.0, 50);
+  const auto set = [&](const Eigen::Vector2d& pixel, std::string_view label) {
+    return procedure.engine().SetMark({49, pixel, MarkLabel::From(label).value()});
+  };
+  for (int i = 0; i < 8; ++i) {
+    const double around = 2.0 * std::numbers::pi * i / 8;
+    const Eigen::Vector2d direction(std::cos(around), std::sin(around));
+    const Result<MarkId> beyond = set(centre + (radius + 4.0) * direction, "beyond" + std::to_string(i));
+    EXPECT_EQ(beyond.code(), StatusCode::kInvalidArgument) << i;
+    EXPECT_THAT(beyond.status().message(), HasSubstr("border around the scene")) << i;
+  }
+  const Eigen::Vector3d place = MarkedProcedure::WallAt(1.0, 4.2);
+  const Result<MarkId> id = procedure.Mark("polyp", place, 49);
+  ASSERT_TRUE(id.ok()) << id.status().ToString();
+  // It leaves the window sideways as the scope passes it.
+  procedure.Move(2.0, 3.8, 45);
+  int num_within = 0, num_behind_border = 0;
+  for (std::size_t i = 50; i < procedure.num_frames(); ++i) {
+    if (!procedure.IsInView(place, i)) continue;
+    const double offset_px = (procedure.PixelOf(place, i) - centre).norm();
+    for (const MarkSighting& sighting : procedure.sightings(i)) {
+      if (sighting.id != *id) continue;
+      num_within += offset_px < radius - 10.0 && sighting.state == MarkState::kInFront;
+      if (offset_px < radius + 10.0) continue;
+      ++num_behind_border;
+      EXPECT_EQ(ToString(sighting.state), "out_of_view") << "frame " << i;
+    }
+  }
+  EXPECT_GE(num_within, 5);
+  EXPECT_GE(num_behind_border, 3);
 }
 
 // A map of two keyframes would be dropped when it is lost.

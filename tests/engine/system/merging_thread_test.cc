@@ -68,11 +68,12 @@ class Parts {
       : colon_(colon),
         config_(colon.config()),
         device(colon.device()),
+        scene_(colon.camera(), {}),
         link_(config_),
         places(config_, std::pmr::get_default_resource()),
-        mapper(config_, colon.camera(), device, link_, places, clock, clock != nullptr, nullptr),
+        mapper(config_, colon.camera(), scene_, device, link_, places, clock, clock != nullptr, nullptr),
         recogniser_(config_, colon.camera(), colon.device()),
-        tracker_(config_, colon.camera(), device, link_, nullptr, 1.0) {}
+        tracker_(config_, colon.camera(), scene_, device, link_, nullptr) {}
 
   // False: there are no more frames.
   bool TrackNext() {
@@ -141,6 +142,7 @@ class Parts {
   GuardedDevice device;
 
  private:
+  SceneRegion scene_;
   TrackingLink link_;
 
  public:

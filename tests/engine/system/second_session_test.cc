@@ -31,7 +31,7 @@ class Session {
       : camera_(CameraModel::Create(test::ColonCalibration()).value()),
         device_(Engine::PlanFor(config, camera_.calibration()), {}),
         source_(camera_.calibration()),
-        engine_(config, camera_, device_, Engine::Mode::kSequential, nullptr, 1.0) {
+        engine_(config, camera_, device_, Engine::Mode::kSequential, nullptr, ImageView{}) {
     Rng rng(17);
     for (std::uint32_t id = 1; id <= 9000; ++id) {
       const double around = rng.Uniform(0.0, 2.0 * std::numbers::pi);

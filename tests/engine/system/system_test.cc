@@ -101,7 +101,7 @@ class Procedure {
 
   // Sequential mode over all frames.
   void Run() {
-    engine_ = std::make_unique<Engine>(config_, camera_, device_, Engine::Mode::kSequential, nullptr, 1.0);
+    engine_ = std::make_unique<Engine>(config_, camera_, device_, Engine::Mode::kSequential, nullptr, ImageView{});
     results_.clear();
     for (Result<Frame> frame = source_.Next(kNoDeadline); frame.ok(); frame = source_.Next(kNoDeadline)) {
       results_.push_back(engine_->Track(*frame, kNoDeadline));

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "tests/geometry/synthetic.h"
 
@@ -14,7 +16,11 @@ constexpr int kMaxWatchedFeatures = 1000;
 
 class MarkWatchTest : public testing::Test {
  protected:
-  MarkWatchTest() : camera_(ColonCamera()), watch_(camera_, kMaxWatchedFeatures), map_(kMaxWatchedFeatures) {
+  MarkWatchTest()
+      : camera_(ColonCamera()),
+        scene_(camera_, {}),
+        watch_(camera_, scene_, kMaxWatchedFeatures),
+        map_(kMaxWatchedFeatures) {
     EXPECT_TRUE(map_.marks.PushBack({5, {0.0, 0.0, 3.0}, {0.0, 0.0, -1.0}, 0.3}));
     estimate_.median_depth = 2.0;
   }
@@ -38,6 +44,7 @@ class MarkWatchTest : public testing::Test {
 
   Rng rng_{7};
   CameraModel camera_;
+  SceneRegion scene_;
   MarkWatch watch_;
   LocalMap map_;
   PoseEstimate estimate_;
@@ -95,6 +102,26 @@ TEST_F(MarkWatchTest, MarkBehindTheCameraIsOutOfView) {
   const MarkSighting sighting = Look();
   EXPECT_EQ(sighting.state, MarkState::kOutOfView);
   EXPECT_NEAR(sighting.distance_in_depths, 1.5, 1e-6);
+}
+
+// The wall goes on there, and the map knows it, but the picture shows the border around the scope's window.
+TEST_F(MarkWatchTest, MarkInTheBorderAroundTheSceneIsOutOfView) {
+  RecordProperty("req", "MRK-003");
+  AddWall(-1.0, 1.0, 3.0, 200, true);
+  Eigen::Vector2d pixel;
+  ASSERT_TRUE(camera_.Project({0.0, 0.0, 3.0}, &pixel));
+  // The window ends one pixel above the mark.
+  const int width = camera_.width_px(), height = camera_.height_px();
+  std::vector<std::uint8_t> mask(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), 0);
+  std::fill_n(mask.begin(), static_cast<std::ptrdiff_t>(std::lround(pixel.y())) * width, std::uint8_t{255});
+  const SceneRegion scene(camera_, {mask.data(), width, height, width, PixelFormat::kGrey8});
+  MarkWatch watch(camera_, scene, kMaxWatchedFeatures);
+  watch.Look(map_, estimate_);
+  ASSERT_EQ(watch.sightings().size(), 1u);
+  EXPECT_EQ(ToString(watch.sightings()[0].state), "out_of_view");
+  EXPECT_NEAR(watch.sightings()[0].distance_in_depths, 1.5, 1e-6);
+  watch.LookAhead(map_, SE3{});
+  EXPECT_EQ(ToString(watch.sightings()[0].state), "out_of_view");
 }
 
 TEST_F(MarkWatchTest, PredictedPoseLeavesItUnsure) {

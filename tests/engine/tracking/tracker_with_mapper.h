@@ -43,11 +43,12 @@ class TrackerWithMapper : public testing::Test {
  protected:
   explicit TrackerWithMapper(const EngineConfig& config = SmallEngineConfig(), const Clock* clock = nullptr)
       : colon_(TimePoint{}, config),
+        scene_(colon_.camera(), {}),
         link_(config_),
         places_(config_, std::pmr::get_default_resource()),
         device_(colon_.device()),
-        mapper_(config_, colon_.camera(), device_, link_, places_, nullptr, false, nullptr),
-        tracker_(config_, colon_.camera(), device_, link_, clock, 1.0) {
+        mapper_(config_, colon_.camera(), scene_, device_, link_, places_, nullptr, false, nullptr),
+        tracker_(config_, colon_.camera(), scene_, device_, link_, clock) {
     colon_.config().merging.enabled = false;
     colon_.Move(0.0, 3.0, 100);
   }
@@ -71,6 +72,7 @@ class TrackerWithMapper : public testing::Test {
 
   ScriptedColon colon_;
   const EngineConfig& config_ = colon_.config();
+  SceneRegion scene_;
   TrackingLink link_;
   PlaceMailbox places_;
   FollowWatch device_;

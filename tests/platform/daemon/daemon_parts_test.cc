@@ -557,6 +557,54 @@ TEST(MetricsText, HistogramIsCumulativeAndEverySampleHasAType) {
   }
 }
 
+TEST(MetricsText, SayWhatDepthDoes) {
+  RecordProperty("req", "DMN-008");
+  ProcedureCounts counts;
+  counts.depths_found = 30;
+  counts.depths_late = 4;
+  counts.depths_too_little = 2;
+  counts.depths_in_vain = 1;
+  counts.keyframes_with_depth = 25;
+  ServiceMetrics metrics;
+  metrics.searches_depth = true;
+  const std::string text = ToMetricsText(metrics, counts);
+  for (const char* line :
+       {"haustra_depth_enabled 1\n", "haustra_keyframes_with_depth 25\n", "haustra_depths_total{result=\"found\"} 30\n",
+        "haustra_depths_total{result=\"late\"} 4\n", "haustra_depths_total{result=\"too_little_seen\"} 2\n",
+        "haustra_depths_total{result=\"in_vain\"} 1\n"}) {
+    EXPECT_NE(text.find(line), std::string::npos) << line << text;
+  }
+  EXPECT_NE(ToMetricsText({}, {}).find("haustra_depth_enabled 0\n"), std::string::npos);
+}
+
+TEST(StatusText, SaysWhatDepthDoes) {
+  RecordProperty("req", "DMN-008");
+  ServiceStatus status;
+  status.is_open = true;
+  ProcedureCounts counts;
+  EXPECT_NE(ToStatusText(status, counts).find("\ndepth off\n"), std::string::npos);
+  EXPECT_EQ(ToStatusText(status, counts).find("depths_late"), std::string::npos);
+  status.searches_depth = true;
+  counts.keyframes_with_depth = 25;
+  counts.depths_late = 4;
+  const std::string text = ToStatusText(status, counts);
+  EXPECT_NE(text.find("\ndepth on\nkeyframes_with_depth 25\ndepths_late 4\n"), std::string::npos) << text;
+}
+
+TEST(ProcedureCounts, DepthsOfSeveralWorkersAreAddedAndThoseOfAKeyframeAreTheLast) {
+  ProcedureCounts earlier, later;
+  earlier.depths_found = 5;
+  earlier.depths_late = 2;
+  earlier.keyframes_with_depth = 5;
+  later.depths_found = 3;
+  later.keyframes_with_depth = 2;
+  const ProcedureCounts sum = Sum(WithoutProcedure(earlier), later);
+  EXPECT_EQ(sum.depths_found, 8u);
+  EXPECT_EQ(sum.depths_late, 2u);
+  EXPECT_EQ(sum.keyframes_with_depth, 2u);
+  EXPECT_EQ(WithoutProcedure(earlier).keyframes_with_depth, 0u);
+}
+
 TEST(StatusText, MessagesStayOnTheirLine) {
   ServiceStatus status;
   status.trouble = "first\nstate running";

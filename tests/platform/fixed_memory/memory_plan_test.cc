@@ -56,7 +56,8 @@ TEST(MemoryPlanOfTheEngine, ArenaHoldsExactlyThePools) {
     ScriptedVisionDevice device(Engine::PlanFor(config, camera.calibration()), {});
     const DepthSearch depth = CreateDepthSearch("cpu", config, camera, {}).value();
     const std::size_t before = BytesTaken();
-    const Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, 1.0, nullptr, depth.matcher.get());
+    const Engine engine(config, camera, device, Engine::Mode::kSequential, nullptr, ImageView{}, nullptr,
+                        depth.matcher.get());
     const std::size_t taken = BytesTaken() - before;
     EXPECT_EQ(engine.arena().size_bytes(), plan.bytes(MemoryPlace::kHostArena));
     EXPECT_EQ(engine.arena().used_bytes(), engine.arena().size_bytes());

@@ -87,7 +87,8 @@ TEST_F(DepthPublisherTest, TheTableFollowsTheAtlas) {
   colon.Move(0.0, 1.6, 40);
   colon.Move(1.6, 0.0, 40);
   DepthMatcher depth(colon.camera(), ImageView{}, config_.depth.options());
-  Engine engine(config_, colon.camera(), colon.device(), Engine::Mode::kSequential, nullptr, 1.0, nullptr, &depth);
+  Engine engine(config_, colon.camera(), colon.device(), Engine::Mode::kSequential, nullptr, ImageView{}, nullptr,
+                &depth);
   const auto writer = DepthTableWriter::Create(path_, 0600, static_cast<gid_t>(-1),
                                                static_cast<std::uint32_t>(config_.memory.max_keyframes));
   ASSERT_TRUE(writer.ok()) << writer.status().message();

@@ -484,7 +484,7 @@ TEST(RealTimeSession, DepthOfKeyframesIsSearchedOnItsOwnThread) {
   colon.Move(0.0, 3.0, 100);
   DepthMatcher depth(colon.camera(), ImageView{}, config.depth.options());
   const SystemClock clock;
-  Engine engine(config, colon.camera(), colon.device(), Engine::Mode::kRealTime, &clock, 1.0, nullptr, &depth);
+  Engine engine(config, colon.camera(), colon.device(), Engine::Mode::kRealTime, &clock, ImageView{}, nullptr, &depth);
   RecordingObserver observer;
   ASSERT_TRUE(
       RunRealTime(colon.source(), engine, clock, test::kIsSanitized ? 0.4 : 1.0, observer, test::kNeverStop).ok());

@@ -70,7 +70,7 @@ class ScriptedColon {
   const std::vector<Eigen::Vector3d>& centres() const { return centres_; }
   TimePoint TimeOf(std::uint32_t frame_index) const { return start_ + frame_index * period_; }
   std::unique_ptr<Engine> MakeEngine(Engine::Mode mode, VisionDevice& device, const Clock* clock = nullptr) const {
-    return std::make_unique<Engine>(config_, camera_, device, mode, clock, 1.0);
+    return std::make_unique<Engine>(config_, camera_, device, mode, clock, ImageView{});
   }
   std::unique_ptr<Engine> MakeEngine() { return MakeEngine(Engine::Mode::kSequential, device_); }
 

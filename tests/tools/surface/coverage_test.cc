@@ -171,8 +171,10 @@ TEST(JudgeCoverage, TheTruthItselfIsWithoutFault) {
   ASSERT_TRUE(score);
   EXPECT_EQ(score->segments.size(), 3u);
   EXPECT_EQ(score->worst_points(), 0.0);
+  EXPECT_EQ(score->worst_seen_points(), 0.0);
   EXPECT_EQ(score->agreement(), 1.0);
-  EXPECT_EQ(score->false_mm2, 0.0);
+  EXPECT_EQ(score->falsely_seen.all_mm2, 0.0);
+  EXPECT_EQ(score->falsely_well.all_mm2, 0.0);
 }
 
 TEST(JudgeCoverage, WhatWasNeverSeenIsMeasuredWhereItHangsTogether) {
@@ -189,13 +191,67 @@ TEST(JudgeCoverage, WhatWasNeverSeenIsMeasuredWhereItHangsTogether) {
   const auto score = JudgeCoverage({tube.map}, {coverage}, Aligned(), truth);
   ASSERT_TRUE(score);
   const double cell_mm2 = std::pow(40.0 * wall.step_mu(), 2);
-  EXPECT_NEAR(score->largest_false_mm2, 24 * cell_mm2, 0.1 * 24 * cell_mm2);
-  EXPECT_NEAR(score->false_mm2, 25 * cell_mm2, 0.1 * 25 * cell_mm2);
+  EXPECT_NEAR(score->falsely_well.largest_mm2, 24 * cell_mm2, 0.1 * 24 * cell_mm2);
+  EXPECT_NEAR(score->falsely_well.all_mm2, 25 * cell_mm2, 0.1 * 25 * cell_mm2);
+  EXPECT_EQ(score->falsely_seen.largest_mm2, score->falsely_well.largest_mm2);
   EXPECT_EQ(score->cells[2][0], 25u) << "called well, was never";
   const nlohmann::ordered_json json = ToJson(*score);
   EXPECT_EQ(json["cells"]["called_well_was_never"], 25);
   EXPECT_EQ(json["segments"].size(), 3u);
   EXPECT_THAT(ToText(*score), HasSubstr("called seen, never was"));
+}
+
+// Whoever reads the picture takes both for seen.
+TEST(JudgeCoverage, WhatIsCalledPoorlySeenIsCalledSeen) {
+  RecordProperty("req", "COV-001");
+  MapCoverage coverage = CoverageOfTube();
+  const TubeSurface tube;
+  TrueWall truth = TruthLike(*coverage.wall);
+  // A block of four by six cells, of which half is called seen well; two cells further on one that is called never.
+  const int row = coverage.wall->end_claimed_row() - 10;
+  for (int r = row; r < row + 4; ++r) {
+    for (int c = 10; c < 16; ++c) {
+      truth.cells[r * 64 + c].view = WallView::kNever;
+      coverage.wall->cell(r, c).view = c < 13 ? WallView::kWell : WallView::kPoorly;
+    }
+    truth.cells[r * 64 + 18].view = WallView::kNever;
+    coverage.wall->cell(r, 18).view = WallView::kNever;
+  }
+  const auto score = JudgeCoverage({tube.map}, {coverage}, Aligned(), truth);
+  ASSERT_TRUE(score);
+  const double cell_mm2 = std::pow(40.0 * coverage.wall->step_mu(), 2);
+  EXPECT_NEAR(score->falsely_seen.largest_mm2, 24 * cell_mm2, 0.1 * 24 * cell_mm2);
+  EXPECT_NEAR(score->falsely_seen.all_mm2, 24 * cell_mm2, 0.1 * 24 * cell_mm2);
+  EXPECT_NEAR(score->falsely_well.largest_mm2, 12 * cell_mm2, 0.1 * 12 * cell_mm2);
+  EXPECT_NEAR(score->falsely_well.all_mm2, 12 * cell_mm2, 0.1 * 12 * cell_mm2);
+  const nlohmann::ordered_json json = ToJson(*score);
+  EXPECT_EQ(json["false_mm2"], score->falsely_seen.all_mm2);
+  EXPECT_EQ(json["largest_false_mm2"], score->falsely_seen.largest_mm2);
+  EXPECT_EQ(json["false_well_mm2"], score->falsely_well.all_mm2);
+  EXPECT_EQ(json["largest_false_well_mm2"], score->falsely_well.largest_mm2);
+  EXPECT_THAT(ToText(*score), HasSubstr("called seen well, never was"));
+}
+
+TEST(JudgeCoverage, SegmentsSayHowMuchWasSeenAtAll) {
+  MapCoverage coverage = CoverageOfTube();
+  const TubeSurface tube;
+  const TrueWall truth = TruthLike(*coverage.wall);
+  // Of a segment some rows are called seen poorly that were seen well: what was seen at all is the same.
+  const WallCoverage middle = coverage.segments[1];
+  for (int r = middle.first_row; r < middle.first_row + 5; ++r) {
+    for (int c = 0; c < WallGrid::kAngles; ++c) {
+      WallCell& cell = coverage.wall->cell(r, c);
+      if (cell.view == WallView::kWell) cell.view = WallView::kPoorly;
+    }
+  }
+  coverage.segments[1] = CoverageOf(*coverage.wall, middle.first_row, middle.end_row);
+  const auto score = JudgeCoverage({tube.map}, {coverage}, Aligned(), truth);
+  ASSERT_TRUE(score);
+  EXPECT_LT(score->segments[1].points(), -5.0);
+  EXPECT_NEAR(score->segments[1].seen_points(), 0.0, 1e-9);
+  const nlohmann::ordered_json json = ToJson(*score);
+  EXPECT_NEAR(json["worst_seen_points"].get<double>(), 0.0, 1e-9);
+  EXPECT_NEAR(json["segments"][1]["seen"].get<double>(), json["segments"][1]["true_seen"].get<double>(), 1e-9);
 }
 
 TEST(JudgeCoverage, WithoutAnAlignmentThereIsNothing) {

@@ -1,0 +1,43 @@
+// Where pictures show the scene: in the image, and within the scope's window where a static mask says what that is.
+// What lies outside is a border that shows nothing, whatever the camera model says of it. Immutable; reentrant, rt-safe
+// after construction.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <memory_resource>
+#include <vector>
+
+#include "engine/camera/camera_model.h"
+#include "hal/core/memory_arena.h"
+#include "hal/core/views.h"
+
+namespace haustra {
+
+class SceneRegion {
+ public:
+  // mask: 255 where pictures show the scene, kGrey8, of the camera's size, copied; empty, or 0 all over: everywhere.
+  SceneRegion(const CameraModel& camera, ImageView mask,
+              std::pmr::memory_resource* memory = std::pmr::get_default_resource());
+  static constexpr std::size_t BytesFor(int width_px, int height_px) {
+    return MemoryArena::BytesFor<std::uint64_t>(NumWords(width_px, height_px));
+  }
+
+  // Of the pixel that is nearest.
+  bool Shows(const Eigen::Vector2d& pixel) const;
+  // Part of the image's area, (0, 1].
+  double share() const { return share_; }
+
+ private:
+  static constexpr std::size_t NumWords(int width_px, int height_px) {
+    return (static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px) + 63) / 64;
+  }
+
+  int width_px_;
+  int height_px_;
+  double share_ = 1.0;
+  std::pmr::vector<std::uint64_t> shows_;  // a bit for each pixel, row by row
+};
+
+}  // namespace haustra

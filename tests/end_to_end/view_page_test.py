@@ -47,8 +47,8 @@ window.wallOf = (id, t_s) => ({map: id, epoch: 0, t_s, keyframes: 2, depths: 2, 
 """
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
 SEEN_WELL, SEEN_NEVER = (0x56, 0xB4, 0xE9), (0, 0, 0)  # of the unrolled wall
-# Until the scope has passed a part of the lumen at the speed of Service.
-WALL_LIMIT_S = 120
+# Until the scope has passed a part of the lumen at the speed of Service, on a machine that has other work.
+WALL_LIMIT_S = 180
 
 
 class Service:
@@ -58,7 +58,7 @@ class Service:
         (folder / "state").mkdir(exist_ok=True)
         settings = [f"files.state_folder={folder}/state", f"files.runtime_folder={folder}", "procedure.begin_at_start=true",
                     "publish.view=true", "publish.depth=true", "depth.enabled=true", "depth.step_px=8",
-                    "depth.iterations=1", "depth.newer_keyframes=1", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.2",
+                    "depth.iterations=1", "depth.newer_keyframes=1", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.1",
                     "watchdog.tracking_limit_ms=60000", "watchdog.capture_limit_ms=60000",
                     "watchdog.mapping_limit_ms=300000", "watchdog.worker_limit_ms=60000", "watchdog.stop_limit_ms=60000"]
         words = [word for setting in settings for word in ("--set", setting)]
@@ -371,9 +371,10 @@ class PageTest(unittest.TestCase):
                                             each.value("document.getElementById('state').textContent"))
                             self.assertTrue(each.wait_for("Number(document.body.dataset.matched) > 50"), each.messages)
                         if attempt == 0:
+                            # First what lasts only as long as the recording: the lens is covered later, and it ends.
+                            self.assert_picture_is_shown(page)
                             self.assert_mark_is_shown(page, folder)
                             self.assert_scene_is_drawn(page)
-                            self.assert_picture_is_shown(page)
                             # The wall comes while the scope moves.
                             self.assertTrue(page.wait_for("document.body.dataset.surface === 'shown'"), page.messages)
                             self.assert_wall_is_unrolled(page)

@@ -74,7 +74,8 @@ class TwoViewRansac {
   // The last Run found a motion, and another one that fits nearly as well: it returned false.
   bool has_rival() const { return has_rival_; }
   // The last Run returned false because hardly anything moves: so many matches agree with a motion, and all but
-  // min_moving_share of them with its rotation alone. 0 when it was for another reason, or true.
+  // min_moving_share of them with its rotation alone. 0 when it was for another reason, or true. Means nothing when it
+  // was stopped.
   int num_still() const { return num_still_; }
   // Of the last Run, one entry a match: 1 for an inlier, which has a point in front of both cameras.
   std::span<const std::uint8_t> inliers() const { return {inliers_.data(), static_cast<std::size_t>(num_matches_)}; }

@@ -1,5 +1,6 @@
 #include "capture/deinterlace.h"
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -39,6 +40,23 @@ RowDifferences Differences(ImageView image) {
   return sums;
 }
 
+// Combing of columns, by the first row of each group. Of kYuyv and kUyvy the luma: their chroma alternates by itself.
+double CombingOfColumns(ImageView image) {
+  const bool is_packed = image.format == PixelFormat::kYuyv || image.format == PixelFormat::kUyvy;
+  const int step = BytesPerPixel(image.format);
+  const int begin = image.format == PixelFormat::kUyvy ? 1 : 0;
+  const int stride = is_packed ? step : 1;
+  std::uint64_t neighbours = 0, every_other = 0;
+  for (int y = 0; y < image.height; y += kGroupRows) {
+    const std::uint8_t* row = image.row(y);
+    for (int i = begin; i + 2 * step < RowBytes(image.format, image.width); i += stride) {
+      neighbours += static_cast<std::uint64_t>(std::abs(row[i + step] - row[i]));
+      every_other += static_cast<std::uint64_t>(std::abs(row[i + 2 * step] - row[i]));
+    }
+  }
+  return every_other == 0 ? 0.0 : static_cast<double>(neighbours) / static_cast<double>(every_other);
+}
+
 // Of one plane.
 void FillOddRows(std::uint8_t* rows, std::ptrdiff_t pitch_bytes, int row_bytes, int num_rows) {
   for (int y = 1; y < num_rows; y += 2) {
@@ -71,9 +89,12 @@ double Combing(ImageView image) {
 
 bool IsCombed(ImageView image) {
   const RowDifferences sums = Differences(image);
-  const auto neighbours = static_cast<double>(sums.neighbours);
-  return neighbours > kCombedFrom * static_cast<double>(sums.every_other) &&
-         neighbours >= kMinCombedLevels * static_cast<double>(sums.num_bytes);
+  const auto neighbours = static_cast<double>(sums.neighbours), every_other = static_cast<double>(sums.every_other);
+  if (neighbours <= kCombedFrom * every_other || neighbours < kMinCombedLevels * static_cast<double>(sums.num_bytes)) {
+    return false;
+  }
+  const double columns_above_noise = std::max(0.0, CombingOfColumns(image) - 1.0);
+  return neighbours - every_other > kRowsBeforeColumns * columns_above_noise * every_other;
 }
 
 void KeepTopField(Image* image) {

@@ -26,11 +26,16 @@ Result<DeinterlaceChoice> ParseDeinterlaceChoice(std::string_view text);
 double Combing(ImageView image);
 
 // Whether Combing is above kCombedFrom and the difference is more than a sensor's noise: kMinCombedLevels of 255.
+// A picture whose columns are combed, too, was dithered to few colours: then the rows must be kRowsBeforeColumns times
+// as far above noise as they.
 bool IsCombed(ImageView image);
 
 // Where noise cannot come by chance: of a dark picture it is all there is.
 inline constexpr double kCombedFrom = 1.1;
 inline constexpr double kMinCombedLevels = 2.0;
+// Dithers alternate across as much as down; of those seen, rows were up to 1.4 times as far above noise as columns.
+// Fields alternate down only: of woven pictures columns are below noise.
+inline constexpr double kRowsBeforeColumns = 2.0;
 
 // Each odd row becomes the mean of the rows above and below, rounded up at a half; the last one, without a row below,
 // that above. Of all channels; the rows of colour of kNv12 likewise, among themselves.

@@ -24,7 +24,7 @@ std::string_view ToString(TrackingReason reason) {
     case TrackingReason::kWeakEvidence: return "weak_evidence";
     case TrackingReason::kInconsistentMotion: return "inconsistent_motion";
     case TrackingReason::kDeniedByFlow: return "denied_by_flow";
-    case TrackingReason::kNoReference: return "no_reference";
+    case TrackingReason::kFirstView: return "first_view";
     case TrackingReason::kLowParallax: return "low_parallax";
     case TrackingReason::kNoEpipolarGeometry: return "no_epipolar_geometry";
     case TrackingReason::kUncertainMotion: return "uncertain_motion";

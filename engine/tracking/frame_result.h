@@ -26,7 +26,7 @@ enum class TrackingReason : std::uint8_t {
   kWeakEvidence,        // no more of the map agrees with the pose than chance would give (film, bubbles, wrong place)
   kInconsistentMotion,  // the pose jumped further than a scope can move
   kDeniedByFlow,        // optical flow since the last certain pose says otherwise
-  kNoReference,         // initialisation: this frame is the new reference
+  kFirstView,           // initialisation: nothing to compare with yet; the first view of what may become a new map
   kLowParallax,         // initialisation: the views are too near each other
   kNoEpipolarGeometry,  // initialisation: no motion explains the matches
   kUncertainMotion,     // initialisation: the matches leave open in which direction the scope travelled
@@ -43,7 +43,7 @@ struct FrameResult {
   std::uint32_t frame_index = 0;
   TimePoint timestamp;
   TrackingState state = TrackingState::kInitialising;
-  TrackingReason reason = TrackingReason::kNoReference;
+  TrackingReason reason = TrackingReason::kFirstView;
   // While tracking: pose in the map that is active now, and relative to a keyframe, so that the final pose can be had
   // from Engine::Resolve when the map has been optimised, merged or moved since.
   MapId map_id = kNoId;

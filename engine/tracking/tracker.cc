@@ -316,7 +316,7 @@ Tracker::Outcome Tracker::TryStart(const Start& start, FrameResult* result) {
 Tracker::Outcome Tracker::BeginMap(Lost* lost, FrameResult* result) {
   if (!lost->is_asking) lost->is_asking = proposer_.AskForPlace();
   if (!initialiser_.has_reference()) {
-    result->reason = TrackingReason::kNoReference;
+    result->reason = TrackingReason::kFirstView;
   } else if (!budget_.MayInitialise()) {
     result->reason = TrackingReason::kNoTime;
   } else {
@@ -336,7 +336,7 @@ Tracker::Outcome Tracker::BeginMap(Lost* lost, FrameResult* result) {
     return Outcome::kNoPose;
   }
   // A view that was not compared is kept, too: a later one spans it.
-  const bool is_compared = result->reason != TrackingReason::kNoReference && result->reason != TrackingReason::kNoTime;
+  const bool is_compared = result->reason != TrackingReason::kFirstView && result->reason != TrackingReason::kNoTime;
   if (is_compared && initialiser_.is_worn_out()) initialiser_.RenewReference();
   initialiser_.Keep(current_);
   is_set_given_ = true;

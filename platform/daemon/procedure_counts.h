@@ -31,7 +31,7 @@ struct ProcedureCounts {
   std::uint32_t has_frame = 0;  // 1: there was one
   std::uint32_t last_frame_index = 0;
   TrackingState last_state = TrackingState::kInitialising;
-  TrackingReason last_reason = TrackingReason::kNoReference;
+  TrackingReason last_reason = TrackingReason::kFirstView;
   MapId last_map_id = kNoId;
   Duration last_latency{0};
 

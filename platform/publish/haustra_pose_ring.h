@@ -79,7 +79,7 @@ enum haustra_service {
 /* Names are those of the columns state and reason of frames.csv. New numbers are only ever added. */
 enum haustra_state { HAUSTRA_STATE_INITIALISING = 0, HAUSTRA_STATE_TRACKING = 1, HAUSTRA_STATE_LOST = 2 };
 
-/* How the pose came about, or why there is none; meanings in the daemon's README. */
+/* How the pose came about, or why there is none; meanings in tools/run/README.md. */
 enum haustra_reason {
   HAUSTRA_REASON_TRACKED = 0,
   HAUSTRA_REASON_RECOVERED = 1,
@@ -90,7 +90,8 @@ enum haustra_reason {
   HAUSTRA_REASON_FEW_INLIERS = 6,
   HAUSTRA_REASON_UNCLEAR_VIEW = 7,
   HAUSTRA_REASON_INCONSISTENT_MOTION = 8,
-  HAUSTRA_REASON_NO_REFERENCE = 9,
+  HAUSTRA_REASON_FIRST_VIEW = 9,
+  HAUSTRA_REASON_NO_REFERENCE = HAUSTRA_REASON_FIRST_VIEW, /* its earlier name */
   HAUSTRA_REASON_LOW_PARALLAX = 10,
   HAUSTRA_REASON_NO_EPIPOLAR_GEOMETRY = 11,
   HAUSTRA_REASON_LOW_SPREAD = 12,
@@ -496,7 +497,7 @@ static inline const char* haustra_state_name(uint32_t state) {
 static inline const char* haustra_reason_name(uint32_t reason) {
   static const char* const names[] = {
       "tracked",       "recovered",     "relocalised",         "damaged_frame", "few_features", "few_matches",
-      "few_inliers",   "weak_evidence", "inconsistent_motion", "no_reference",  "low_parallax", "no_epipolar_geometry",
+      "few_inliers",   "weak_evidence", "inconsistent_motion", "first_view",    "low_parallax", "no_epipolar_geometry",
       "low_spread",    "map_proposed",  "awaiting_map",        "predicted",     "no_time",      "uncertain_motion",
       "denied_by_flow"};
   return reason < sizeof names / sizeof names[0] ? names[reason] : "unknown";

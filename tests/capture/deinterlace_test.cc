@@ -38,6 +38,18 @@ Image Picture(int width, int height, PixelFormat format, double shift_px) {
   return image;
 }
 
+// Alike over some fifty pixels, as most of a wall is.
+Image Smooth(int width, int height, PixelFormat format) {
+  Image image(width, height, format);
+  const int bytes = BytesPerPixel(format);
+  for (int y = 0; y < MemoryRows(format, height); ++y) {
+    for (int i = 0; i < width * bytes; ++i) {
+      image.row(y)[i] = static_cast<std::uint8_t>(SceneAt(0.15 * (i / bytes), 0.15 * y));
+    }
+  }
+  return image;
+}
+
 Image Progressive() { return Picture(96, 72, PixelFormat::kBgr8, 0.0); }
 Image Woven() { return Picture(96, 72, PixelFormat::kBgr8, 5.0); }
 
@@ -49,6 +61,20 @@ Image Noise(int width, int height, double mean, double sigma, std::uint32_t seed
     for (int x = 0; x < width; ++x) image.row(y)[x] = static_cast<std::uint8_t>(std::clamp(normal(bits), 0.0, 255.0));
   }
   return image;
+}
+
+// Fewer levels, `step` apart, by an ordered dither of 4x4 thresholds: the mean of a neighbourhood stays.
+Image Dithered(const Image& image, int step) {
+  constexpr int kThresholds[4][4] = {{0, 8, 2, 10}, {12, 4, 14, 6}, {3, 11, 1, 9}, {15, 7, 13, 5}};
+  Image dithered(image.width(), image.height(), image.format());
+  const int bytes = BytesPerPixel(image.format());
+  for (int y = 0; y < MemoryRows(image.format(), image.height()); ++y) {
+    for (int i = 0; i < image.width() * bytes; ++i) {
+      const int raised = image.row(y)[i] + kThresholds[y % 4][i / bytes % 4] * step / 16;
+      dithered.row(y)[i] = static_cast<std::uint8_t>(raised / step * step);
+    }
+  }
+  return dithered;
 }
 
 Image Column(std::initializer_list<int> values) {
@@ -113,6 +139,39 @@ TEST(Combing, SharpenedNoiseOfADarkPictureIsNotCombed) {
   }
   EXPECT_GT(Combing(sharpened.view()), 1.0);
   EXPECT_FALSE(IsCombed(sharpened.view()));
+}
+
+// A palette of few colours alternates between them from pixel to pixel, across as much as down.
+TEST(Combing, ADitheredPictureIsNotCombed) {
+  for (const PixelFormat format : kAllFormats) {
+    for (const int step : {32, 48, 64}) {
+      const Image dithered = Dithered(Smooth(240, 180, format), step);
+      EXPECT_GT(Combing(dithered.view()), kCombedFrom) << step;
+      EXPECT_FALSE(IsCombed(dithered.view())) << step << " " << static_cast<int>(format);
+    }
+  }
+}
+
+TEST(Combing, AWovenPictureThatWasDitheredIsCombed) {
+  for (const PixelFormat format : kAllFormats) {
+    EXPECT_TRUE(IsCombed(Dithered(Picture(240, 180, format, 5.0), 16).view())) << static_cast<int>(format);
+  }
+}
+
+// Columns of white noise differ by chance, too.
+TEST(Combing, AWovenPictureWithMuchNoiseIsCombed) {
+  Image woven = Picture(240, 180, PixelFormat::kGrey8, 5.0);
+  for (std::uint32_t seed = 1; seed <= 20; ++seed) {
+    const Image noise = Noise(240, 180, 128, 20, seed);
+    Image noisy;
+    CopyImage(woven.view(), &noisy);
+    for (int y = 0; y < 180; ++y) {
+      for (int x = 0; x < 240; ++x) {
+        noisy.row(y)[x] = static_cast<std::uint8_t>(std::clamp(woven.row(y)[x] + noise.row(y)[x] - 128, 0, 255));
+      }
+    }
+    EXPECT_TRUE(IsCombed(noisy.view())) << seed;
+  }
 }
 
 TEST(Combing, FlatSmallAndEmptyPicturesAreNotCombed) {
@@ -222,6 +281,12 @@ TEST(Deinterlacer, OneClearlyCombedPictureIsEnough) {
   Deinterlacer deinterlacer(DeinterlaceChoice::kAuto);
   EXPECT_TRUE(deinterlacer.WantsTopField(woven.view()));
   EXPECT_TRUE(deinterlacer.WantsTopField(progressive.view()));
+}
+
+TEST(Deinterlacer, DitheredPicturesStayWhole) {
+  const Image dithered = Dithered(Smooth(240, 180, PixelFormat::kBgr8), 64);
+  Deinterlacer deinterlacer(DeinterlaceChoice::kAuto);
+  for (int i = 0; i < 5; ++i) EXPECT_FALSE(deinterlacer.WantsTopField(dithered.view()));
 }
 
 TEST(Deinterlacer, OffAndOnDoNotLook) {

@@ -33,7 +33,7 @@ std::string Progress::Text(const RunRecord& record) const {
   const std::string map = last.state == TrackingState::kTracking ? std::to_string(last.map_id) : "-";
   char text[160];
   const std::string of = num_frames_ > 0 ? "/" + std::to_string(num_frames_) : " frames";
-  std::snprintf(text, sizeof(text), "%s%zu%s  %5.1f fps  %-12s map %-3s covered %5.1f %%", bar.c_str(), done,
+  std::snprintf(text, sizeof(text), "%s%zu%s  %5.1f fps  %-12s map %-3s %5.1f %% with a pose so far", bar.c_str(), done,
                 of.c_str(), seconds > 0 ? static_cast<double>(done) / seconds : 0.0,
                 std::string(ToString(last.state)).c_str(), map.c_str(),
                 100.0 * static_cast<double>(record.num_tracked()) / static_cast<double>(done));

@@ -1,4 +1,5 @@
-// One line on the terminal that says how a run goes: share done, rate, state, map, coverage so far. thread-bound(main).
+// One line on the terminal that says how a run goes: share done, rate, state, map, frames with a pose so far. Whether
+// the map of a pose lasts is not known before the end: the summary counts those that do. thread-bound(main).
 #pragma once
 
 #include <cstdint>

@@ -43,6 +43,7 @@
 #include "tools/run/progress.h"
 #include "tools/run/run_outputs.h"
 #include "tools/run/surface_of_run.h"
+#include "tools/run/two_views.h"
 
 namespace haustra {
 namespace {
@@ -241,6 +242,11 @@ int Run(const RunArguments& arguments) {
   // In pixels of the frames as they are stored, where it was guessed from them.
   const std::string guess = GuessText(estimated ? estimated->calibration : calibration);
   if (!guess.empty()) console::Warn(kRunCommand, "%s", guess.c_str());
+  // A camera's pictures come once.
+  if (!IsV4l2Spec(arguments.sequence)) {
+    const std::string two_views = TwoViewsRemark(arguments.sequence, sequence_options);
+    if (!two_views.empty()) console::Warn(kRunCommand, "%s", two_views.c_str());
+  }
   const Result<CameraModel> camera = CameraModel::Create(calibration);
   if (!camera.ok()) return console::Fail(kRunCommand, camera.status());
   const ThreadWatch* thread_watch = nullptr;

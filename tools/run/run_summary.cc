@@ -148,6 +148,7 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
     const bool has_pose = frame.result.state == TrackingState::kTracking;
     summary.live_localised += has_pose && lasting_maps.Contain(frame.result.map_id);
   }
+  summary.tracked = record.num_tracked();
   summary.live_coverage = Percent(summary.live_localised, summary.sequence_frames);
   summary.coverage = Percent(summary.localised, summary.sequence_frames);
   for (const RunEvent& event : record.events()) {
@@ -294,6 +295,7 @@ std::string ToJson(const RunSummary& s) {
   json["every_nth"] = s.every_nth;
   json["frames"] = s.frames;
   json["sequence_frames"] = s.sequence_frames;
+  json["tracked"] = s.tracked;
   json["live_localised"] = s.live_localised;
   json["live_coverage"] = s.live_coverage;
   json["localised"] = s.localised;
@@ -410,6 +412,10 @@ std::string ToText(const RunSummary& s) {
   if (!s.device.empty()) Append(&text, "  device        %5s\n", s.device.c_str());
   Append(&text, "  live coverage %5.1f %%   (%zu of %zu frames were answered with a pose that lasts)\n",
          s.live_coverage, s.live_localised, s.sequence_frames);
+  if (s.tracked > s.live_localised) {
+    Append(&text, "  given up      %5zu     frames more had a pose at the time, in a map that did not last\n",
+           s.tracked - s.live_localised);
+  }
   Append(&text, "  coverage      %5.1f %%   (%zu have a pose at the end)\n", s.coverage, s.localised);
   Append(&text, "  maps          %5zu     (%zu begun, %zu merged, %zu loops closed; largest: %zu frames)\n", s.maps,
          s.maps_created, s.merges, s.loops, s.largest_map_frames);

@@ -80,6 +80,7 @@ struct RunSummary {
   std::uint32_t first_frame = 0, every_nth = 1;  // the part of the sequence, as SequenceOptions have it
   std::size_t frames = 0;                        // that were answered
   std::size_t sequence_frames = 0;               // those that an aborted run did not come to among them
+  std::size_t tracked = 0;                       // answered at the time with a pose, whatever became of its map
   // Answered at the time with a pose in a map that exists at the end, be it in one that it was merged into.
   std::size_t live_localised = 0;
   double live_coverage = 0.0;  // percent of the sequence

@@ -57,7 +57,7 @@ TEST_F(FoundingFollowTest, EndsWhenTheMapIsRefused) {
   ASSERT_NO_FATAL_FAILURE(TrackUntilProposed());
   EXPECT_EQ(TrackNext().reason, TrackingReason::kAwaitingMap);
   link_.replies.TryPush({0, MapRefused{founding().founding_id}});
-  EXPECT_EQ(TrackNext().reason, TrackingReason::kNoReference) << "the next founding begins";
+  EXPECT_EQ(ToString(TrackNext().reason), "first_view") << "the next founding begins";
   EXPECT_TRUE(device_.followed.empty());
 }
 

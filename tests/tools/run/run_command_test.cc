@@ -4,9 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <string>
 
+#include "capture/codec/image_codec.h"
 #include "tests/capture/temp_folder.h"
 #include "tests/tools/command/call_command.h"
 #include "tools/command/console.h"
@@ -32,6 +35,51 @@ TEST(RunCommand, RefusedMarksAreWarnings) {
   EXPECT_THAT(answer.err, HasSubstr("haustra run: warning: mark polyp in frame 9000 is refused: the run ended before "
                                     "its frame came\n"));
   EXPECT_THAT(answer.out, Not(HasSubstr("polyp"))) << "once is enough";
+}
+
+// What is in maps that go again is not known before the end.
+TEST(RunCommand, ProgressSaysThatItCountsPosesSoFar) {
+  const TempFolder root;
+  const std::string colon = root.Path("colon");
+  ASSERT_EQ(CallCommand({AddRenderCommand}, {"render", colon, "--seconds", "0.4", "--size", "360x270"}).code, kExitOk);
+  const CommandAnswer answer =
+      CallCommand({AddRunCommand}, {"run", colon, "--out", root.Path("out"), "--device", "cpu", "--report", "off"});
+  EXPECT_EQ(answer.code, kExitOk);
+  EXPECT_THAT(answer.err, HasSubstr("with a pose so far"));
+  EXPECT_THAT(answer.err, Not(HasSubstr("show the same scene")));
+}
+
+// The frame in half its width, and beside it again from a little to the right.
+void MakeSideBySide(const std::string& path) {
+  const Result<Image> read = ReadImage(path, ChannelChoice::kGrey);
+  ASSERT_TRUE(read.ok());
+  const int half = read->width() / 2;
+  constexpr int kDisparityPx = 8;
+  Image both(2 * half, read->height(), PixelFormat::kGrey8);
+  for (int y = 0; y < both.height(); ++y) {
+    for (int x = 0; x < half; ++x) {
+      both.row(y)[x] = read->row(y)[2 * x];
+      both.row(y)[half + x] = read->row(y)[2 * std::min(x + kDisparityPx, half - 1)];
+    }
+  }
+  ASSERT_TRUE(WritePng(path, both.view()).ok());
+}
+
+TEST(RunCommand, WarnsOnceOfTwoViewsInEachPicture) {
+  const TempFolder root;
+  const std::string colon = root.Path("colon");
+  ASSERT_EQ(CallCommand({AddRenderCommand}, {"render", colon, "--seconds", "0.4", "--size", "720x270"}).code, kExitOk);
+  for (const auto& entry : std::filesystem::directory_iterator(colon + "/frames")) MakeSideBySide(entry.path());
+  console::SetQuiet(true);
+  const CommandAnswer answer =
+      CallCommand({AddRunCommand}, {"run", colon, "--out", root.Path("out"), "--device", "cpu", "--report", "off"});
+  console::SetQuiet(false);
+  EXPECT_EQ(answer.code, kExitOk);
+  EXPECT_THAT(answer.err, HasSubstr("haustra run: warning: " + colon +
+                                    ": left and right half of the pictures show the "
+                                    "same scene."));
+  EXPECT_THAT(answer.err, HasSubstr("-vf crop=iw/2:ih:0:0 "));
+  EXPECT_EQ(answer.err.find("same scene"), answer.err.rfind("same scene"));
 }
 
 }  // namespace

@@ -33,7 +33,7 @@ std::vector<std::string> EventNames(const RunRecord& record) {
 
 TEST(RunRecord, LossCountsOnceUntilTrackedAgain) {
   RunRecord record({});
-  record.OnFrame(Outcome(0, TrackingState::kInitialising, TrackingReason::kNoReference));
+  record.OnFrame(Outcome(0, TrackingState::kInitialising, TrackingReason::kFirstView));
   record.OnFrame(Tracked(1, 3));
   record.OnFrame(Lost(2));
   record.OnFrame(Lost(3));

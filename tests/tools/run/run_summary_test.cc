@@ -225,6 +225,18 @@ TEST(RunSummary, JsonHasTheTermsOfTheEvaluation) {
   EXPECT_EQ(json["frame_ms"], (nlohmann::json{{"p50", 1.0}, {"p99", 2.0}, {"p999", 3.0}, {"max", 4.0}}));
 }
 
+// The progress counts them: at the end it is to be seen where they went.
+TEST(RunSummary, PosesInMapsThatDidNotLastAreSaid) {
+  RunSummary summary;
+  summary.tracked = summary.live_localised = 113;
+  EXPECT_EQ(ToText(summary).find("given up"), std::string::npos);
+  summary.live_localised = 101;
+  EXPECT_NE(ToText(summary).find("\n  given up         12     frames more had a pose at the time, in a map that did"),
+            std::string::npos)
+      << ToText(summary);
+  EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["tracked"], 113);
+}
+
 TEST(RunSummary, TheSurfaceIsSaidWhereItWasAskedFor) {
   RunSummary summary;
   EXPECT_FALSE(nlohmann::json::parse(ToJson(summary)).contains("surface"));

@@ -21,8 +21,8 @@ constexpr double kInverseSigma = 0.1;
 constexpr int kRounds = 6;
 // Orientations of an edge that are tried.
 constexpr int kNumEdges = 8;
-// Two walls explain so many points, in full weight, that one wall does not. At 10200 pixels of rendered colons, 2 to 4
-// do equally well, and 0.5 and 1 see edges where there are none.
+// Two walls explain so many points, in full weight, that one wall does not. 2 to 4 do equally well, and 0.5 and 1 see
+// edges where there are none (decisions/2026-11-28-the-edge-of-a-fold.md).
 constexpr double kEdgeGain = 3.0;
 // Walls whose distances differ by less are one wall with a bend.
 constexpr double kEdgeRatio = 1.1;

@@ -90,6 +90,12 @@ VisionDevice& Engine::BackgroundDevice(VisionDevice& device, Mode mode) {
   return shared_device_.emplace(*next);
 }
 
+bool Engine::MapStep(MapWork work) {
+  if (mapper_.Step(work)) return true;
+  if (!depth_) return false;
+  return work == MapWork::kAll ? depth_->keeper.Step() : depth_->keeper.TakeIn();
+}
+
 bool Engine::MergeStep() {
   PlaceTask* task = places_.Asked();
   if (task == nullptr) return false;
@@ -101,7 +107,8 @@ bool Engine::MergeStep() {
 }
 
 bool Engine::DepthStep() {
-  DepthTask* task = depth_ ? depth_->mailbox.Asked() : nullptr;
+  if (!depth_ || depth_->is_stopped.load(std::memory_order_relaxed)) return false;
+  DepthTask* task = depth_->mailbox.Asked();
   if (task == nullptr) return false;
   const TimePoint start = clock_ == nullptr ? TimePoint{} : clock_->Now();
   const std::span<const DepthView> sources{task->sources.data(), task->sources.size()};

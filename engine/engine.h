@@ -91,17 +91,18 @@ class Engine {
   const MarkSightings& mark_sightings() const { return tracker_.mark_sightings(); }
 
   // Mapping thread. False when there was nothing to do. What the depth of keyframes asks for comes last.
-  bool MapStep() { return mapper_.Step() || (depth_ && depth_->keeper.Step()); }
+  bool MapStep(MapWork work = MapWork::kAll);
   // Merging thread: answers what mapping asks about places (engine/place). False when there was nothing to do.
   bool MergeStep();
   // Any thread. Merging has something to do; mapping has asked something whose answer it has not yet taken.
   bool has_merge_work() const { return places_.has_question(); }
   bool is_merging() const { return places_.is_out(); }
-  // Depth thread: searches the depth of a keyframe (engine/depth). False when there was nothing to do.
+  // Depth thread: searches the depth of a keyframe (engine/depth). False when there was nothing to do, or it is
+  // stopped.
   bool DepthStep();
   // Any thread. DepthStep has something to do.
   bool has_depth_work() const { return depth_ && depth_->mailbox.has_question(); }
-  // Any thread. While it is stopped DepthStep ends within milliseconds, and what it was at is asked again.
+  // Any thread. When it is stopped DepthStep ends within milliseconds, and what it was at is asked again.
   void StopDepth(bool stop) {
     if (depth_) depth_->is_stopped.store(stop, std::memory_order_relaxed);
   }

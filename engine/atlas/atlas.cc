@@ -118,6 +118,7 @@ KeyframeHandle Atlas::InsertKeyframe(MapHandle map, KeyframeId id, std::uint32_t
   std::copy_n(features.bearings.begin(), features.num, keyframe.features.bearings.begin());
   std::fill(keyframe.points.begin(), keyframe.points.end(), MapPointHandle{});
   keyframe.num_points = 0;
+  keyframe.num_point_changes = 0;
   KeyframeTrace& trace = traces_[id];
   trace = KeyframeTrace{};
   trace.session = session;
@@ -181,6 +182,7 @@ void Atlas::RemovePoint(MapPointHandle handle) {
     Keyframe& keyframe = keyframes_.At(observation.keyframe);
     keyframe.points[observation.feature_idx] = MapPointHandle{};
     --keyframe.num_points;
+    ++keyframe.num_point_changes;
   }
   --maps_.At(point.map).num_points;
   points_.Release(handle);
@@ -202,6 +204,7 @@ bool Atlas::AddObservation(MapPointHandle handle, KeyframeHandle keyframe_handle
   HAUSTRA_CHECK(point.observations.PushBack({keyframe_handle, feature_idx}));
   keyframe.points[feature_idx] = handle;
   ++keyframe.num_points;
+  ++keyframe.num_point_changes;
   // The descriptor may have been that of the observation given up.
   if (was_full) UpdatePoint(handle);
   return true;
@@ -235,6 +238,7 @@ bool Atlas::RemoveObservation(MapPointHandle handle, KeyframeHandle keyframe_han
     Keyframe& keyframe = keyframes_.At(keyframe_handle);
     keyframe.points[point.observations[i].feature_idx] = MapPointHandle{};
     --keyframe.num_points;
+    ++keyframe.num_point_changes;
     point.observations.SwapErase(i);
     break;
   }

@@ -68,6 +68,8 @@ struct Keyframe {
   FrameFeatures features;
   std::pmr::vector<MapPointHandle> points;  // one a feature, invalid where there is none
   int num_points = 0;
+  // Of `points`, since the keyframe was made: the same number, the same points.
+  std::uint64_t num_point_changes = 0;
 };
 
 enum class MapStatus : std::uint8_t { kActive, kStored, kMerged, kDropped };

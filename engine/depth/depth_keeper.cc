@@ -56,7 +56,7 @@ MemoryPlan DepthKeeper::PlanMemory(const EngineConfig& config, int width_px, int
   return plan;
 }
 
-bool DepthKeeper::Step() {
+bool DepthKeeper::TakeIn() {
   if (mailbox_.Answered() != nullptr) {
     TakeAnswer();
     return true;
@@ -65,7 +65,7 @@ bool DepthKeeper::Step() {
     handed_.Pop();
     return true;
   }
-  return Ask();
+  return false;
 }
 
 const KeptDepth* DepthKeeper::DepthOf(KeyframeHandle keyframe) const {

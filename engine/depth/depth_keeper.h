@@ -40,7 +40,9 @@ class DepthKeeper {
   static MemoryPlan PlanMemory(const EngineConfig& config, int width_px, int height_px);
 
   // Takes an answer or a picture, or asks. False: there is nothing to do.
-  bool Step();
+  bool Step() { return TakeIn() || Ask(); }
+  // The first two.
+  bool TakeIn();
   // While no picture will come: all keyframes that have one take their turn.
   void SetFinishing(bool is_finishing) { is_finishing_ = is_finishing; }
 

@@ -23,8 +23,7 @@ Joiner::Joiner(MappingState& state, Parts parts)
 // Does the keyframe show what another map, or another part of this one, already holds?
 void Joiner::Ask(KeyframeHandle keyframe) {
   PlaceTask* task = places_.Free();
-  if (skipped_) ++state_.counters.num_places_skipped;
-  skipped_ = task == nullptr ? keyframe : KeyframeHandle{};
+  PutOff(task == nullptr ? keyframe : KeyframeHandle{});
   if (task == nullptr) return;
   const TimePoint start = state_.Now();
   task->noise = state_.noise;
@@ -36,6 +35,11 @@ void Joiner::Ask(KeyframeHandle keyframe) {
   } else {
     EndQuestion(*task);
   }
+}
+
+void Joiner::PutOff(KeyframeHandle keyframe) {
+  if (skipped_) ++state_.counters.num_places_skipped;
+  skipped_ = keyframe;
 }
 
 // When there is nothing else to do.

@@ -37,6 +37,8 @@ class Joiner {
   // Does the keyframe show what another map, or another part of this one, already holds? When a question is out the
   // keyframe is kept for later.
   void Ask(KeyframeHandle keyframe);
+  // Keeps the keyframe for later.
+  void PutOff(KeyframeHandle keyframe);
   // Takes the recogniser's answer, and begins the join when it says so. False: there is none.
   bool TakeAnswer();
 

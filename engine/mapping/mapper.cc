@@ -60,7 +60,7 @@ MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
   return plan;
 }
 
-bool Mapper::Step() {
+bool Mapper::Step(MapWork work) {
   marks_.HearTracker();
   // Each step below tells tracking one thing at most.
   if (!publisher_.has_room()) return false;
@@ -78,11 +78,11 @@ bool Mapper::Step() {
     return true;
   }
   is_joins_turn_ = true;
-  if (proposal == nullptr) return joiner_.AskForSkipped() || joiner_.SettleSeam();
+  if (proposal == nullptr) return work == MapWork::kAll && (joiner_.AskForSkipped() || joiner_.SettleSeam());
   current_view_ = &proposal->view;
   state_.noise = proposal->noise;
   switch (proposal->kind) {
-    case ProposalKind::kKeyframe: InsertKeyframe(*proposal); break;
+    case ProposalKind::kKeyframe: InsertKeyframe(*proposal, work); break;
     case ProposalKind::kFounding: FoundMap(*proposal); break;
     case ProposalKind::kPlaceless: FindFrame(proposal->view); break;
   }
@@ -187,11 +187,17 @@ void Mapper::RemoveFromRetrieval(MapHandle map) {
   for (const KeyframeHandle keyframe : state_.atlas.map(map).keyframes) retrieval_->Remove(keyframe);
 }
 
-void Mapper::InsertKeyframe(const KeyframeProposal& proposal) {
+void Mapper::InsertKeyframe(const KeyframeProposal& proposal, MapWork work) {
   const KeyframeHandle keyframe = inserter_.Insert(proposal);
   if (!keyframe) return;
   (void)retrieval_->Add(state_.atlas, keyframe);
-  if (state_.config.merging.enabled) joiner_.Ask(keyframe);
+  if (state_.config.merging.enabled) {
+    if (work == MapWork::kAll) {
+      joiner_.Ask(keyframe);
+    } else {
+      joiner_.PutOff(keyframe);
+    }
+  }
   marks_.Refine();
   publisher_.Publish();
 }

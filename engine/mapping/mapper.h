@@ -42,6 +42,10 @@
 
 namespace haustra {
 
+// kNeeded: what tracking has proposed, answers that are due, and a join that has begun. The maps are then whole, and
+// all that only makes them better waits: new questions about places, settling, new depth.
+enum class MapWork { kAll, kNeeded };
+
 class Mapper {
  public:
   // `vocabulary` may be null unless config.place.retrieval asks for one (make_retrieval.h); it outlives the mapper.
@@ -55,7 +59,7 @@ class Mapper {
 
   // Takes the recogniser's answer, or else works on the oldest proposal. False when there is nothing to do, or when the
   // tracker has left no room for a reply (tracking_link.h).
-  bool Step();
+  bool Step(MapWork work = MapWork::kAll);
 
   // Before the first step: takes the maps of a file as stored ones, in which lost frames and known places are looked
   // for like in those of this run. Status of RestoreAtlas.
@@ -83,7 +87,7 @@ class Mapper {
   void RefuseFounding(const KeyframeProposal& proposal);
   void RetireActiveMap(const ProposedView& view);
   void RemoveFromRetrieval(MapHandle map);
-  void InsertKeyframe(const KeyframeProposal& proposal);
+  void InsertKeyframe(const KeyframeProposal& proposal, MapWork work);
   void FindFrame(const ProposedView& view);
   void Report(MapEventKind kind, const ProposedView& view, MapHandle map);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 
 namespace haustra {
 namespace {
@@ -25,7 +26,16 @@ PlacedMark PlaceOn(const FittedWall& patch, const Eigen::Vector3d& ray, const SE
 }  // namespace
 
 void MarkKeeper::HearTracker() {
+  const std::uint64_t num_missed = state_.link.answers.num_dropped();
+  const bool has_missed = std::exchange(num_missed_, num_missed) != num_missed;
+  const std::uint64_t num_before = num_frames_;
   for (AnsweredFrame frame; state_.link.answers.TryPop(&frame);) frames_[num_frames_++ % kKeptAnswers] = frame;
+  // What a full ring holds is older than what it lost.
+  if (has_missed) {
+    is_newest_known_ = false;
+  } else if (num_frames_ > num_before) {
+    is_newest_known_ = true;
+  }
 }
 
 const AnsweredFrame* MarkKeeper::Find(std::uint32_t frame_index) const {
@@ -64,6 +74,9 @@ Result<MarkId> MarkKeeper::Set(const MarkRequest& request) {
   if (atlas.marks().size() == atlas.marks().capacity()) {
     return CapacityExceeded("there are " + std::to_string(atlas.marks().capacity()) +
                             " marks already (memory.max_marks); remove one first");
+  }
+  if (request.frame_index == kNewestFrame && !is_newest_known_) {
+    return NotFound("the newest frame is not known: mapping was busy for too long; set the mark again");
   }
   const AnsweredFrame* frame = Find(request.frame_index);
   if (frame == nullptr) {

@@ -55,6 +55,8 @@ class MarkKeeper {
   WallFit fit_;
   std::array<AnsweredFrame, kKeptAnswers> frames_;  // the latest, by their number among all modulo the size
   std::uint64_t num_frames_ = 0;
+  std::uint64_t num_missed_ = 0;      // answers that the ring has lost
+  bool is_newest_known_ = true;       // no newer frame's answer was lost
   std::uint32_t next_to_refine_ = 0;  // slot
   std::vector<Covisible> covisible_;
 };

@@ -4,12 +4,12 @@
 #include <cmath>
 
 #include "engine/geometry/constants.h"
+#include "engine/geometry/rng_streams.h"
 #include "engine/geometry/triangulation.h"
 
 namespace haustra {
 namespace {
 
-constexpr std::uint64_t kReliefStream = 11;
 // A pair contradicts when its own motion goes elsewhere, and fits better than the minimum next to the map's motion by
 // so many matches. Nearer directions give much the same relief (two_view.cc).
 constexpr double kOtherReliefRad = 0.5;
@@ -44,7 +44,7 @@ ReliefCheck::ReliefCheck(const EngineConfig& config, const NoiseModel& noise, co
       pair_(config, noise, camera, device),
       ransac_(config.features.max),
       pose_ransac_(config.features.max),
-      rng_(config.seed, kReliefStream),
+      rng_(config.seed, rng_stream::kRelief),
       slots_(static_cast<std::size_t>(config.memory.max_keyframes), -1),
       place_of_(static_cast<std::size_t>(config.memory.max_map_points), -1) {}
 

@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include "engine/geometry/constants.h"
+#include "engine/geometry/rng_streams.h"
 
 namespace haustra {
 namespace {
 
-constexpr std::uint64_t kLinkerStream = 7;
 // Measured against expected inverse depth, in sigmas of both: beyond it the match is false, or the wall ends there.
 constexpr double kMaxDepthSigmas = 4.0;
 // Farther than this many times the wall around it a point is not placed: positions would lose their meaning.
@@ -34,7 +34,7 @@ TrackLinker::TrackLinker(const EngineConfig& config, const NoiseModel& noise, co
       camera_(camera),
       pair_(config, noise, camera, device),
       ransac_(config.features.max),
-      rng_(config.seed, kLinkerStream) {}
+      rng_(config.seed, rng_stream::kTrackLinks) {}
 
 int TrackLinker::Link(KeyframeHandle handle, std::span<const Covisible> neighbours, Atlas* atlas,
                       std::vector<MapPointHandle>* created) {

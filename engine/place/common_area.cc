@@ -6,11 +6,11 @@
 
 #include "engine/geometry/constants.h"
 #include "engine/geometry/ellipse_spread.h"
+#include "engine/geometry/rng_streams.h"
 
 namespace haustra {
 namespace {
 
-constexpr std::uint64_t kGroupStream = 13;
 // The first similarity comes from few matches; the second search profits from what the first one added.
 constexpr int kGuidedRounds = 2;
 // A correction smaller than this share of the depth needs no explanation by drift.
@@ -62,7 +62,7 @@ CommonAreaVerifier::CommonAreaVerifier(const EngineConfig& config, const CommonA
       search_(config, tolerated_, camera, device),
       matcher_(config, options, device),
       group_similarity_(config, options, noise, camera, matcher_),
-      group_rng_(config.seed, kGroupStream) {}
+      group_rng_(config.seed, rng_stream::kGroups) {}
 
 bool CommonAreaVerifier::Verify(const GroupExcerpt& a, const GroupExcerpt& b, Rng& rng, CommonArea* out) {
   *out = CommonArea{};

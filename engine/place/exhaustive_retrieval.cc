@@ -82,10 +82,10 @@ Status ExhaustiveRetrieval::Choose(const Atlas& atlas, const RetrievalQuery& que
 std::span<const std::int32_t> ExhaustiveRetrieval::VotersOf(std::uint32_t slot, const Keyframe& keyframe) {
   Voters& chosen = voters_of_slot_[slot];
   std::int32_t* voters = &voters_[slot * max_voters_];
-  if (chosen.num_points != keyframe.num_points) {
+  if (chosen.num_point_changes != keyframe.num_point_changes) {
     SelectStrongestWithPoint(keyframe, static_cast<int>(max_voters_), &strongest_);
     std::copy(strongest_.begin(), strongest_.end(), voters);
-    chosen = {keyframe.num_points, static_cast<std::uint32_t>(strongest_.size())};
+    chosen = {keyframe.num_point_changes, static_cast<std::uint32_t>(strongest_.size())};
   }
   return {voters, chosen.num};
 }

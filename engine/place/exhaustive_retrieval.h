@@ -5,6 +5,7 @@
 // (Prepare). thread-bound(mapping).
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "engine/config.h"
@@ -38,7 +39,7 @@ class ExhaustiveRetrieval final : public KeyframeRetrieval {
 
  private:
   struct Voters {
-    std::int32_t num_points = -1;  // of the keyframe when they were chosen
+    std::optional<std::uint64_t> num_point_changes;  // of the keyframe when they were chosen
     std::uint32_t num = 0;
   };
 

@@ -1,20 +1,16 @@
 #include "engine/place/place_recogniser.h"
 
+#include "engine/geometry/rng_streams.h"
 #include "engine/place/rival_poses.h"
 
 namespace haustra {
-namespace {
-
-constexpr std::uint64_t kRecogniserStream = 11;
-
-}  // namespace
 
 PlaceRecogniser::PlaceRecogniser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
     : config_(config),
       noise_(config.noise),
       vote_(config, config.place.retrieval, device),
       verifier_(config, config.place.common_area, noise_, camera, device),
-      rng_(config.seed, kRecogniserStream) {}
+      rng_(config.seed, rng_stream::kRecogniser) {}
 
 void PlaceRecogniser::Recognise(PlaceTask* task) {
   noise_ = task->noise;

@@ -3,13 +3,13 @@
 #include <algorithm>
 
 #include "engine/geometry/ellipse_spread.h"
+#include "engine/geometry/rng_streams.h"
 #include "engine/place/rival_poses.h"
 #include "engine/place/strongest_features.h"
 
 namespace haustra {
 namespace {
 
-constexpr std::uint64_t kRelocaliserStream = 12;
 constexpr int kMaxPlacesAsked = 20;
 // Covisible keyframes of the candidate whose points the frame may see.
 constexpr int kWideViewGroup = 10;
@@ -47,7 +47,7 @@ Relocaliser::Relocaliser(const EngineConfig& config, const RelocalisationConfig&
       pose_from_matches_(camera, config.features.max),
       search_(config, noise, camera, device),
       collector_(config.memory.max_map_points),
-      rng_(config.seed, kRelocaliserStream),
+      rng_(config.seed, rng_stream::kRelocaliser),
       matches_(static_cast<std::size_t>(config.features.max)) {}
 
 bool Relocaliser::Relocalise(const Atlas& atlas, const FrameFeatures& features, Relocalisation* out,

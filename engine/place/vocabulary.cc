@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "engine/geometry/rng.h"
+#include "engine/geometry/rng_streams.h"
 
 namespace haustra {
 namespace {
 
-constexpr std::uint64_t kVocabularyStream = 23;
 // Sums of so many bytes still fit in 32 bits.
 constexpr std::size_t kMaxDescriptors = std::size_t{1} << 24;
 
@@ -45,7 +45,7 @@ int Nearest(const std::uint8_t* descriptor, const std::uint8_t* centres, int num
 class Clustering {
  public:
   Clustering(const std::vector<std::uint8_t>& descriptors, const VocabularyOptions& options)
-      : descriptors_(descriptors), options_(options), rng_(options.seed, kVocabularyStream) {}
+      : descriptors_(descriptors), options_(options), rng_(options.seed, rng_stream::kVocabulary) {}
 
   // Parts `members` (indices of descriptors): on return they stand cluster by cluster, and `ends` holds where each
   // ends. Fewer than two clusters: all descriptors are alike.

@@ -42,7 +42,7 @@ class FlowChain {
   // No picture came after the anchor.
   bool is_fresh() const { return is_fresh_; }
   MapId map_id() const { return map_id_; }
-  double AgeMs(TimePoint now) const { return ToMilliseconds(now - begun_); }
+  double AgeMs(TimePoint now) const { return ToMilliseconds(Apart(now, begun_)); }
   // Young enough, and with points enough, to judge a pose in its map at that time.
   bool CanJudge(TimePoint now) const;
   // What the points say of a pose.

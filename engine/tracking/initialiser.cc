@@ -5,6 +5,7 @@
 
 #include "engine/geometry/constants.h"
 #include "engine/geometry/ellipse_spread.h"
+#include "engine/geometry/rng_streams.h"
 #include "engine/geometry/rotation_fit.h"
 #include "engine/tracking/reserve_touched.h"
 
@@ -27,7 +28,7 @@ Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, 
               static_cast<float>(config.initialisation.max_disparity_deg * kDegree * camera.focal_px())},
       scene_share_(scene_share),
       ransac_(config.features.max),
-      rng_(config.seed, 1),
+      rng_(config.seed, rng_stream::kFounding),
       reference_(config.features.max, memory),
       pairs_(static_cast<std::size_t>(config.features.max), memory),
       between_(MakeViews(config.initialisation.kept_views, config.features.max, memory)),
@@ -130,16 +131,17 @@ bool Initialiser::HasWornOut(TrackingReason reason, TimePoint time) {
   const bool was_unexplained = is_unexplained_;
   is_unexplained_ = reason == TrackingReason::kNoEpipolarGeometry;
   if (is_unexplained_ && !was_unexplained) unexplained_since_ = time;
-  return reason == TrackingReason::kFewMatches ||
-         (is_unexplained_ && ToMilliseconds(time - unexplained_since_) > config_.initialisation.max_unexplained_ms);
+  return reason == TrackingReason::kFewMatches || (is_unexplained_ && ToMilliseconds(Apart(time, unexplained_since_)) >
+                                                                          config_.initialisation.max_unexplained_ms);
 }
 
 void Initialiser::ChooseNext(TrackingReason reason, TimePoint time) {
   const std::size_t num_left = num_between_ - num_skipped_;
   num_skipped_ += (num_left + 1) / 2;
   // Of views that are nearer still there is even less parallax.
-  const bool is_near = reason == TrackingReason::kLowParallax || num_left == 0 ||
-                       ToMilliseconds(time - EarlierView(num_skipped_).timestamp) < config_.initialisation.min_gap_ms;
+  const bool is_near =
+      reason == TrackingReason::kLowParallax || num_left == 0 ||
+      ToMilliseconds(Apart(time, EarlierView(num_skipped_).timestamp)) < config_.initialisation.min_gap_ms;
   if (is_near) num_skipped_ = 0;
 }
 
@@ -164,7 +166,7 @@ TrackingReason Initialiser::Compare(const ProposedView& earlier, const ProposedV
   num_matches_ = DropWithoutBearing(earlier.features, view.features,
                                     std::span(matches_).first(static_cast<std::size_t>(num_matches_)));
   if (num_matches_ < options.min_matches) return TrackingReason::kFewMatches;
-  if (ToMilliseconds(view.timestamp - earlier.timestamp) < options.min_gap_ms) {
+  if (ToMilliseconds(Apart(view.timestamp, earlier.timestamp)) < options.min_gap_ms) {
     return TrackingReason::kLowParallax;
   }
 

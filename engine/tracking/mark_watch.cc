@@ -46,8 +46,9 @@ MarkWatch::MarkWatch(const CameraModel& camera, const SceneRegion& scene, int ma
 
 void MarkWatch::Look(const LocalMap& map, const PoseEstimate& estimate) {
   sightings_.Clear();
-  if (map.marks.empty()) return;
+  // Also without a mark: the first may be set before a frame that is only predicted.
   median_depth_ = estimate.median_depth;
+  if (map.marks.empty()) return;
   found_.clear();
   for (const PointMatch& match : estimate.matches) {
     Found found;

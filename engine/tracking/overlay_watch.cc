@@ -76,7 +76,7 @@ int OverlayWatch::Sift(const FrameFeatures& before, const FrameFeatures& now, st
 }
 
 bool OverlayWatch::is_due(TimePoint time) const {
-  return is_on_ && (num_before_ == 0 || ToSeconds(time - before_time_) >= kCompareSeconds);
+  return is_on_ && (num_before_ == 0 || ToSeconds(Apart(time, before_time_)) >= kCompareSeconds);
 }
 
 void OverlayWatch::KeepFrame(const FrameFeatures& features, TimePoint time) {
@@ -86,7 +86,7 @@ void OverlayWatch::KeepFrame(const FrameFeatures& features, TimePoint time) {
 }
 
 void OverlayWatch::Compare(const FrameFeatures& now, std::span<const Tracked> tracked, TimePoint time) {
-  if (ToSeconds(time - before_time_) > kOldSeconds) return;
+  if (ToSeconds(Apart(time, before_time_)) > kOldSeconds) return;
   const auto num = static_cast<std::size_t>(now.num);
   const auto twins = std::span(twins_).first(num);
   overlay_.FindTwins(std::span(before_).first(static_cast<std::size_t>(num_before_)),

@@ -3,12 +3,12 @@
 #include <algorithm>
 
 #include "engine/geometry/ellipse_spread.h"
+#include "engine/geometry/rng_streams.h"
 #include "engine/tracking/reserve_touched.h"
 
 namespace haustra {
 namespace {
 
-constexpr std::uint64_t kRecoveryStream = 2;
 // After a loss there is no prediction that bears witness: inliers over those by chance. A false pose that was the best
 // of many had 2, true ones had 8 and more.
 constexpr double kChosenFactor = 4.0;
@@ -20,7 +20,7 @@ constexpr double kPredictedShare = 0.5;
 }  // namespace
 
 PoseRecovery::PoseRecovery(const PoseSearch::Parts& parts, PoseSearch& search)
-    : parts_(parts), search_(search), rng_(parts.config.seed, kRecoveryStream) {
+    : parts_(parts), search_(search), rng_(parts.config.seed, rng_stream::kRecovery) {
   const auto num_features = static_cast<std::size_t>(parts.config.features.max);
   const auto num_points = static_cast<std::size_t>(parts.config.memory.max_local_points);
   ReserveTouched(&questioned_.matches, num_features);

@@ -19,7 +19,7 @@ bool Proposer::IsKeyframe(const Tracking& tracking, const PoseEstimate& estimate
   const bool is_reduced = frame_.features.is_reduced;
   const double of_frame = SearchedShare(config_.scheduler, has_fewer_points, is_reduced);
   const double of_reference = SearchedShare(config_.scheduler, has_fewer_points, is_reduced && !reference.is_reduced);
-  const double spacing_ms = ToMilliseconds(frame_.timestamp - course.keyframe_time);
+  const double spacing_ms = ToMilliseconds(Apart(frame_.timestamp, course.keyframe_time));
   const bool is_thin = static_cast<double>(estimate.matches.size()) < options.low_inliers * of_frame;
   // A map that has become thin is lost in the next frames unless it grows. A young one has little to lose. One of few
   // keyframes around here is taken for young, too.

@@ -19,6 +19,9 @@ using TimePoint = std::chrono::time_point<MonotonicOrigin, Duration>;
 
 inline constexpr TimePoint kNoDeadline = TimePoint::max();
 
+// Of two stamps, whichever is the earlier: a clock may be set back between them.
+inline Duration Apart(TimePoint a, TimePoint b) { return a < b ? b - a : a - b; }
+
 inline double ToSeconds(Duration d) { return static_cast<double>(d.count()) * 1e-9; }
 inline double ToMilliseconds(Duration d) { return static_cast<double>(d.count()) * 1e-6; }
 

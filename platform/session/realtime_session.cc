@@ -93,7 +93,7 @@ class RealTimeSession {
       });
     };
     std::thread merging = launch(SessionThread::kMerging, [this] { MergeLoop(); });
-    std::thread mapping = launch(SessionThread::kMapping, [this] { MapLoop(); });
+    std::thread mapping = launch(SessionThread::kMapping, [this, &stop] { MapLoop(stop); });
     std::thread tracking = launch(SessionThread::kTracking, [this] { TrackLoop(); });
     std::thread depth;
     if (engine_.depths() != nullptr) {
@@ -307,12 +307,14 @@ class RealTimeSession {
     tracking_done_.store(true, std::memory_order_release);
   }
 
-  void MapLoop() {
+  void MapLoop(const std::atomic<bool>& stop) {
     NameThisThread("mapping");
     while (true) {
       if (hooks_ != nullptr) hooks_->BetweenMapSteps();
       const bool is_stopping = stop_mapping_.load(std::memory_order_acquire);
-      if (MappingTimes times; TimedMapStep(engine_, clock_, &times)) {
+      // Who stops a session waits for its maps, not for better ones; behind the last frame of a recording nobody waits.
+      const MapWork work = stop.load(std::memory_order_relaxed) ? MapWork::kNeeded : MapWork::kAll;
+      if (MappingTimes times; TimedMapStep(engine_, clock_, work, &times)) {
         times.frame_index = newest_tracked_.load(std::memory_order_relaxed);
         // A figure that finds no room is lost: the mapper does not wait for its observer.
         if (!times.is_empty()) mapping_times_.TryPush(times);

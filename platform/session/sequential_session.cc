@@ -37,8 +37,8 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
     outcome.tracking = clock.Now() - begin;
     hooks.OnTracked(outcome);
     engine.KeepPicture(*frame, outcome.result);
-    for (MappingTimes times;
-         TimedMergeStep(engine, clock, &times) || TimedMapStep(engine, clock, &times) || engine.DepthStep();) {
+    for (MappingTimes times; TimedMergeStep(engine, clock, &times) ||
+                             TimedMapStep(engine, clock, MapWork::kAll, &times) || engine.DepthStep();) {
       times.frame_index = outcome.result.frame_index;
       if (!times.is_empty()) observer.OnMapped(times);
     }

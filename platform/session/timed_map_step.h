@@ -7,11 +7,11 @@
 namespace haustra {
 
 // As Engine::MapStep; `times` is filled when it returns true. thread-bound(mapping).
-inline bool TimedMapStep(Engine& engine, const Clock& clock, MappingTimes* times) {
+inline bool TimedMapStep(Engine& engine, const Clock& clock, MapWork work, MappingTimes* times) {
   *times = MappingTimes{};
   times->start = clock.Now();
   const MapperCounters before = engine.mapper_counters();
-  if (!engine.MapStep()) return false;
+  if (!engine.MapStep(work)) return false;
   const MapperCounters& after = engine.mapper_counters();
   times->insert = after.insert_time - before.insert_time;
   times->create = after.create_time - before.create_time;

@@ -1,20 +1,18 @@
 #include "tools/evaluate/colmap_reader.h"
 
-#include <Eigen/Geometry>
 #include <cmath>
+#include <span>
 #include <unordered_map>
 #include <utility>
 
 #include "capture/files/whole_file.h"
 #include "engine/geometry/se3.h"
+#include "tools/evaluate/colmap_text.h"
 #include "tools/evaluate/statistics.h"
 #include "tools/evaluate/text_input.h"
 
 namespace haustra::evaluate {
 namespace {
-
-constexpr double kPixelOrigin = 0.5;       // COLMAP's coordinate of the centre of the first pixel
-constexpr std::int64_t kFirstImageId = 1;  // of keyframe 0
 
 Status Bad(const std::string& path, std::size_t line, const std::string& what) {
   return InvalidArgument(path + ":" + std::to_string(line) + ": " + what);
@@ -70,8 +68,8 @@ Result<CameraCalibration> ReadCamera(const std::string& path) {
   camera.height_px = static_cast<int>(*height);
   camera.fx = (*values)[2];
   camera.fy = (*values)[3];
-  camera.cx = (*values)[4] - kPixelOrigin;
-  camera.cy = (*values)[5] - kPixelOrigin;
+  camera.cx = (*values)[4] - kColmapPixelOrigin;
+  camera.cy = (*values)[5] - kColmapPixelOrigin;
   // FULL_OPENCV: k1 k2 p1 p2 k3 and the rational part, which the export never uses.
   const std::size_t num_used = num_coefficients == 8 ? 5 : 4;
   for (std::size_t i = 0; i < num_used; ++i) camera.coefficients[i] = (*values)[6 + i];
@@ -87,12 +85,12 @@ Result<std::unordered_map<std::int64_t, Eigen::Vector3d>> ReadCentres(const std:
     const std::vector<std::string_view> fields = SplitBlanks(lines[i].text);
     const std::optional<std::int64_t> id = fields.empty() ? std::nullopt : ParseInteger(fields[0]);
     const auto pose = Numbers(fields, 1, 7);
-    if (!id || *id < kFirstImageId || !pose) {
+    if (!id || *id < kFirstColmapImageId || !pose) {
       return Bad(path, lines[i].number, "not an image: id, quaternion and translation expected");
     }
-    const Eigen::Quaterniond rotation((*pose)[0], (*pose)[1], (*pose)[2], (*pose)[3]);
-    if (!(std::abs(rotation.norm() - 1.0) < 0.5)) return Bad(path, lines[i].number, "not a rotation");
-    centres[*id] = SE3(rotation, Eigen::Vector3d((*pose)[4], (*pose)[5], (*pose)[6])).Inverse().translation;
+    const std::optional<SE3> cam_from_map = ColmapPose(std::span<const double, 7>(*pose));
+    if (!cam_from_map) return Bad(path, lines[i].number, "not a rotation");
+    centres[*id] = cam_from_map->InverseTranslation();
   }
   return centres;
 }
@@ -126,7 +124,7 @@ Result<MapGeometry> ReadColmapGeometry(const std::string& folder) {
   std::vector<double> depths;
   for (auto& [image_id, values] : distances) {
     const double depth = Median(std::move(values));
-    geometry.keyframe_depth_mu[image_id - kFirstImageId] = depth;
+    geometry.keyframe_depth_mu[image_id - kFirstColmapImageId] = depth;
     depths.push_back(depth);
   }
   if (!depths.empty()) geometry.depth_mu = Median(std::move(depths));

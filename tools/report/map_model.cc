@@ -2,21 +2,21 @@
 
 #include <zlib.h>
 
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 
 #include "capture/files/whole_file.h"
+#include "tools/evaluate/colmap_text.h"
 #include "tools/evaluate/text_input.h"
 
 namespace haustra::report {
 namespace {
 
+using evaluate::kColmapPixelOrigin;
+using evaluate::kFirstColmapImageId;
 using evaluate::ParseInteger;
 using evaluate::ParseNumber;
-
-constexpr double kPixelOrigin = 0.5;       // COLMAP's coordinate of the centre of the first pixel
-constexpr std::int64_t kFirstImageId = 1;  // of keyframe 0
 
 Status Bad(const std::string& path, std::size_t line, const char* what) {
   return InvalidArgument(path + ":" + std::to_string(line) + ": " + what);
@@ -33,7 +33,7 @@ Status ReadKeyframes(const std::string& path, MapModel* model) {
     if (keyframe == nullptr) {
       if (fields.empty()) continue;
       const auto id = ParseInteger(fields[0]);
-      if (!id || *id < kFirstImageId || fields.size() != 10)
+      if (!id || *id < kFirstColmapImageId || fields.size() != 10)
         return Bad(path, number, "not an image: ten fields expected");
       std::array<double, 7> pose{};  // qw qx qy qz, x y z
       for (std::size_t i = 0; i < pose.size(); ++i) {
@@ -41,10 +41,10 @@ Status ReadKeyframes(const std::string& path, MapModel* model) {
         if (!value) return Bad(path, number, "not a pose");
         pose[i] = *value;
       }
-      const Eigen::Quaterniond rotation(pose[0], pose[1], pose[2], pose[3]);
-      if (!(std::abs(rotation.norm() - 1.0) < 0.5)) return Bad(path, number, "not a rotation");
-      keyframe = &model->keyframes[*id - kFirstImageId];
-      keyframe->cam_from_map = SE3(rotation, Eigen::Vector3d(pose[4], pose[5], pose[6]));
+      const std::optional<SE3> cam_from_map = evaluate::ColmapPose(pose);
+      if (!cam_from_map) return Bad(path, number, "not a rotation");
+      keyframe = &model->keyframes[*id - kFirstColmapImageId];
+      keyframe->cam_from_map = *cam_from_map;
       keyframe->image_name = fields[9];
       continue;
     }
@@ -53,7 +53,7 @@ Status ReadKeyframes(const std::string& path, MapModel* model) {
       const auto x = ParseNumber(fields[i]), y = ParseNumber(fields[i + 1]);
       const auto point_id = ParseInteger(fields[i + 2]);
       if (!x || !y || !point_id) return Bad(path, number, "not a keypoint");
-      if (*point_id >= 0) keyframe->pixels[*point_id] = {*x - kPixelOrigin, *y - kPixelOrigin};
+      if (*point_id >= 0) keyframe->pixels[*point_id] = {*x - kColmapPixelOrigin, *y - kColmapPixelOrigin};
     }
     keyframe = nullptr;
   }

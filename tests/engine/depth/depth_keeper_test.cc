@@ -106,6 +106,19 @@ TEST_F(DepthKeeperTest, AKeyframeTakesItsTurnWhenNewerOnesHaveCome) {
   }
 }
 
+TEST_F(DepthKeeperTest, WhatComesIsTakenInWithoutAQuestion) {
+  Begin();
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    ASSERT_TRUE(Hand(i));
+    EXPECT_TRUE(keeper_->TakeIn());
+  }
+  EXPECT_FALSE(keeper_->TakeIn());
+  EXPECT_EQ(mailbox_->Asked(), nullptr);
+  EXPECT_EQ(keeper_->counters().num_pictures, 4u);
+  Work();
+  EXPECT_NE(mailbox_->Asked(), nullptr) << "it is asked later";
+}
+
 TEST_F(DepthKeeperTest, WhatIsAnsweredIsKeptWithItsColourUntilTheKeyframeGoes) {
   Begin();
   for (std::uint32_t i = 0; i < 3; ++i) HandAndWork(i);

@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
+#include <vector>
 
 #include "engine/place/strongest_features.h"
 #include "tests/engine/place/synthetic_colon.h"
@@ -151,6 +153,33 @@ TEST_F(ExhaustiveRetrievalTest, VotersAreThoseWithAPointNow) {
   ASSERT_TRUE(retrieval.Query(atlas_, QueryOf(20), &found_).ok());
   ASSERT_EQ(found_.size(), 1u);
   EXPECT_EQ(found_.front().keyframe, late);
+}
+
+// As many as before, but other features.
+TEST_F(ExhaustiveRetrievalTest, VotersFollowPointsThatGoWhileAsManyCome) {
+  ExhaustiveRetrieval retrieval(colon_.config(), options_, colon_.device());
+  AddAll(&retrieval);
+  const Keyframe& changed = atlas_.keyframe(keyframe(21));
+  std::vector<std::int32_t> strongest;
+  SelectStrongestWithPoint(changed, 40, &strongest);
+  const std::vector<std::int32_t> with_point(strongest.begin(), strongest.begin() + 20);
+  const std::vector<std::int32_t> without(strongest.begin() + 20, strongest.end());
+  for (const std::int32_t feature : without) atlas_.RemovePoint(changed.points[feature]);
+  VoteList votes(colon_.config(), options_, std::pmr::get_default_resource());
+  ASSERT_TRUE(retrieval.Prepare(atlas_, QueryOf(20), &votes, &found_).ok());
+  const int num_before = changed.num_points;
+  for (const std::int32_t feature : with_point) atlas_.RemovePoint(changed.points[feature]);
+  for (const std::int32_t feature : without) {
+    ASSERT_TRUE(atlas_.AddObservation(atlas_.AddPoint(changed.map, {0, 0, 0}, 0), keyframe(21), feature));
+  }
+  ASSERT_EQ(changed.num_points, num_before) << "the number tells of the change: the test shows nothing";
+  ASSERT_TRUE(retrieval.Prepare(atlas_, QueryOf(20), &votes, &found_).ok());
+  const auto entry = std::find_if(votes.entries.begin(), votes.entries.end(),
+                                  [&](const VoteList::Entry& each) { return each.keyframe == keyframe(21); });
+  ASSERT_NE(entry, votes.entries.end());
+  SelectStrongestWithPoint(changed, options_.max_descriptors, &strongest);
+  const auto first = votes.features.begin() + entry->first;
+  EXPECT_EQ(std::vector<std::int32_t>(first, first + entry->num), strongest);
 }
 
 TEST_F(ExhaustiveRetrievalTest, ReleasedFeatureSetIsNotAddedAndTakesNoRoom) {

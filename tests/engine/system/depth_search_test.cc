@@ -34,5 +34,31 @@ TEST(DepthSearch, AMatcherIsFreeWhenItsEngineHasGone) {
   EXPECT_EQ(match(), StatusCode::kOk);
 }
 
+// One thread does all in turn: it is not caught by a search that is asked again and again.
+TEST(DepthSearch, NothingIsLeftToDoWhileItIsStopped) {
+  EngineConfig config = SmallEngineConfig();
+  config.depth.enabled = true;
+  config.depth.step_px = 8;
+  config.depth.iterations = 1;
+  ScriptedColon colon(TimePoint{}, config);
+  colon.Move(0.0, 3.0, 60);
+  DepthMatcher matcher(colon.camera(), ImageView{}, config.depth.options());
+  Engine engine(config, colon.camera(), colon.device(), Engine::Mode::kSequential, nullptr, ImageView{}, nullptr,
+                &matcher);
+  engine.StopDepth(true);
+  constexpr int kManySteps = 1000;
+  for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+    engine.KeepPicture(*frame, engine.Track(*frame, kNoDeadline));
+    int num_steps = 0;
+    while (num_steps < kManySteps && engine.BackgroundStep()) ++num_steps;
+    ASSERT_LT(num_steps, kManySteps) << frame->index;
+  }
+  EXPECT_TRUE(engine.has_depth_work()) << "it waits";
+  EXPECT_EQ(engine.depths()->counters().num_depths, 0u);
+  engine.StopDepth(false);
+  engine.FinishDepth(kNeverStop);
+  EXPECT_GT(engine.depths()->counters().num_depths, 0u);
+}
+
 }  // namespace
 }  // namespace haustra::test

@@ -310,6 +310,27 @@ TEST(MergingThread, KeyframesThatComeWhileAQuestionIsOutAreAskedAboutNewestFirst
   EXPECT_EQ(parts.places.num_asked(), num_asked + 1);
 }
 
+// A keyframe that comes when only what is needed is done goes into the map, and its place is asked for later.
+TEST(MergingThread, NeededWorkTakesKeyframesAndAsksNothing) {
+  ScriptedColon colon;
+  AddWayBack(colon);
+  Parts parts(colon);
+  std::uint64_t num_asked = 0;
+  while (num_asked < 3) {
+    ASSERT_TRUE(parts.TrackNext());
+    if (!parts.has_proposal()) continue;
+    const std::uint64_t num_keyframes = parts.num_keyframes(), before = parts.places.num_asked();
+    while (parts.mapper.Step(MapWork::kNeeded)) continue;
+    EXPECT_FALSE(parts.has_proposal());
+    EXPECT_EQ(parts.places.num_asked(), before);
+    if (parts.num_keyframes() != num_keyframes + 1) continue;
+    ASSERT_TRUE(parts.mapper.Step()) << "it was put off";
+    num_asked += parts.places.num_asked() - before;
+    parts.Recognise();
+    parts.Map();
+  }
+}
+
 TEST(MergingThread, AnswerAboutAMapThatTrackingHasLeftIsOutdated) {
   RecordProperty("req", "MRG-002");
   ScriptedColon colon;

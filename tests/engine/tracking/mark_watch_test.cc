@@ -61,6 +61,19 @@ TEST_F(MarkWatchTest, MarkOnTheWallInSightIsInFront) {
   EXPECT_NEAR(sighting.distance_in_depths, 1.5, 1e-6);
 }
 
+// The mark is set after a frame was measured, and the next one is only predicted.
+TEST_F(MarkWatchTest, DepthsOfBeforeTheFirstMarkCount) {
+  const FixedVector<LocalMark, kMaxMarks> marks = map_.marks;
+  map_.marks.Clear();
+  AddWall(-1.0, 1.0, 3.0, 200, true);
+  watch_.Look(map_, estimate_);
+  EXPECT_TRUE(watch_.sightings().empty());
+  map_.marks = marks;
+  watch_.LookAhead(map_, SE3());
+  ASSERT_EQ(watch_.sightings().size(), 1u);
+  EXPECT_NEAR(watch_.sightings()[0].distance_in_depths, 1.5, 1e-6);
+}
+
 TEST_F(MarkWatchTest, FoldBeforeTheMarkHidesIt) {
   RecordProperty("req", "MRK-001");
   AddWall(-1.0, 1.0, 3.0, 200, false);

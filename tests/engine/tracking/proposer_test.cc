@@ -61,6 +61,16 @@ TEST_F(ProposerTest, NoKeyframeFollowsTooSoonOrWhileTheMapperIsBusy) {
   EXPECT_FALSE(IsKeyframe());
 }
 
+TEST_F(ProposerTest, NoKeyframeWaitsForAClockThatWasSetBack) {
+  tracking_.course.keyframe_time = frame_.timestamp + std::chrono::hours(1);
+  EXPECT_TRUE(IsKeyframe());
+  estimate_.num_established = 90;
+  EXPECT_FALSE(IsKeyframe());
+  tracking_.course.keyframe_time = frame_.timestamp;
+  estimate_.num_established = 70;
+  EXPECT_FALSE(IsKeyframe()) << "a time stamp that stands still is too soon";
+}
+
 TEST_F(ProposerTest, AThinMapGrowsAtOnceWhileItIsYoung) {
   const int grown = colon_.config().mapping.min_map_keyframes;
   tracking_.course.keyframe_time = frame_.timestamp - std::chrono::milliseconds(33);

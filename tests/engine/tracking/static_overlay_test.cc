@@ -226,6 +226,17 @@ TEST(OverlayWatch, SwitchedOffLeavesEverything) {
   EXPECT_FALSE(watch.is_due(TimePoint{}));
 }
 
+TEST(OverlayWatch, IsDueAgainWhenTheClockWasSetBack) {
+  const InitialisationConfig noise;
+  OverlayWatch watch(noise, true, kWidth, kHeight, kMaxFeatures);
+  FrameFeatures features(1);
+  features.num = 1;
+  const TimePoint time(std::chrono::hours(2));
+  watch.KeepFrame(features, time);
+  EXPECT_FALSE(watch.is_due(time));
+  EXPECT_TRUE(watch.is_due(time - std::chrono::hours(1)));
+}
+
 // A map is tracked: its points say how the scene moves, twins of features what stands still.
 TEST(OverlayWatch, TwinsBesideTrackedPointsAreFound) {
   const InitialisationConfig noise;

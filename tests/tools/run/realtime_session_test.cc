@@ -1,6 +1,7 @@
 // The threads of a real-time session, held and let go by the test where their order matters; no time is asserted.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <functional>
 #include <semaphore>
@@ -8,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "engine/atlas/invariants.h"
 #include "hal/forwarding_vision_device.h"
 #include "platform/clock/system_clock.h"
 #include "platform/session/session.h"
@@ -348,6 +350,47 @@ TEST(RealTimeSession, MergingThreadAnswersWhatMappingAsks) {
   EXPECT_GT(num_answers, 0);
   EXPECT_GE(num_questions, num_answers);
   EXPECT_FALSE(engine->is_merging()) << "the last answer was taken";
+}
+
+// The stop comes when the maps have been joined: the seam would go on settling, and nobody waits for that.
+TEST(RealTimeSession, StopLeavesTheSeamOfAJoinForTheNextSession) {
+  struct Hooks final : SessionHooks {
+    void BetweenMapSteps() override {
+      const MapperCounters& counters = engine->mapper_counters();
+      if (!stop && counters.merge_time.count() > 0 && !engine->is_merging()) {
+        num_moves_at_stop = counters.num_reframings;
+        stop = true;
+      }
+    }
+    Engine* engine = nullptr;
+    std::atomic<bool> stop{false};
+    std::uint64_t num_moves_at_stop = 0;
+  } hooks;
+  ScriptedColon colon;
+  // However slow the machine, the join comes to its end.
+  colon.config().merging.max_milliseconds = 10000;
+  colon.Move(0.0, 4.0, 100);
+  colon.Occlude(5);
+  colon.Move(9.0, 3.0, 150);
+  Lockstep lockstep(colon);
+  const SystemClock clock;
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device, &clock);
+  hooks.engine = engine.get();
+  RecordingObserver observer;
+  RealTimeOptions options;
+  options.rate = test::kIsSanitized ? 0.2 : 1.0;
+  options.rt.enabled = false;
+  options.hooks = &hooks;
+  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, clock, options, observer, hooks.stop).ok());
+  ASSERT_TRUE(hooks.stop) << "nothing was joined: the test shows nothing";
+  EXPECT_EQ(std::count_if(observer.events.begin(), observer.events.end(),
+                          [](const MapEvent& event) { return event.kind == MapEventKind::kMerged; }),
+            1);
+  EXPECT_EQ(engine->mapper_counters().settle_time.count(), 0);
+  EXPECT_EQ(engine->mapper_counters().num_reframings, hooks.num_moves_at_stop);
+  EXPECT_EQ(CheckInvariants(engine->atlas()).ToString(), "ok");
+  EXPECT_FALSE(engine->MapStep(MapWork::kNeeded));
+  EXPECT_TRUE(engine->MapStep()) << "nothing was left to settle: the test shows nothing";
 }
 
 // A camera that never brings a frame but respects the deadline.

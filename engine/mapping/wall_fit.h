@@ -1,6 +1,6 @@
 // Where the wall is along a ray of a view, and how it lies there: a plane through the map points around it, nearest
-// ones first, in inverse depth. Where a fold ends before the wall behind it, only points on the pixel's side of the
-// edge have a say (engine/mapping/wall_plane.h). thread-bound(mapping).
+// ones first, in inverse depth. Points that a fold in front or a wrong match puts elsewhere have no say, as long as
+// more agree than not. thread-bound(mapping).
 #pragma once
 
 #include <Eigen/Core>
@@ -8,7 +8,6 @@
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
-#include "engine/mapping/wall_plane.h"
 #include "hal/core/status.h"
 
 namespace haustra {
@@ -43,16 +42,17 @@ class WallFit {
     Eigen::Vector3d ray;  // unit
     double distance = 0.0;
   };
-  struct Near {
+  struct Witness {
     double offset2_px = 0.0;  // from the pixel, squared
-    const Sample* sample = nullptr;
+    Eigen::Vector3d row;      // of the three unknowns
+    double inverse = 0.0;     // of its distance, in units of the median
+    double weight = 0.0;
   };
 
   const CameraModel& camera_;
   SE3 cam_from_map_;
   std::vector<Sample> samples_;
-  std::vector<Near> near_;
-  std::vector<WallWitness> witnesses_;
+  std::vector<Witness> witnesses_;
   std::vector<double> sorted_;
 };
 

@@ -47,6 +47,7 @@ MarkWatch::MarkWatch(const CameraModel& camera, const SceneRegion& scene, int ma
 void MarkWatch::Look(const LocalMap& map, const PoseEstimate& estimate) {
   sightings_.Clear();
   // Also without a mark: the first may be set before a frame that is only predicted.
+  map_id_ = map.map_id;
   median_depth_ = estimate.median_depth;
   if (map.marks.empty()) return;
   found_.clear();
@@ -68,6 +69,12 @@ void MarkWatch::Look(const LocalMap& map, const PoseEstimate& estimate) {
 void MarkWatch::LookAhead(const LocalMap& map, const SE3& cam_from_map) {
   sightings_.Clear();
   for (const LocalMark& mark : map.marks) (void)sightings_.PushBack(Place(mark, cam_from_map));
+}
+
+void MarkWatch::Hear(const Reframing& reframing) {
+  if (map_id_ != reframing.old_map_id) return;
+  map_id_ = reframing.new_map_id;
+  median_depth_ *= reframing.new_from_old.scale;
 }
 
 MarkSighting MarkWatch::Place(const LocalMark& mark, const SE3& cam_from_map) const {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "engine/atlas/local_map.h"
+#include "engine/atlas/reframing.h"
 #include "engine/camera/camera_model.h"
 #include "engine/camera/scene_region.h"
 #include "engine/tracking/pose_search.h"
@@ -48,6 +49,8 @@ class MarkWatch {
   void Look(const LocalMap& map, const PoseEstimate& estimate);
   // The pose is a prediction: what is in the picture is unsure.
   void LookAhead(const LocalMap& map, const SE3& cam_from_map);
+  // The map that was looked at last may have changed its unit.
+  void Hear(const Reframing& reframing);
   // The frame has no pose.
   void Clear() { sightings_.Clear(); }
 
@@ -68,7 +71,8 @@ class MarkWatch {
 
   const CameraModel& camera_;
   const SceneRegion& scene_;
-  double median_depth_ = 1.0;  // of the last frame that was measured
+  MapId map_id_ = kNoId;       // that was looked at last
+  double median_depth_ = 1.0;  // of the last frame that was measured, in its units
   std::vector<Found> found_;
   MarkSightings sightings_;
 };

@@ -171,6 +171,7 @@ void Tracker::HearMapper() {
       if (overlay_map_ == reframing->old_map_id) overlay_map_ = kNoId;
       chain_.Hear(*reframing);
       sight_.Hear(*reframing);
+      marks_.Hear(*reframing);
     }
     if (std::holds_alternative<FrameFound>(next->reply)) ++heard_.num_found;
     Hear(next->reply, &state_);

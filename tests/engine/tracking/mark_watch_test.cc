@@ -74,6 +74,24 @@ TEST_F(MarkWatchTest, DepthsOfBeforeTheFirstMarkCount) {
   EXPECT_NEAR(watch_.sightings()[0].distance_in_depths, 1.5, 1e-6);
 }
 
+// A join changes the unit before a frame that is only predicted. What is told of another map counts for nothing.
+TEST_F(MarkWatchTest, DepthsGoWithTheUnitOfTheMap) {
+  map_.map_id = 3;
+  AddWall(-1.0, 1.0, 3.0, 200, true);
+  watch_.Look(map_, estimate_);
+  Reframing join;
+  join.old_map_id = 3;
+  join.new_map_id = 1;
+  join.new_from_old.scale = 2.0;
+  watch_.Hear(join);
+  watch_.Hear(join);
+  map_.map_id = 1;
+  map_.marks[0].position *= 2.0;
+  watch_.LookAhead(map_, SE3());
+  ASSERT_EQ(watch_.sightings().size(), 1u);
+  EXPECT_NEAR(watch_.sightings()[0].distance_in_depths, 1.5, 1e-6);
+}
+
 TEST_F(MarkWatchTest, FoldBeforeTheMarkHidesIt) {
   RecordProperty("req", "MRK-001");
   AddWall(-1.0, 1.0, 3.0, 200, false);

@@ -59,6 +59,21 @@ TEST_F(AtlasTest, SecondObservationInOneKeyframeIsRefused) {
   EXPECT_FALSE(atlas_.AddObservation(other, a, 3));
 }
 
+// What is kept of a keyframe's points goes by their changes: each way to gain or lose one counts.
+TEST_F(AtlasTest, GainsAndLossesOfPointsAreChanges) {
+  const KeyframeHandle a = Add(map_), b = Add(map_), c = Add(map_);
+  const auto num_changes = [&] { return atlas_.keyframe(a).num_point_changes; };
+  EXPECT_EQ(num_changes(), 0u);
+  const MapPointHandle point = Connect({0, 0, 5}, {{a, 3}, {b, 4}, {c, 5}});
+  EXPECT_EQ(num_changes(), 1u);
+  EXPECT_TRUE(atlas_.RemoveObservation(point, a));
+  EXPECT_EQ(num_changes(), 2u);
+  const MapPointHandle other = Connect({0, 1, 5}, {{a, 3}, {b, 6}});
+  EXPECT_EQ(num_changes(), 3u);
+  atlas_.RemovePoint(other);
+  EXPECT_EQ(num_changes(), 4u);
+}
+
 TEST_F(AtlasTest, PointWithOneObservationLeftIsRemoved) {
   const KeyframeHandle a = Add(map_);
   const KeyframeHandle b = Add(map_);

@@ -367,11 +367,7 @@ TEST(Ladder, PredictedPoseLiesOnTheCourse) {
 // haustra_pose_ring.h: poses compare when map and epoch agree. Two maps are joined, and the first frame that hears of
 // it is answered with a prediction.
 TEST(Ladder, PredictedPoseCarriesMapAndEpochOfThePoseThatWouldHaveBeenMeasured) {
-  const auto come_back = [](ScriptedColon& colon) {
-    colon.Move(0.0, 4.0, 100);
-    colon.Occlude(5);
-    colon.Move(9.0, 3.0, 150);
-  };
+  const auto come_back = [](ScriptedColon& colon) { colon.MoveAwayAndBack(); };
   Camera undisturbed(come_back), camera(come_back);
   std::vector<Answer> answers;
   while (answers.size() < 250 && (answers.empty() || answers.back().result.map_epoch == 0)) {

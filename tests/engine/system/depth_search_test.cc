@@ -11,10 +11,7 @@ namespace {
 
 // It outlives the engine, and may serve somebody else then: nothing of the engine stops it any more.
 TEST(DepthSearch, AMatcherIsFreeWhenItsEngineHasGone) {
-  EngineConfig config = SmallEngineConfig();
-  config.depth.enabled = true;
-  config.depth.step_px = 8;
-  config.depth.iterations = 1;
+  const EngineConfig config = QuickDepthConfig();
   ScriptedColon colon(TimePoint{}, config);
   const CameraModel& camera = colon.camera();
   DepthMatcher matcher(camera, ImageView{}, config.depth.options());
@@ -36,10 +33,7 @@ TEST(DepthSearch, AMatcherIsFreeWhenItsEngineHasGone) {
 
 // One thread does all in turn: it is not caught by a search that is asked again and again.
 TEST(DepthSearch, NothingIsLeftToDoWhileItIsStopped) {
-  EngineConfig config = SmallEngineConfig();
-  config.depth.enabled = true;
-  config.depth.step_px = 8;
-  config.depth.iterations = 1;
+  const EngineConfig config = QuickDepthConfig();
   ScriptedColon colon(TimePoint{}, config);
   colon.Move(0.0, 3.0, 60);
   DepthMatcher matcher(colon.camera(), ImageView{}, config.depth.options());

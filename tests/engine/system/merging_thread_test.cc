@@ -156,17 +156,10 @@ class Parts {
   Tracker tracker_;
 };
 
-// A map, a loss, another map begun far away that comes back to what the first one holds.
-void AddWayBack(ScriptedColon& colon) {
-  colon.Move(0.0, 4.0, 100);
-  colon.Occlude(5);
-  colon.Move(9.0, 3.0, 150);
-}
-
 // Every question is answered at once; how many frames it takes until a place is recognised.
 std::size_t NumFramesToRecognition() {
   ScriptedColon colon;
-  AddWayBack(colon);
+  colon.MoveAwayAndBack();
   Parts parts(colon);
   while (parts.TrackNext()) {
     parts.Map();
@@ -191,7 +184,7 @@ void RunToQuestion(std::size_t num_frames, Parts& parts) {
 
 TEST(MergingThread, MappingGoesOnAndJoinsTheMapsAsTheyAreWhenTheAnswerComes) {
   ScriptedColon colon;
-  AddWayBack(colon);
+  colon.MoveAwayAndBack();
   Parts parts(colon);
   RunToQuestion(NumFramesToRecognition(), parts);
   const std::uint64_t before = parts.num_keyframes();
@@ -223,7 +216,7 @@ TEST(MergingThread, MappingGoesOnAndJoinsTheMapsAsTheyAreWhenTheAnswerComes) {
 // A slice of a join is over at every look at the clock; between two of them the tracker's keyframes are taken in.
 TEST(MergingThread, KeyframesAreServedBetweenTheSlicesOfAJoin) {
   ScriptedColon colon;
-  AddWayBack(colon);
+  colon.MoveAwayAndBack();
   colon.config().merging.slice_milliseconds = 1;
   colon.config().merging.max_milliseconds = 10000;
   const TickingClock clock;
@@ -258,7 +251,7 @@ TEST(MergingThread, KeyframesAreServedBetweenTheSlicesOfAJoin) {
 // again the next keyframe joins them.
 TEST(MergingThread, JoinThatHadNoTimeIsToldAsNotJoinedAndTriedAgain) {
   ScriptedColon colon;
-  AddWayBack(colon);
+  colon.MoveAwayAndBack();
   colon.config().merging.max_milliseconds = 1;
   const TickingClock clock;
   Parts parts(colon, &clock);
@@ -288,7 +281,7 @@ TEST(MergingThread, JoinThatHadNoTimeIsToldAsNotJoinedAndTriedAgain) {
 
 TEST(MergingThread, KeyframesThatComeWhileAQuestionIsOutAreAskedAboutNewestFirst) {
   ScriptedColon colon;
-  AddWayBack(colon);
+  colon.MoveAwayAndBack();
   Parts parts(colon);
   do {
     ASSERT_TRUE(parts.TrackNext());
@@ -313,7 +306,7 @@ TEST(MergingThread, KeyframesThatComeWhileAQuestionIsOutAreAskedAboutNewestFirst
 // A keyframe that comes when only what is needed is done goes into the map, and its place is asked for later.
 TEST(MergingThread, NeededWorkTakesKeyframesAndAsksNothing) {
   ScriptedColon colon;
-  AddWayBack(colon);
+  colon.MoveAwayAndBack();
   Parts parts(colon);
   std::uint64_t num_asked = 0;
   while (num_asked < 3) {
@@ -334,7 +327,7 @@ TEST(MergingThread, NeededWorkTakesKeyframesAndAsksNothing) {
 TEST(MergingThread, AnswerAboutAMapThatTrackingHasLeftIsOutdated) {
   RecordProperty("req", "MRG-002");
   ScriptedColon colon;
-  AddWayBack(colon);
+  colon.MoveAwayAndBack();
   const std::size_t num_back = colon.centres().size();
   colon.Occlude(5);
   colon.Move(14.0, 17.0, 75);
@@ -357,7 +350,7 @@ TEST(MergingThread, AnswerAboutAMapThatTrackingHasLeftIsOutdated) {
 
 TEST(MergingThread, FeatureSetsStayWhileTheRecogniserMayReadThem) {
   ScriptedColon colon;
-  AddWayBack(colon);
+  colon.MoveAwayAndBack();
   colon.Occlude(5);
   colon.Move(3.0, 8.0, 150);
   colon.Occlude(5);
@@ -387,7 +380,7 @@ TEST(MergingThread, AnsweredAtOnceItIsSequentialMode) {
   for (const Engine::Mode mode : {Engine::Mode::kSequential, Engine::Mode::kRealTime}) {
     const auto run = static_cast<std::size_t>(mode);
     ScriptedColon colon;
-    AddWayBack(colon);
+    colon.MoveAwayAndBack();
     const auto engine = colon.MakeEngine(mode, colon.device());
     for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
       results[run].push_back(engine->Track(*frame, kNoDeadline));

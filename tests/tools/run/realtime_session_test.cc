@@ -331,12 +331,9 @@ TEST(RealTimeSession, MappingThreadFoundsAMapThatTrackingAdopts) {
   EXPECT_GE(num_tracking, 20);
 }
 
-// Away from a map, and back to what it shows in another one.
 TEST(RealTimeSession, MergingThreadAnswersWhatMappingAsks) {
   ScriptedColon colon;
-  colon.Move(0.0, 4.0, 100);
-  colon.Occlude(5);
-  colon.Move(9.0, 3.0, 150);
+  colon.MoveAwayAndBack();
   Lockstep lockstep(colon);
   const SystemClock clock;
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device, &clock);
@@ -369,9 +366,7 @@ TEST(RealTimeSession, StopLeavesTheSeamOfAJoinForTheNextSession) {
   ScriptedColon colon;
   // However slow the machine, the join comes to its end.
   colon.config().merging.max_milliseconds = 10000;
-  colon.Move(0.0, 4.0, 100);
-  colon.Occlude(5);
-  colon.Move(9.0, 3.0, 150);
+  colon.MoveAwayAndBack();
   Lockstep lockstep(colon);
   const SystemClock clock;
   const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device, &clock);
@@ -519,10 +514,7 @@ TEST(RealTimeSession, StartsAndStopsAgainAndAgain) {
 // Depth is searched beside all else, at the camera's own pace. What a session leaves unsearched is done afterwards, and
 // nothing is lost between.
 TEST(RealTimeSession, DepthOfKeyframesIsSearchedOnItsOwnThread) {
-  EngineConfig config = test::SmallEngineConfig();
-  config.depth.enabled = true;
-  config.depth.step_px = 8;
-  config.depth.iterations = 1;
+  const EngineConfig config = test::QuickDepthConfig();
   ScriptedColon colon(TimePoint{}, config);
   colon.Move(0.0, 3.0, 100);
   DepthMatcher depth(colon.camera(), ImageView{}, config.depth.options());

@@ -23,6 +23,15 @@ namespace haustra::test {
 inline const std::atomic<bool> kNeverStop{false};
 inline constexpr Duration kFramePeriod = std::chrono::milliseconds(40);
 
+// Depth that a scripted device's grey pictures have in a moment.
+inline EngineConfig QuickDepthConfig() {
+  EngineConfig config = SmallEngineConfig();
+  config.depth.enabled = true;
+  config.depth.step_px = 8;
+  config.depth.iterations = 1;
+  return config;
+}
+
 class ScriptedColon {
  public:
   explicit ScriptedColon(TimePoint start = TimePoint{}, const EngineConfig& config = SmallEngineConfig())
@@ -53,6 +62,12 @@ class ScriptedColon {
       centres_.emplace_back(0.0, 0.0, 0.0);
       source_.AddFrame(NextTime());
     }
+  }
+  // Away from a map, and in another one back to what the first shows.
+  void MoveAwayAndBack() {
+    Move(0.0, 4.0, 100);
+    Occlude(5);
+    Move(9.0, 3.0, 150);
   }
   void Damage(const std::string& message) {
     centres_.emplace_back(0.0, 0.0, 0.0);

@@ -82,6 +82,8 @@ bool OverlayWatch::is_due(TimePoint time) const {
 void OverlayWatch::KeepFrame(const FrameFeatures& features, TimePoint time) {
   num_before_ = features.num;
   std::copy_n(features.keypoints.begin(), num_before_, before_.begin());
+  // The device sorts what it detects; followed features stand behind them in an order of their own.
+  StaticOverlay::SortForTwins(std::span(before_).first(static_cast<std::size_t>(num_before_)));
   before_time_ = time;
 }
 

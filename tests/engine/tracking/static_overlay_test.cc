@@ -270,5 +270,38 @@ TEST(OverlayWatch, TwinsBesideTrackedPointsAreFound) {
   EXPECT_GE(NumTextFound(watch.overlay()), 57);
 }
 
+// Followed features stand behind the detected ones, in an order of their own. What is found does not depend on it.
+TEST(OverlayWatch, TwinsAmongFollowedFeaturesAreFoundWhateverTheirOrder) {
+  const InitialisationConfig noise;
+  for (const bool is_reversed : {false, true}) {
+    SCOPED_TRACE(is_reversed);
+    OverlayWatch watch(noise, true, kWidth, kHeight, kMaxFeatures);
+    std::vector<OverlayWatch::Tracked> tracked;
+    FrameFeatures before(kMaxFeatures), now(kMaxFeatures);
+    for (int step = 0; step < 6; ++step) {
+      std::vector<Keypoint> text, scene;
+      tracked.clear();
+      for (const Motion& motion : Show(Scene{}, static_cast<std::uint64_t>(step))) {
+        const bool is_text = motion.to_px.x() < 90.0f && motion.to_px.y() < 60.0f;
+        (is_text ? text : scene).push_back({motion.to_px.x(), motion.to_px.y(), 2.0f, 1.0f, 0.1f, 0});
+        if (!is_text) tracked.push_back({static_cast<std::int32_t>(tracked.size()), motion.from_px});
+      }
+      std::sort(text.begin(), text.end(), [](const Keypoint& x, const Keypoint& y) { return x.y_px < y.y_px; });
+      for (Keypoint& keypoint : text) keypoint.octave = 1;
+      if (is_reversed) std::reverse(text.begin(), text.end());
+      std::copy(scene.begin(), scene.end(), now.keypoints.begin());
+      std::copy(text.begin(), text.end(), now.keypoints.begin() + static_cast<std::ptrdiff_t>(scene.size()));
+      now.num = static_cast<std::int32_t>(scene.size() + text.size());
+      now.num_followed = static_cast<std::int32_t>(text.size());
+      std::copy(text.begin(), text.end(), before.keypoints.begin());
+      before.num = before.num_followed = now.num_followed;
+      const TimePoint time(std::chrono::milliseconds(400 * step));
+      watch.KeepFrame(before, time);
+      watch.Compare(now, tracked, time + std::chrono::milliseconds(200));
+    }
+    EXPECT_GE(NumTextFound(watch.overlay()), 57);
+  }
+}
+
 }  // namespace
 }  // namespace haustra::test

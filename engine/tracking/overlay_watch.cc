@@ -13,6 +13,10 @@ constexpr double kCompareSeconds = 0.2;
 // A pair further apart has too few points in common.
 constexpr double kOldSeconds = 1.5;
 
+// Those before the followed ones. A followed feature is no twin of another: they lie so densely, many of one scale,
+// that where the scene moves every third has another at its place by chance.
+int NumDetected(const FrameFeatures& features) { return features.num - features.num_followed; }
+
 }  // namespace
 
 OverlayWatch::OverlayWatch(const InitialisationConfig& noise, bool is_on, int width_px, int height_px, int max_features)
@@ -80,10 +84,8 @@ bool OverlayWatch::is_due(TimePoint time) const {
 }
 
 void OverlayWatch::KeepFrame(const FrameFeatures& features, TimePoint time) {
-  num_before_ = features.num;
+  num_before_ = NumDetected(features);
   std::copy_n(features.keypoints.begin(), num_before_, before_.begin());
-  // The device sorts what it detects; followed features stand behind them in an order of their own.
-  StaticOverlay::SortForTwins(std::span(before_).first(static_cast<std::size_t>(num_before_)));
   before_time_ = time;
 }
 
@@ -91,8 +93,11 @@ void OverlayWatch::Compare(const FrameFeatures& now, std::span<const Tracked> tr
   if (ToSeconds(Apart(time, before_time_)) > kOldSeconds) return;
   const auto num = static_cast<std::size_t>(now.num);
   const auto twins = std::span(twins_).first(num);
+  std::fill(twins.begin(), twins.end(), -1);
+  const auto num_detected = static_cast<std::size_t>(NumDetected(now));
   overlay_.FindTwins(std::span(before_).first(static_cast<std::size_t>(num_before_)),
-                     std::span(now.keypoints).first(num), noise_.noise_k, noise_.noise_sigma_0_px, twins);
+                     std::span(now.keypoints).first(num_detected), noise_.noise_k, noise_.noise_sigma_0_px,
+                     twins.first(num_detected));
   motions_.clear();
   for (const Tracked& match : tracked) {
     const Keypoint& keypoint = now.keypoints[match.feature_idx];

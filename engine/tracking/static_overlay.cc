@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <tuple>
 
 #include "engine/tracking/reserve_touched.h"
 
@@ -196,28 +195,22 @@ void StaticOverlay::Learn(std::span<const Motion> motions, double seconds) {
   }
 }
 
-// By octave, then y; the rest makes it one order.
-void StaticOverlay::SortForTwins(std::span<Keypoint> keypoints) {
-  std::sort(keypoints.begin(), keypoints.end(), [](const Keypoint& a, const Keypoint& b) {
-    return std::tie(a.octave, a.y_px, a.x_px, a.scale_px, a.angle_rad) <
-           std::tie(b.octave, b.y_px, b.x_px, b.scale_px, b.angle_rad);
-  });
-}
-
 void StaticOverlay::FindTwins(std::span<const Keypoint> before, std::span<const Keypoint> now, double sigma_k,
                               double sigma_0_px, std::span<std::int32_t> twins) const {
+  std::size_t first = 0;  // of `before` that may be a twin of this feature or a later one
   for (std::size_t i = 0; i < now.size(); ++i) {
     twins[i] = -1;
     const Keypoint& keypoint = now[i];
     const auto radius = kStillSigmas * static_cast<float>(sigma_k * keypoint.scale_px + sigma_0_px);
     // No feature of the octave is found less well than its coarsest.
     const auto widest = kStillSigmas * static_cast<float>(sigma_k * 4.0 * std::exp2(keypoint.octave) + sigma_0_px);
-    const auto first = std::partition_point(before.begin(), before.end(), [&](const Keypoint& other) {
-      return other.octave < keypoint.octave || (other.octave == keypoint.octave && other.y_px < keypoint.y_px - widest);
-    });
+    while (first < before.size() &&
+           (before[first].octave < keypoint.octave ||
+            (before[first].octave == keypoint.octave && before[first].y_px < keypoint.y_px - widest))) {
+      ++first;
+    }
     float nearest = radius * radius;
-    for (auto k = static_cast<std::size_t>(first - before.begin());
-         k < before.size() && before[k].octave == keypoint.octave; ++k) {
+    for (std::size_t k = first; k < before.size() && before[k].octave == keypoint.octave; ++k) {
       const Keypoint& other = before[k];
       const float dx = other.x_px - keypoint.x_px, dy = other.y_px - keypoint.y_px;
       if (dy > radius) break;

@@ -44,8 +44,8 @@ class StaticOverlay {
   int num_static() const { return num_static_; }
 
   // Pairs of features of two views that may be one that stands still: the same place, scale and angle. Writes for each
-  // feature of `now` the index of its twin in `before`, or -1. `before` is sorted (SortForTwins), `now` need not be.
-  static void SortForTwins(std::span<Keypoint> keypoints);
+  // feature of `now` the index of its twin in `before`, or -1. Both as the device gives them: detected features by
+  // octave, then y.
   void FindTwins(std::span<const Keypoint> before, std::span<const Keypoint> now, double sigma_k, double sigma_0_px,
                  std::span<std::int32_t> twins) const;
 

@@ -45,6 +45,15 @@ window.mapOf = id => ({map: id, epoch: 0, num_points: 2, num_keyframes: 2, num_m
 window.wallOf = (id, t_s) => ({map: id, epoch: 0, t_s, keyframes: 2, depths: 2, triangles: 0, refused_blocks: 0, scope: 0.5,
   lumen: {found: true, passed_radii: 4}, wall_coverage: 0.5, seen_poorly: 0.25, picture: 'iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGNgYPgPAAEDAQAIicLsAAAAAElFTkSuQmCC'});
 """
+# Of a page that is scripted: what was asked for, and pictures of 40x20 pixels, every fourth one of their frame.
+ASKED_FOR = """
+window.asked = [];
+window.fetch = async request => { asked.push(decodeURIComponent(request)); return {ok: true, text: async () => 'done'}; };
+window.pictureOf = frame => ({frame, width: 40, height: 20, step: 4, num_matched: 0, points: [], marks: [],
+  jpeg: document.createElement('canvas').toDataURL('image/jpeg').split(',')[1]});
+"""
+CLICK_PICTURE = ("(picture => { const box = picture.getBoundingClientRect(); picture.dispatchEvent(new MouseEvent('click', "
+                 "{clientX: box.left + %f * box.width, clientY: box.top + %f * box.height})); })(document.getElementById('picture'))")
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
 SEEN_WELL, SEEN_NEVER = (0x56, 0xB4, 0xE9), (0, 0, 0)  # of the unrolled wall
 # Until the scope has passed a part of the lumen at the speed of Service, on a machine that has other work.
@@ -144,15 +153,29 @@ class PageTest(unittest.TestCase):
             time.sleep(1.0)
         self.fail(f"{len(drawn)} of {len(colours)} pixels are drawn, in {len(set(drawn))} colours")
 
-    def assert_mark_is_shown(self, page, folder):
-        """One that is set now comes into the picture, the list and the scene."""
-        control = [HAUSTRA, "control", "--folder", folder, "mark"]
-        self.assertTrue(any(subprocess.run([*control, str(60 + 40 * (i % 6)), str(60 + 50 * (i // 6 % 4)), "polyp"],
-                                           capture_output=True).returncode == 0 for i in range(96)), "no place could be marked")
+    def click_a_mark(self, page, u, v):
+        """At a share of the picture's width and height. Whether it was set: a place may have too little of the map near."""
+        page.value("document.getElementById('marking-label').value = 'polyp'; document.getElementById('marking-begin').click()")
+        page.value(CLICK_PICTURE % (u, v))
+        answer = "document.getElementById('marking-answer').textContent"
+        self.assertTrue(page.wait_for(f"{answer} !== ''"), page.messages)
+        return page.value(answer) == "marked polyp"
+
+    def assert_mark_is_shown(self, page):
+        """One that is set by a click comes into the picture, the list and the scene, and goes by two clicks."""
+        self.assertTrue(any(self.click_a_mark(page, (1 + i % 6) / 7, (1 + i // 6 % 4) / 5) for i in range(96)), "no place")
+        page.messages[:] = [message for message in page.messages if " 409 " not in message]  # places that could not be
         self.assertTrue(page.wait_for("document.body.dataset.marks === '1'"), page.messages)
         self.assertEqual(page.value("document.querySelector('#marks th').textContent"), "polyp")
         self.assertTrue(page.wait_for("document.body.dataset.rings === '1'"), page.messages)
         self.assertTrue(page.wait_for(PIN_IS_SHOWN), page.messages)
+
+    def assert_mark_is_removed(self, page):
+        button = "document.querySelector('#marks .remove')"
+        page.value(f"{button}.click()")
+        self.assertEqual(page.value(f"{button}.textContent"), "remove?")
+        page.value(f"{button}.click()")
+        self.assertTrue(page.wait_for("document.body.dataset.marks === '0'"), page.messages)
 
     def assert_picture_is_shown(self, page):
         """The recording has moments in which the lens is covered: then a later picture."""
@@ -323,6 +346,61 @@ class PageTest(unittest.TestCase):
             self.assert_no_scope(page, "No pose")
             self.assertEqual(page.messages, [])
 
+    def test_a_click_marks_the_pixel_of_the_frame_that_is_shown(self):
+        with tempfile.TemporaryDirectory() as folder, browser.Browser() as page, \
+                ServedView(HAUSTRA, "--folder", folder, "--marking") as server:
+            page.before_pages(SCRIPTED_STREAM + ASKED_FOR)
+            page.open(server.address)
+            self.assertTrue(page.wait_for("window.tell !== undefined"), page.messages)
+            page.value("tell('service', {state: 'running', text: '', has_engine: true}); tell('map', mapOf(0))")
+            begin, picture = "document.getElementById('marking-begin').click()", "document.body.dataset.picture"
+            page.value(begin)
+            self.assertFalse(page.value("haustra.marking.isAiming()"), "there is no picture")
+            page.value("tell('picture', pictureOf(7))")
+            self.assertTrue(page.wait_for(f"{picture} === '7'"))
+            page.value(CLICK_PICTURE % (0.5, 0.5))
+            self.assertEqual(page.value("asked"), [], "nobody wanted to mark")
+            page.value(begin)
+            page.value("tell('picture', pictureOf(8))")
+            time.sleep(1)
+            self.assertEqual(page.value(picture), "7", "it stands still")
+            # The middle of pixel 10, 5 of 40x20 that are every fourth one of the frame.
+            page.value(CLICK_PICTURE % (10.5 / 40, 5.5 / 20))
+            words = page.value("asked")[0].split()
+            self.assertEqual([words[0], *words[3:]], ["do?request=mark", "mark-1", "7"])
+            # The mouse stands on whole pixels of the screen, which are half as large as those of the frame.
+            self.assertAlmostEqual(float(words[1]), 40, delta=0.6)
+            self.assertAlmostEqual(float(words[2]), 20, delta=0.6)
+            page.value("tell('picture', pictureOf(9))")
+            self.assertTrue(page.wait_for(f"{picture} === '9'"), "it goes on")
+            # A label of one's own; names that are taken are not proposed; Escape leaves it.
+            page.value("document.getElementById('marking-label').value = ' fold.2 '; " + begin)
+            page.value(CLICK_PICTURE % (0, 0))
+            self.assertEqual(page.value("asked[1]"), "do?request=mark 0.0 0.0 fold.2 9")
+            page.value("tell('map', {...mapOf(0), marks: [{id: 1, label: 'mark-1', map: 0, position: [0, 0, 1]}]}); " + begin)
+            page.value("document.dispatchEvent(new KeyboardEvent('keydown', {key: 'Escape'}))")
+            page.value(CLICK_PICTURE % (0.5, 0.5))
+            self.assertEqual(page.value("asked.length"), 2)
+            page.value(begin)
+            page.value(CLICK_PICTURE % (0, 0))
+            self.assertEqual(page.value("asked[2]"), "do?request=mark 0.0 0.0 mark-2 9")
+            # One click removes nothing, and the row stays the same while poses come.
+            page.value("document.querySelector('#marks .remove').click(); tell('poses', [poseAt(2)])")
+            self.assertEqual(page.value("asked.length"), 3)
+            page.value("document.querySelector('#marks .remove').click()")
+            self.assertEqual(page.value("asked[3]"), "do?request=unmark mark-1")
+            # Of a procedure that has ended nothing can be pointed at.
+            page.value("tell('fresh', {}); " + begin)
+            self.assertFalse(page.value("haustra.marking.isAiming()"))
+            self.assertEqual(page.messages, [])
+
+    def test_without_the_option_nothing_can_be_marked(self):
+        with tempfile.TemporaryDirectory() as folder, browser.Browser() as page, ServedView(HAUSTRA, "--folder", folder) as server:
+            page.open(server.address)
+            self.assertTrue(page.wait_for("document.body.dataset.ready === 'live'"), page.messages)
+            self.assertTrue(page.value("document.getElementById('marking').hidden"))
+            self.assertEqual(page.value("fetch('do?request=unmark%20x', {method: 'POST'}).then(answer => answer.status)"), 404)
+
     def test_the_wall_is_that_of_the_map_that_the_scope_is_in(self):
         with tempfile.TemporaryDirectory() as folder, browser.Browser() as page, ServedView(HAUSTRA, "--folder", folder) as server:
             page.before_pages(SCRIPTED_STREAM)
@@ -359,7 +437,8 @@ class PageTest(unittest.TestCase):
     def test_live(self):
         folder = Path(tempfile.mkdtemp(prefix="haustra_view_"))
         try:
-            with ServedView(HAUSTRA, "--folder", folder) as server, browser.Browser() as page, browser.Browser() as other:
+            with ServedView(HAUSTRA, "--folder", folder, "--marking") as server, browser.Browser() as page, \
+                    browser.Browser() as other:
                 for each in (page, other):
                     each.open(server.address)
                     self.assertTrue(each.wait_for("document.body.dataset.service === 'none'"), each.messages)
@@ -378,12 +457,14 @@ class PageTest(unittest.TestCase):
                         if attempt == 0:
                             # First what lasts only as long as the recording: the lens is covered later, and it ends.
                             self.assert_picture_is_shown(page)
-                            self.assert_mark_is_shown(page, folder)
+                            self.assert_mark_is_shown(page)
+                            self.assertTrue(other.wait_for("document.body.dataset.marks === '1'"), other.messages)
                             # The wall comes while the scope moves, and fills the scene: first points are too few for it.
                             self.assertTrue(page.wait_for("document.body.dataset.surface === 'shown'"), page.messages)
                             self.assert_scene_is_drawn(page)
                             self.assert_wall_is_unrolled(page)
                             self.assert_depth_is_told(folder)
+                            self.assert_mark_is_removed(page)
                         keep(page, f"live_{attempt}.png")
                     for each in (page, other):
                         self.assertTrue(each.wait_for("document.getElementById('state').textContent === 'No engine'"))

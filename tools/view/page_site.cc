@@ -23,6 +23,7 @@ ViewResource Script(std::string_view text) { return {"text/javascript; charset=u
 ViewSite MakePageSite(PageKind kind) {
   std::string page(ViewHtml());
   Replace("KIND.js", kind == PageKind::kRun ? "run.js" : "live.js", &page);
+  Replace("MARKING", kind == PageKind::kLiveWithMarking ? "on" : "off", &page);
   Replace("<!-- LICENCES -->",
           "<pre id=\"licences\">" + report::EscapeHtml(report::ChartJsLicence()) +
               report::EscapeHtml(report::ThreeJsLicence()) + "</pre>",

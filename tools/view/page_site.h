@@ -8,7 +8,8 @@
 
 namespace haustra::view {
 
-enum class PageKind { kRun, kLive };
+// kLiveWithMarking: marks can be set and removed on the page.
+enum class PageKind { kRun, kLive, kLiveWithMarking };
 
 // Data of the run, or the stream, are the caller's to add.
 ViewSite MakePageSite(PageKind kind);

@@ -64,7 +64,9 @@ Result<std::string> ReadToken(const std::string& path) {
 
 std::optional<std::string_view> RequestGate::Admit(const RequestHead& request) const {
   const std::string numeric = "127.0.0.1:" + std::to_string(port_), named = "localhost:" + std::to_string(port_);
-  if (request.method != "GET" || (request.host != numeric && request.host != named)) return std::nullopt;
+  const bool may_change = request.method == "POST";
+  if ((!may_change && request.method != "GET") || (may_change && !request.origin)) return std::nullopt;
+  if (request.host != numeric && request.host != named) return std::nullopt;
   if (request.origin && *request.origin != "http://" + std::string(request.host)) return std::nullopt;
   // "none": typed, or a bookmark.
   if (request.fetch_site && *request.fetch_site != "same-origin" && *request.fetch_site != "none") return std::nullopt;

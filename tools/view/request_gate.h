@@ -33,7 +33,8 @@ class RequestGate {
  public:
   RequestGate(std::string token, int port) : token_(std::move(token)), port_(port) {}
 
-  // What is asked for: the path behind the token, empty for the page itself. Nothing: the request is refused.
+  // What is asked for: the path behind the token, empty for the page itself. Nothing: the request is refused. GET
+  // looks, POST may change something: that one must name the page's own origin.
   std::optional<std::string_view> Admit(const RequestHead& request) const;
 
  private:

@@ -14,6 +14,7 @@
 #include "tools/service/runtime_folder.h"
 #include "tools/view/live_stream.h"
 #include "tools/view/live_wall.h"
+#include "tools/view/mark_orders.h"
 #include "tools/view/page_site.h"
 #include "tools/view/request_gate.h"
 #include "tools/view/run_site.h"
@@ -30,10 +31,14 @@ struct ViewArguments {
   std::string folder = kRuntimeFolder;
   int port = 0;
   std::string token_file;
+  bool may_mark = false;
 };
 
-view::ViewSite MakeLiveSite(const std::string& folder) {
-  view::ViewSite site = view::MakePageSite(view::PageKind::kLive);
+view::ViewSite MakeLiveSite(const std::string& folder, bool may_mark) {
+  view::ViewSite site = view::MakePageSite(may_mark ? view::PageKind::kLiveWithMarking : view::PageKind::kLive);
+  if (may_mark) {
+    site.change = [folder](std::string_view request) { return view::PassMarkOrder(folder, request); };
+  }
   const auto wall = std::make_shared<const view::LiveWall>(folder);
   site.open_stream = [folder, wall] { return std::make_unique<view::LiveStream>(folder, wall); };
   site.find = [wall](std::string_view name) {
@@ -50,7 +55,8 @@ int View(const ViewArguments& arguments) {
   if (!token.ok()) return console::Fail(kViewCommand, token.status());
   options.token = std::move(*token);
   const bool is_live = arguments.request.run.empty();
-  Result<view::ViewSite> site = is_live ? MakeLiveSite(arguments.folder) : view::MakeRunSite(arguments.request);
+  Result<view::ViewSite> site =
+      is_live ? MakeLiveSite(arguments.folder, arguments.may_mark) : view::MakeRunSite(arguments.request);
   if (!site.ok()) return console::Fail(kViewCommand, site.status());
   const Result<std::unique_ptr<view::ViewServer>> server = view::ViewServer::Start(std::move(*site), options);
   if (!server.ok()) return console::Fail(kViewCommand, server.status());
@@ -82,6 +88,12 @@ void AddViewCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--token-file", arguments->token_file,
                       "Secret part of the address: 32 to 128 letters and digits in a file that only its owner may read "
                       "(default: 128 new random bits)");
+  command
+      ->add_flag(
+          "--marking", arguments->may_mark,
+          "Marks can be set and removed on the page. Whoever has the address can do so, with this user's right to "
+          "control haustrad")
+      ->excludes(run);
   command->callback([arguments, &action] { action = [arguments] { return View(*arguments); }; });
 }
 

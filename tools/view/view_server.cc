@@ -96,6 +96,7 @@ class HttpViewServer final : public ViewServer {
     if (fetch_site) head.fetch_site = *fetch_site;
     const std::optional<std::string_view> name = gate_->Admit(head);
     if (!name) return Refuse(403, "Not for you: the address is the one that haustra view has printed.\n", response);
+    if (head.method == "POST") return Change(*name, request, response);
     if (*name == "live" && site_.open_stream) return Stream(response);
     std::shared_ptr<const ViewResource> resource;
     const auto found = site_.resources.find(*name);
@@ -114,6 +115,15 @@ class HttpViewServer final : public ViewServer {
                                   [resource](std::size_t offset, std::size_t length, httplib::DataSink& sink) {
                                     return sink.write(resource->bytes.data() + offset, length);
                                   });
+  }
+
+  // The request stands in the address: a body is never read.
+  void Change(std::string_view name, const httplib::Request& request, httplib::Response& response) {
+    if (!site_.change || name != "do") return Refuse(404, "There is nothing here that can be changed.\n", response);
+    const Result<std::string> done = site_.change(request.get_param_value("request"));
+    if (!done.ok()) return Refuse(409, done.status().message().c_str(), response);
+    response.set_content(*done, "text/plain; charset=utf-8");
+    response.status = 200;
   }
 
   static void Refuse(int status, const char* text, httplib::Response& response) {

@@ -31,6 +31,9 @@ struct ViewSite {
   std::function<std::shared_ptr<const ViewResource>(std::string_view name)> find;
   // Makes the stream of one more viewer, "live" in the address; may be empty. thread-safe.
   std::function<std::unique_ptr<ViewStream>()> open_stream;
+  // Does what a viewer asks for, and answers with a text for people: POST "do?request=TEXT". May be empty: then nothing
+  // can be changed here. thread-safe.
+  std::function<Result<std::string>(std::string_view request)> change;
 };
 
 struct ViewServerOptions {

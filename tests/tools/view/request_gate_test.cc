@@ -67,9 +67,23 @@ TEST(RequestGate, PagesFromElsewhereAreRefused) {
   }
 }
 
-TEST(RequestGate, NothingIsEverWritten) {
+// A form of another page would name that page's origin, or none.
+TEST(RequestGate, ARequestToChangeSomethingNamesThePagesOrigin) {
   const RequestGate gate(kToken, 8000);
-  for (const char* method : {"POST", "PUT", "DELETE", "OPTIONS", "HEAD", "get", ""}) {
+  RequestHead head = Good();
+  head.method = "POST";
+  EXPECT_FALSE(gate.Admit(head));
+  head.origin = "http://127.0.0.1:8000";
+  EXPECT_EQ(gate.Admit(head), "run.json");
+  for (const char* origin : {"", "null", "http://evil.example", "http://localhost:8000"}) {
+    head.origin = origin;
+    EXPECT_FALSE(gate.Admit(head)) << origin;
+  }
+}
+
+TEST(RequestGate, OtherMethodsAreRefused) {
+  const RequestGate gate(kToken, 8000);
+  for (const char* method : {"PUT", "DELETE", "OPTIONS", "HEAD", "get", ""}) {
     RequestHead head = Good();
     head.method = method;
     EXPECT_FALSE(gate.Admit(head)) << method;

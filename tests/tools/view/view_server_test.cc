@@ -39,6 +39,11 @@ class ViewServerTest : public ::testing::Test {
     site.resources["empty"] = {"text/plain", ""};
     site.find = [this](std::string_view name) { return name == "wall.ply" ? wall_ : nullptr; };
     site.open_stream = [this] { return std::make_unique<CountingStream>(&num_open_); };
+    site.change = [this](std::string_view request) -> Result<std::string> {
+      asked_ = request;
+      if (request == "no") return FailedPrecondition("not now");
+      return std::string("done\n");
+    };
     Result<std::unique_ptr<ViewServer>> server = ViewServer::Start(std::move(site), {0, kServerToken});
     ASSERT_TRUE(server.ok()) << server.status().message();
     server_ = std::move(*server);
@@ -46,12 +51,17 @@ class ViewServerTest : public ::testing::Test {
   std::string Get(const std::string& target, const std::string& more = "") const {
     return Ask(server_->port(), target, Host(server_->port()) + more);
   }
+  std::string Post(const std::string& target, const std::string& more = "") const {
+    const std::string origin = "Origin: http://127.0.0.1:" + std::to_string(server_->port()) + "\r\n";
+    return Ask(server_->port(), target, Host(server_->port()) + origin + "Content-Length: 0\r\n" + more, "POST");
+  }
   void WaitForStreams(int number) const {
     for (int i = 0; i < 1000 && num_open_ != number; ++i) std::this_thread::sleep_for(std::chrono::milliseconds(20));
     EXPECT_EQ(num_open_, number);
   }
 
   std::shared_ptr<const ViewResource> wall_;
+  std::string asked_;  // of what can be changed
   std::atomic<int> num_open_{0};
   std::unique_ptr<ViewServer> server_;
 };
@@ -74,6 +84,32 @@ TEST_F(ViewServerTest, WhatChangesIsAskedForEachTime) {
   wall_ = std::make_shared<const ViewResource>(ViewResource{"text/plain", "another"});
   EXPECT_TRUE(Get(kRoot + "wall.ply").ends_with("another"));
   EXPECT_EQ(StatusOf(Ask(server_->port(), "/wall.ply", Host(server_->port()))), 403) << "without the token";
+}
+
+TEST_F(ViewServerTest, WhatAViewerAsksForIsDoneAndAnswered) {
+  const std::string done = Post(kRoot + "do?request=mark%201%202.5%20polyp%207");
+  EXPECT_EQ(StatusOf(done), 200);
+  EXPECT_TRUE(done.ends_with("done\n"));
+  EXPECT_EQ(asked_, "mark 1 2.5 polyp 7");
+  const std::string refused = Post(kRoot + "do?request=no");
+  EXPECT_EQ(StatusOf(refused), 409);
+  EXPECT_TRUE(refused.ends_with("not now"));
+}
+
+TEST_F(ViewServerTest, NothingIsDoneForOthersOrByLooking) {
+  const std::string target = kRoot + "do?request=mark";
+  EXPECT_EQ(StatusOf(Get(target)), 404);
+  EXPECT_EQ(StatusOf(Ask(server_->port(), target, Host(server_->port()) + "Content-Length: 0\r\n", "POST")), 403)
+      << "without an origin";
+  EXPECT_EQ(StatusOf(Post("/do?request=mark")), 403) << "without the token";
+  EXPECT_EQ(StatusOf(Post(target, "Sec-Fetch-Site: cross-site\r\n")), 403);
+  EXPECT_EQ(StatusOf(Post(kRoot + "run.json")), 404);
+  EXPECT_EQ(asked_, "");
+  Result<std::unique_ptr<ViewServer>> looking = ViewServer::Start({}, {0, kServerToken});
+  ASSERT_TRUE(looking.ok());
+  const int port = (*looking)->port();
+  const std::string origin = "Origin: http://127.0.0.1:" + std::to_string(port) + "\r\nContent-Length: 0\r\n";
+  EXPECT_EQ(StatusOf(Ask(port, target, Host(port) + origin, "POST")), 404) << "where nothing can be changed";
 }
 
 TEST_F(ViewServerTest, EveryAnswerForbidsWhatThePageDoesNotNeed) {

@@ -1,7 +1,7 @@
 // The page of a running engine: the event stream "live" (tools/view/live_stream.h).
 'use strict';
 (() => {
-  const {byId, decode, setState, setFacts, eventItem, latencyPlot, connectSwitches, showMarks, drawRings, showWall} = haustra;
+  const {byId, decode, setState, setFacts, eventItem, latencyPlot, connectSwitches, showMarks, drawRings, showWall, marking} = haustra;
   const SHOWN_S = 20, MAX_TRAIL = 3000, MAX_EVENTS = 200;
   // After so long without a pose nobody knows where the scope is.
   const MAX_SILENCE_MS = 2000;
@@ -49,6 +49,7 @@
     const of = mark => sightings.get(mark.id) || {state: 'not_known', distance: null};
     const rows = (map ? map.marks : []).map(mark => ({...mark, ...of(mark)}));
     showMarks(rows);
+    marking.onMarks(rows);
     scene.setPins(rows.filter(mark => mark.map === map.map));
   };
 
@@ -64,6 +65,7 @@
     is_ours = true;
     for (const part of ['points', 'path']) scene.clear(part);
     scene.setScope(null);
+    marking.forget();
     showLiveMarks();
     byId('events').replaceChildren();
     byId('picture-panel').hidden = true;
@@ -224,7 +226,7 @@
     const image = new Image(), of = num_forgotten;
     image.onload = () => {
       // Loading takes its time: it may be of another patient by now.
-      if (of !== num_forgotten) return;
+      if (of !== num_forgotten || marking.isAiming()) return;
       const canvas = byId('picture'), context = canvas.getContext('2d'), scale = 2;
       byId('picture-panel').hidden = false;
       byId('picture-panel').classList.toggle('old', document.body.dataset.state === 'off');
@@ -241,6 +243,7 @@
       // The label of a new mark comes with the next map.
       const labels = new Map((map ? map.marks : []).map(mark => [mark.id, mark.label]));
       drawRings(context, scale, data.marks.map(mark => ({...mark, label: labels.get(mark.id) || ''})));
+      marking.onPicture(data);
       document.body.dataset.rings = data.marks.length;
       document.body.dataset.picture = data.frame;
       document.body.dataset.matched = data.num_matched;

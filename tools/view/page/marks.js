@@ -12,18 +12,33 @@ window.haustra = window.haustra || {};
     return element;
   };
 
+  const newRow = label => {
+    const row = document.createElement('tr'), name = cell('th', label);
+    name.title = row.dataset.label = label;
+    row.append(name, cell('td', ''), cell('td', ''), cell('td', ''));
+    if (haustra.removeButton) {
+      row.append(cell('td', ''));
+      row.lastChild.append(haustra.removeButton(label));
+    }
+    return row;
+  };
+
   // rows: {label, map, state (a word), distance (in depths of the scene, null: not known)}. Without any there is no list.
+  // A row stays while its mark does: it may have a button that somebody is about to press.
   const showMarks = rows => {
     byId('marks-panel').hidden = rows.length === 0;
     byId('pins-choice').hidden = rows.length === 0;
-    byId('marks').replaceChildren(...rows.map(mark => {
-      const row = document.createElement('tr');
-      row.dataset.state = mark.state;
-      row.append(cell('th', mark.label), cell('td', mark.map), cell('td', mark.state.replaceAll('_', ' ')),
-                 cell('td', mark.distance === null ? '' : mark.distance.toFixed(1)));
-      row.firstChild.title = mark.label;
-      return row;
-    }));
+    const place = byId('marks');
+    if (rows.length !== place.rows.length || rows.some((mark, i) => mark.label !== place.rows[i].dataset.label)) {
+      place.replaceChildren(...rows.map(mark => newRow(mark.label)));
+    }
+    rows.forEach((mark, i) => {
+      const cells = place.rows[i].cells;
+      place.rows[i].dataset.state = mark.state;
+      cells[1].textContent = mark.map;
+      cells[2].textContent = mark.state.replaceAll('_', ' ');
+      cells[3].textContent = mark.distance === null ? '' : mark.distance.toFixed(1);
+    });
     document.body.dataset.marks = rows.length;
   };
 

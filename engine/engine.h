@@ -65,6 +65,9 @@ class Engine {
   // All maps, for LoadAtlas. Mapping thread between two steps, or any when both have stopped. Errors of the sink.
   Status SaveAtlas(ByteSink& sink) const { return mapper_.SaveAtlas(sink); }
 
+  // Any thread, when all have stopped: frames will be numbered anew. What was mapped stays; frames that were answered
+  // before can no longer be marked.
+  void BeginSession() { mapper_.BeginSession(); }
   // Tracking thread, before its first frame: threads of the device that work for it take on its policy and priority.
   // kFailedPrecondition: the system refuses.
   Status ServeThisThread() { return tracker_.ServeThisThread(); }
@@ -108,8 +111,9 @@ class Engine {
   }
   // All in turn, on one thread: every question is answered before mapping goes on.
   bool BackgroundStep() { return MergeStep() || MapStep() || DepthStep(); }
-  // Any thread, when all have stopped: no frame will come any more. Searches what was still to come, which takes as
-  // many seconds as DepthStep does for all kept pictures; ends early when `stop` becomes true.
+  // Any thread, when all have stopped: no frame will come any more. Searches what was still to come, and tries once
+  // more what knew too little in its turn. Takes as many seconds as DepthStep does for all kept pictures; ends early
+  // when `stop` becomes true.
   void FinishDepth(const std::atomic<bool>& stop);
 
   // Mapping thread, or any when both have stopped.

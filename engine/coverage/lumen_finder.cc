@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
@@ -30,7 +31,22 @@ constexpr double kExtensionShare = 1.5;  // beyond the path's ends
 constexpr double kSmoothShare = 0.5;     // sigma of the corrections along the line
 constexpr double kRadiusPrior = 3.0;     // counts as so many directions
 constexpr double kCentrePrior = 1.0;
-constexpr double kOutlierShare = 0.2;  // of the radius: Cauchy's scale
+constexpr double kOutlierShare = 0.2;   // of the radius: Cauchy's scale
+constexpr double kOnCircleShare = 0.3;  // of the radius: what lies nearer to the circle counts as on it
+
+// A scope that slides along the wall is far nearer to it than the radius: the far wall is beyond the reach of the first
+// guess, and a circle between the two is found, with little wall on it. Times that guess.
+constexpr std::array<double, 3> kLargerGuesses{2.0, 4.0, 8.0};
+constexpr double kClearlyBetter = 0.1;  // of the directions
+constexpr double kInsideShare = 1.05;   // of the radius; half of the path has to lie within
+
+std::vector<Eigen::Vector3d> FiniteOf(std::span<const Eigen::Vector3d> points) {
+  std::vector<Eigen::Vector3d> finite;
+  for (const Eigen::Vector3d& point : points) {
+    if (point.allFinite()) finite.push_back(point);
+  }
+  return finite;
+}
 
 std::vector<Eigen::Vector3d> Thinned(std::span<const Eigen::Vector3d> points, std::size_t most) {
   const std::size_t stride = std::max<std::size_t>(1, (points.size() + most - 1) / most);
@@ -57,13 +73,14 @@ double GuessRadius(std::span<const Eigen::Vector3d> path, const std::vector<Eige
 // What a slice of the wall says about a station.
 struct Slice {
   int num_directions = 0;
+  int num_on_circle = 0;  // of these, whose wall is near the circle
   double radius = 0.0;
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();  // off the station, along normal and binormal
 };
 
 // Gauss-Newton on the distances from the circle, with Cauchy's weights. The priors hold what few directions leave open.
 Slice FitCircle(const std::vector<Eigen::Vector2d>& points, double radius) {
-  Slice slice{static_cast<int>(points.size()), radius, Eigen::Vector2d::Zero()};
+  Slice slice{static_cast<int>(points.size()), 0, radius, Eigen::Vector2d::Zero()};
   if (slice.num_directions < kMinDirections) return slice;
   for (int step = 0; step < 10; ++step) {
     Eigen::Matrix3d hessian = Eigen::Vector3d(kCentrePrior, kCentrePrior, kRadiusPrior).asDiagonal();
@@ -86,6 +103,9 @@ Slice FitCircle(const std::vector<Eigen::Vector2d>& points, double radius) {
   }
   slice.radius = std::clamp(slice.radius, 0.3 * radius, 2.0 * radius);
   if (slice.centre.norm() > radius) slice.centre *= radius / slice.centre.norm();
+  for (const Eigen::Vector2d& point : points) {
+    slice.num_on_circle += std::abs((point - slice.centre).norm() - slice.radius) < kOnCircleShare * slice.radius;
+  }
   return slice;
 }
 
@@ -165,16 +185,25 @@ void FindPassed(std::span<const Eigen::Vector3d> path, Lumen* lumen) {
   lumen->passed_end_mu = *last;
 }
 
-}  // namespace
-
-Result<Lumen> FindLumen(std::span<const Eigen::Vector3d> path, std::span<const Eigen::Vector3d> wall) {
-  if (path.size() < kMinPositions) return NotFound("only " + std::to_string(path.size()) + " frames have a pose");
-  if (wall.size() < kMinWallPoints) {
-    return NotFound("only " + std::to_string(wall.size()) + " points of the wall are known");
-  }
-  const std::vector<Eigen::Vector3d> points = Thinned(wall, kMaxWallPoints);
+// A lumen, and how much of the wall around it lies on its circles.
+struct LumenFit {
   Lumen lumen;
-  lumen.radius_mu = GuessRadius(path, points);
+  double circle_share = 0.0;  // of the directions around the passed part
+};
+
+// A large guess may also find the circle of a bulge that the scope went past.
+bool IsInside(std::span<const Eigen::Vector3d> path, const Lumen& lumen) {
+  const auto num_inside = std::count_if(path.begin(), path.end(), [&](const Eigen::Vector3d& position) {
+    return lumen.line.Of(position).radius_mu < kInsideShare * lumen.radius_mu;
+  });
+  return 2 * static_cast<std::size_t>(num_inside) > path.size();
+}
+
+Result<LumenFit> FitLumen(std::span<const Eigen::Vector3d> path, const std::vector<Eigen::Vector3d>& points,
+                          double guess_mu) {
+  LumenFit fit;
+  Lumen& lumen = fit.lumen;
+  lumen.radius_mu = guess_mu;
   const std::vector<Eigen::Vector3d> curve =
       lumen.radius_mu > 0.0 ? CurveThroughPath(path, lumen.radius_mu) : std::vector<Eigen::Vector3d>();
   if (curve.size() < 2) return NotFound("the scope stayed in one place");
@@ -213,19 +242,44 @@ Result<Lumen> FindLumen(std::span<const Eigen::Vector3d> path, std::span<const E
                     Number(kMinPassedRadii));
   }
   double share = 0.0;
-  int count = 0;
+  int count = 0, num_on_circle = 0;
   for (int i = 0; i < lumen.line.num_stations(); ++i) {
     const double at = i * lumen.line.step_mu();
     if (at < lumen.passed_begin_mu || at > lumen.passed_end_mu) continue;
     share += static_cast<double>(slices[i].num_directions) / kDirections;
+    num_on_circle += slices[i].num_on_circle;
     ++count;
   }
   lumen.wall_share = count > 0 ? share / count : 0.0;
+  fit.circle_share = count > 0 ? static_cast<double>(num_on_circle) / (kDirections * count) : 0.0;
   if (lumen.wall_share < kMinWallShare) {
     return NotFound("a wall was found on " + Number(100.0 * lumen.wall_share) +
                     " % of the directions around the path, " + "fewer than " + Number(100.0 * kMinWallShare));
   }
-  return lumen;
+  return fit;
+}
+
+}  // namespace
+
+Result<Lumen> FindLumen(std::span<const Eigen::Vector3d> all_path, std::span<const Eigen::Vector3d> all_wall) {
+  const std::vector<Eigen::Vector3d> path = FiniteOf(all_path), wall = FiniteOf(all_wall);
+  if (path.size() < kMinPositions) return NotFound("only " + std::to_string(path.size()) + " frames have a pose");
+  if (wall.size() < kMinWallPoints) {
+    return NotFound("only " + std::to_string(wall.size()) + " points of the wall are known");
+  }
+  const std::vector<Eigen::Vector3d> points = Thinned(wall, kMaxWallPoints);
+  const double guess_mu = GuessRadius(path, points);
+  Result<LumenFit> best = FitLumen(path, points, guess_mu);
+  // A guess more is a chance more to take for a lumen what is none: the wall has to lie on its circles.
+  double least = std::max(kMinWallShare, best.ok() ? best->circle_share + kClearlyBetter : 0.0);
+  for (const double factor : kLargerGuesses) {
+    Result<LumenFit> fit = FitLumen(path, points, factor * guess_mu);
+    if (!fit.ok() || fit->circle_share < least || !IsInside(path, fit->lumen)) continue;
+    best = std::move(fit);
+    least = best->circle_share;  // of equals the larger: the smaller may not have grown up in its rounds
+  }
+  if (!best.ok()) return best.status();
+  return std::move(best->lumen);
 }
 
 }  // namespace haustra

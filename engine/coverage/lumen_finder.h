@@ -25,8 +25,9 @@ inline constexpr double kMinPassedRadii = 1.0;
 
 // path: positions of the scope in order of time, map. wall: points of the wall, map.
 // The path is made one curve (path_curve.h), and each station of it moved to the middle of the wall around it by a
-// circle that is fitted robustly to one distance a direction, again and again. kNotFound: there is no lumen; the
-// message says why, for people.
+// circle that is fitted robustly to one distance a direction, again and again. That begins with several radii: a scope
+// may slide along the wall, far off the middle. The one whose circles have most wall on them is taken. What is not
+// finite is passed over. kNotFound: there is no lumen; the message says why, for people.
 Result<Lumen> FindLumen(std::span<const Eigen::Vector3d> path, std::span<const Eigen::Vector3d> wall);
 
 }  // namespace haustra

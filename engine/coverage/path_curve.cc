@@ -118,11 +118,14 @@ std::vector<Eigen::Vector3d> SmoothCurve(const std::vector<Eigen::Vector3d>& poi
 
 std::vector<Eigen::Vector3d> CurveThroughPath(std::span<const Eigen::Vector3d> positions, double scale_mu) {
   std::vector<Place> places;
-  std::map<std::array<int, 3>, int> place_of_cell;
-  std::vector<std::pair<int, int>> moves;  // from place to place
+  std::map<std::array<double, 3>, int> place_of_cell;  // whole numbers: more than an integer holds
+  std::vector<std::pair<int, int>> moves;              // from place to place
+  const Eigen::Vector3d* first = nullptr;
   int last = -1;
   for (const Eigen::Vector3d& position : positions) {
-    const Eigen::Vector3i cell = (position / (kCellShare * scale_mu)).array().floor().cast<int>();
+    if (!position.allFinite()) continue;
+    if (first == nullptr) first = &position;
+    const Eigen::Vector3d cell = (position / (kCellShare * scale_mu)).array().floor();
     const auto [entry, is_new] =
         place_of_cell.try_emplace({cell.x(), cell.y(), cell.z()}, static_cast<int>(places.size()));
     if (is_new) places.emplace_back();
@@ -153,7 +156,7 @@ std::vector<Eigen::Vector3d> CurveThroughPath(std::span<const Eigen::Vector3d> p
   for (int i = Farthest(ways); i >= 0; i = ways.before[i]) curve.push_back(places[i].position());
   if (curve.size() < 2) return {};
   // In the direction in which the scope first went through it.
-  if ((curve.front() - positions.front()).norm() > (curve.back() - positions.front()).norm()) {
+  if ((curve.front() - *first).norm() > (curve.back() - *first).norm()) {
     std::reverse(curve.begin(), curve.end());
   }
   const LumenLine even(curve, kCellShare * scale_mu);

@@ -68,6 +68,16 @@ bool DepthKeeper::TakeIn() {
   return false;
 }
 
+void DepthKeeper::SetFinishing(bool is_finishing) {
+  is_finishing_ = is_finishing;
+  if (!is_finishing) return;
+  for (Picture& picture : pictures_) {
+    if (!picture.knew_too_little || atlas_.GetKeyframe(picture.keyframe) == nullptr) continue;
+    picture.was_asked = picture.knew_too_little = false;
+    --counters_.num_too_little;
+  }
+}
+
 const KeptDepth* DepthKeeper::DepthOf(KeyframeHandle keyframe) const {
   if (atlas_.GetKeyframe(keyframe) == nullptr) return nullptr;
   const KeptDepth& kept = depths_[keyframe.index];
@@ -117,7 +127,7 @@ bool DepthKeeper::Keep(const HandedPicture& handed) {
   oldest->frame_index = handed.frame_index;
   oldest->timestamp = handed.timestamp;
   oldest->keyframe = KeyframeHandle{};
-  oldest->was_asked = false;
+  oldest->was_asked = oldest->knew_too_little = false;
   for (int y = 0; y < height_px_; ++y) {
     GreyOfRow(handed.image, y, oldest->grey.data() + static_cast<std::size_t>(y) * width_px_);
   }
@@ -166,6 +176,7 @@ bool DepthKeeper::Ask() {
   due->was_asked = true;
   if (!Fill(*due, task)) {
     for (Picture& picture : pictures_) picture.is_lent = false;
+    due->knew_too_little = true;
     ++counters_.num_too_little;
     return true;
   }

@@ -1,7 +1,8 @@
 // Has the depth of every keyframe searched that stays in its map, and keeps it. Depth belongs to its keyframe: it moves
 // with bundles and joins, and goes when the keyframe goes. Pictures come from tracking (handed_picture.h); those of the
 // newest keyframes are kept until they have served. One search is out at a time (depth_task.h); the oldest keyframe
-// whose turn it is comes first. What cannot keep up loses pictures, never time: a keyframe whose picture has gone has
+// whose turn it is comes first. One that knows too little then is tried once more at the end: the map may have grown
+// around it. What cannot keep up loses pictures, never time: a keyframe whose picture has gone has
 // no depth. Reads the atlas only. thread-bound(mapping); takes its pictures and depths from `memory` at construction,
 // and uses the heap for lists of points.
 #pragma once
@@ -26,7 +27,7 @@ struct DepthCounters {
   std::uint64_t num_searches = 0;    // asked; those that were stopped are asked again
   std::uint64_t num_depths = 0;      // found; some went with their keyframes
   std::uint64_t num_late = 0;        // keyframes whose pictures had to go before their turn came
-  std::uint64_t num_too_little = 0;  // keyframes of too few points, or that no other one sees well
+  std::uint64_t num_too_little = 0;  // keyframes of too few points, or that no other one sees well, when last tried
   std::uint64_t num_in_vain = 0;     // the keyframe was culled meanwhile, or the device failed
   Duration search_time{0};
 };
@@ -43,8 +44,8 @@ class DepthKeeper {
   bool Step() { return TakeIn() || Ask(); }
   // The first two.
   bool TakeIn();
-  // While no picture will come: all keyframes that have one take their turn.
-  void SetFinishing(bool is_finishing) { is_finishing_ = is_finishing; }
+  // While no picture will come: all keyframes that have one take their turn, those too that knew too little in theirs.
+  void SetFinishing(bool is_finishing);
 
   // Null: there is none.
   const KeptDepth* DepthOf(KeyframeHandle keyframe) const;
@@ -62,7 +63,8 @@ class DepthKeeper {
     TimePoint timestamp;
     KeyframeHandle keyframe;  // invalid: not made, or not yet
     bool was_asked = false;
-    bool is_lent = false;  // to the task that is out
+    bool knew_too_little = false;  // when it was asked
+    bool is_lent = false;          // to the task that is out
     std::pmr::vector<std::uint8_t> grey;
     std::pmr::vector<std::uint8_t> bgr;  // as KeptDepth
   };

@@ -64,6 +64,8 @@ class Mapper {
   // Before the first step: takes the maps of a file as stored ones, in which lost frames and known places are looked
   // for like in those of this run. Status of RestoreAtlas.
   Status LoadAtlas(const SavedAtlas& saved);
+  // Engine::BeginSession.
+  void BeginSession() { marks_.BeginSession(); }
   // Between two steps: MarkKeeper::Set and Remove, and the tracker hears of it.
   Result<MarkId> SetMark(const MarkRequest& request);
   Status RemoveMark(std::string_view label);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
-#include <utility>
 
 namespace haustra {
 namespace {
@@ -25,17 +24,21 @@ PlacedMark PlaceOn(const FittedWall& patch, const Eigen::Vector3d& ray, const SE
 
 }  // namespace
 
+void MarkKeeper::BeginSession() {
+  HearTracker();
+  num_frames_ = 0;
+  newest_number_ = state_.link.num_answered.load(std::memory_order_acquire);
+  is_newest_known_ = true;
+}
+
 void MarkKeeper::HearTracker() {
-  const std::uint64_t num_missed = state_.link.answers.num_dropped();
-  const bool has_missed = std::exchange(num_missed_, num_missed) != num_missed;
-  const std::uint64_t num_before = num_frames_;
-  for (AnsweredFrame frame; state_.link.answers.TryPop(&frame);) frames_[num_frames_++ % kKeptAnswers] = frame;
-  // What a full ring holds is older than what it lost.
-  if (has_missed) {
-    is_newest_known_ = false;
-  } else if (num_frames_ > num_before) {
-    is_newest_known_ = true;
+  // Read before the ring: all of these are in it by now, or were left out. Newer ones may come meanwhile.
+  const std::uint64_t num_answered = state_.link.num_answered.load(std::memory_order_acquire);
+  for (AnsweredFrame frame; state_.link.answers.TryPop(&frame);) {
+    newest_number_ = frame.number;
+    frames_[num_frames_++ % kKeptAnswers] = frame;
   }
+  is_newest_known_ = newest_number_ >= num_answered;
 }
 
 const AnsweredFrame* MarkKeeper::Find(std::uint32_t frame_index) const {

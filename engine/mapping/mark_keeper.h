@@ -1,7 +1,7 @@
 // Sets and removes a doctor's marks (engine/atlas/mark.h), and measures them anew as the map becomes better. A mark is
 // set in a frame that the doctor saw, which need not be a keyframe: the tracker says of every frame where it was
-// (engine/tracking/answered_frame.h), and the last kKeptAnswers of them can be marked. Full pool: refused with a
-// message. thread-bound(mapping).
+// (engine/tracking/answered_frame.h), and the last kKeptAnswers of this session can be marked. Full pool: refused with
+// a message. thread-bound(mapping).
 #pragma once
 
 #include <array>
@@ -16,6 +16,7 @@
 
 namespace haustra {
 
+// Of the frames that were answered when MarkKeeper::Set was called, the last: no older one takes its place.
 inline constexpr std::uint32_t kNewestFrame = 0xffffffffu;
 
 struct MarkRequest {
@@ -33,6 +34,8 @@ class MarkKeeper {
   explicit MarkKeeper(MappingState& state)
       : state_(state), fit_(state.camera, (1 + kNeighboursOfMark) * state.config.features.max) {}
 
+  // When tracking is at rest: frame numbers begin anew, and no frame that was answered before can be marked any more.
+  void BeginSession();
   // Takes what the tracker has answered since; between two steps of the mapper.
   void HearTracker();
 
@@ -54,10 +57,10 @@ class MarkKeeper {
   MappingState& state_;
   WallFit fit_;
   std::array<AnsweredFrame, kKeptAnswers> frames_;  // the latest, by their number among all modulo the size
-  std::uint64_t num_frames_ = 0;
-  std::uint64_t num_missed_ = 0;      // answers that the ring has lost
-  bool is_newest_known_ = true;       // no newer frame's answer was lost
-  std::uint32_t next_to_refine_ = 0;  // slot
+  std::uint64_t num_frames_ = 0;                    // of this session, that were heard
+  std::uint64_t newest_number_ = 0;                 // of the last that was heard, or came before this session
+  bool is_newest_known_ = true;                     // no newer frame's answer was lost
+  std::uint32_t next_to_refine_ = 0;                // slot
   std::vector<Covisible> covisible_;
 };
 

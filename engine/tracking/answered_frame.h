@@ -15,6 +15,7 @@ namespace haustra {
 inline constexpr std::size_t kKeptAnswers = 512;
 
 struct AnsweredFrame {
+  std::uint64_t number = 0;  // among all that were answered, from 1; TrackingLink::Answer gives it
   std::uint32_t frame_index = 0;
   TimePoint timestamp;
   KeyframeId reference_keyframe = kNoId;  // kNoId: no pose was measured

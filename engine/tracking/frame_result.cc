@@ -36,4 +36,22 @@ std::string_view ToString(TrackingReason reason) {
   return "unknown";
 }
 
+std::string_view ToString(SearchOutcome outcome) {
+  switch (outcome) {
+    case SearchOutcome::kNotSearched: return "not_searched";
+    case SearchOutcome::kFound: return "found";
+    case SearchOutcome::kNoAnswer: return "no_answer";
+    case SearchOutcome::kFewMatches: return "few_matches";
+    case SearchOutcome::kNoPose: return "no_pose";
+    case SearchOutcome::kFewInliers: return "few_inliers";
+    case SearchOutcome::kWeakEvidence: return "weak_evidence";
+    case SearchOutcome::kLowMatchShare: return "low_match_share";
+    case SearchOutcome::kLowSpread: return "low_spread";
+    case SearchOutcome::kFewEstablished: return "few_established";
+    case SearchOutcome::kUncertain: return "uncertain";
+    case SearchOutcome::kDeniedByFlow: return "denied_by_flow";
+  }
+  return "unknown";
+}
+
 }  // namespace haustra

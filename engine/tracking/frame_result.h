@@ -36,14 +36,33 @@ enum class TrackingReason : std::uint8_t {
   kNoTime,              // the deadline left no time to look
 };
 
+// What became of the search for the frame by brute force in all of the map that was tracked last: the gate that it
+// failed at, in the order in which they are asked.
+enum class SearchOutcome : std::uint8_t {
+  kNotSearched,     // there was no need or no time, or the mapper looks already
+  kFound,           // there is a pose; the reason of the frame says whether it counts
+  kNoAnswer,        // the device failed, or the deadline came first
+  kFewMatches,      // the descriptors agree in too few places
+  kNoPose,          // no pose explains enough of the matches
+  kFewInliers,      // with what else should be in sight no pose agrees any more
+  kWeakEvidence,    // too little agrees, or hardly more than would by chance
+  kLowMatchShare,   // the wall looks alike, but most matches contradict the pose
+  kLowSpread,       // what agrees covers too little of the picture
+  kFewEstablished,  // hardly any point that has proved itself agrees
+  kUncertain,       // what agrees does not hold all six degrees of freedom
+  kDeniedByFlow,    // optical flow since the last certain pose says otherwise
+};
+
 std::string_view ToString(TrackingState state);
 std::string_view ToString(TrackingReason reason);
+std::string_view ToString(SearchOutcome outcome);
 
 struct FrameResult {
   std::uint32_t frame_index = 0;
   TimePoint timestamp;
   TrackingState state = TrackingState::kInitialising;
   TrackingReason reason = TrackingReason::kFirstView;
+  SearchOutcome search = SearchOutcome::kNotSearched;
   // While tracking: pose in the map that is active now, and relative to a keyframe, so that the final pose can be had
   // from Engine::Resolve when the map has been optimised, merged or moved since.
   MapId map_id = kNoId;

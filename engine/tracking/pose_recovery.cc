@@ -61,21 +61,31 @@ bool PoseRecovery::SearchByBruteForce() {
 
 bool PoseRecovery::Recover(bool is_lost) {
   const FrameBudget::Timer timer(parts_.budget, Stage::kRecovery);
-  if (!SearchByBruteForce()) return false;
+  outcome_ = Search(is_lost);
+  // What the device does not answer counts as not found, at whatever gate that shows.
+  if (outcome_ != SearchOutcome::kFound && parts_.lane.has_pending()) outcome_ = SearchOutcome::kNoAnswer;
+  return outcome_ == SearchOutcome::kFound;
+}
+
+// kFound, or the first gate that the frame fails.
+SearchOutcome PoseRecovery::Search(bool is_lost) {
+  if (!SearchByBruteForce()) return refs_.empty() ? SearchOutcome::kFewMatches : SearchOutcome::kNoAnswer;
   const std::vector<PointMatch>& matches = search_.estimate().matches;
-  if (static_cast<int>(matches.size()) < parts_.config.tracking.min_inliers) return false;
-  if (!search_.SampleMatches(rng_)) return false;
+  if (static_cast<int>(matches.size()) < parts_.config.tracking.min_inliers) return SearchOutcome::kFewMatches;
+  if (!search_.SampleMatches(rng_)) return SearchOutcome::kNoPose;
   search_.KeepInliers();
-  if (!search_.FitMatches()) return false;
+  if (!search_.FitMatches()) return SearchOutcome::kNoPose;
   search_.KeepInliers();
-  if (!search_.SearchLocalMap(0.0) || !search_.FitMatches()) return false;
+  if (!search_.SearchLocalMap(0.0) || !search_.FitMatches()) return SearchOutcome::kFewInliers;
   search_.KeepInliers();
   search_.LookAround();
   const int min_inliers = parts_.config.tracking.min_recovery_inliers;
-  if (!search_.MeasureChance() || !search_.HasEvidence(min_inliers, min_inliers)) return false;
-  if (!IsChosenPoseEvident()) return false;
+  if (!search_.MeasureChance()) return SearchOutcome::kNoAnswer;
+  if (!search_.HasEvidence(min_inliers, min_inliers)) return SearchOutcome::kWeakEvidence;
+  if (const SearchOutcome judged = JudgeChosenPose(); judged != SearchOutcome::kFound) return judged;
   // A pose that was chosen as the best of many agrees with more than chance gives a single one.
-  return !is_lost || static_cast<double>(matches.size()) >= kChosenFactor * search_.NumByChance();
+  const bool is_chance = is_lost && static_cast<double>(matches.size()) < kChosenFactor * search_.NumByChance();
+  return is_chance ? SearchOutcome::kWeakEvidence : SearchOutcome::kFound;
 }
 
 // Around a prediction a few points hold a wrong pose as well as the right one. Brute force knows no prediction: it
@@ -109,19 +119,21 @@ bool PoseRecovery::BruteForceAgrees(double min_share) const {
 }
 
 // The gates of relocalisation: what agrees covers the picture and holds all six degrees of freedom.
-bool PoseRecovery::IsChosenPoseEvident() {
+SearchOutcome PoseRecovery::JudgeChosenPose() {
   const RelocalisationConfig& gates = parts_.config.place.relocalisation;
-  if (!BruteForceAgrees(gates.min_match_share)) return false;
+  if (!BruteForceAgrees(gates.min_match_share)) return SearchOutcome::kLowMatchShare;
   pixels_.clear();
   for (const PointMatch& match : search_.estimate().matches) {
     pixels_.push_back(parts_.frame.features.pixel(match.feature_idx));
   }
-  if (EllipseSpread(pixels_, parts_.camera.width_px(), parts_.camera.height_px()) < gates.min_spread) return false;
+  const double spread = EllipseSpread(pixels_, parts_.camera.width_px(), parts_.camera.height_px());
+  if (spread < gates.min_spread) return SearchOutcome::kLowSpread;
   search_.CountMatches();
-  if (!search_.HasEstablishedWitnesses()) return false;
+  if (!search_.HasEstablishedWitnesses()) return SearchOutcome::kFewEstablished;
   const PoseUncertainty uncertainty = UncertaintyOf(search_.estimate().information, search_.estimate().median_depth);
-  return uncertainty.position_sigma <= gates.max_position_sigma &&
-         uncertainty.rotation_sigma_deg <= gates.max_rotation_sigma_deg;
+  const bool is_certain = uncertainty.position_sigma <= gates.max_position_sigma &&
+                          uncertainty.rotation_sigma_deg <= gates.max_rotation_sigma_deg;
+  return is_certain ? SearchOutcome::kFound : SearchOutcome::kUncertain;
 }
 
 }  // namespace haustra

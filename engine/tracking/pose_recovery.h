@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/geometry/rng.h"
+#include "engine/tracking/frame_result.h"
 #include "engine/tracking/pose_search.h"
 
 namespace haustra {
@@ -29,16 +30,20 @@ class PoseRecovery {
   // For a frame without a prediction (is_lost) more is asked of the pose. False: the estimate means nothing.
   bool Recover(bool is_lost);
   Verdict Question(bool has_pose);
+  // Of the last search, by either.
+  SearchOutcome outcome() const { return outcome_; }
 
  private:
+  SearchOutcome Search(bool is_lost);
   bool SearchByBruteForce();
   bool IsQuestionedPoseConfirmed();
   bool BruteForceAgrees(double min_share) const;
-  bool IsChosenPoseEvident();
+  SearchOutcome JudgeChosenPose();
 
   const PoseSearch::Parts parts_;
   PoseSearch& search_;
   Rng rng_;
+  SearchOutcome outcome_ = SearchOutcome::kNotSearched;
   PoseEstimate questioned_;
   std::vector<PointMatch> alike_;  // all that brute force found in the current frame
 

@@ -137,7 +137,7 @@ void Tracker::TellMapper(const FrameResult& result) {
     answered.cam_from_reference = result.cam_from_reference;
     answered.reference_scale = result.reference_scale;
   }
-  link_.answers.TryPush(answered);
+  link_.Answer(answered);
 }
 
 // From the last two frames that came. What lasts a time lasts so many frames at the rate of now.
@@ -210,6 +210,7 @@ Tracker::Outcome Tracker::TrackMap(FrameResult* result) {
   const bool is_questioned = static_cast<int>(matches.size()) < kQuestionedFactor * config_.tracking.min_inliers;
   if (config_.tracking.brute_force_recovery && (!has_pose || is_questioned) && budget_.MayRecover(false)) {
     const PoseRecovery::Verdict verdict = recovery_.Question(has_pose);
+    result->search = recovery_.outcome();
     if (verdict == PoseRecovery::Verdict::kNone && has_pose) result->reason = TrackingReason::kWeakEvidence;
     if (verdict == PoseRecovery::Verdict::kRecovered) result->reason = TrackingReason::kRecovered;
     if (verdict == PoseRecovery::Verdict::kRecovered || verdict == PoseRecovery::Verdict::kBetter) {
@@ -284,13 +285,17 @@ Tracker::Outcome Tracker::FindPose(FrameResult* result) {
   Lost& lost = std::get<Lost>(state_);
   // While the mapper looks for a frame of ours its answer may change the map: then that is what counts.
   const bool may_recover = config_.tracking.brute_force_recovery && lost.course && !lost.is_asking;
-  if (may_recover && budget_.MayRecover(true) && recovery_.Recover(true) &&
-      !IsDeniedByFlow(local_map().map_id, false)) {
-    initialiser_.Reset();
-    state_ = Regain(lost, local_map().map_id);
-    result->reason = TrackingReason::kRelocalised;
-    result->num_matches = static_cast<int>(search_.estimate().matches.size());
-    return Outcome::kPose;
+  if (may_recover && budget_.MayRecover(true)) {
+    const bool is_recovered = recovery_.Recover(true);
+    result->search = recovery_.outcome();
+    if (is_recovered && !IsDeniedByFlow(local_map().map_id, false)) {
+      initialiser_.Reset();
+      state_ = Regain(lost, local_map().map_id);
+      result->reason = TrackingReason::kRelocalised;
+      result->num_matches = static_cast<int>(search_.estimate().matches.size());
+      return Outcome::kPose;
+    }
+    if (is_recovered) result->search = SearchOutcome::kDeniedByFlow;
   }
   return lane_.has_pending() ? Outcome::kNoTime : BeginMap(&lost, result);
 }

@@ -15,6 +15,12 @@ TrackingLink::TrackingLink(const EngineConfig& config, std::pmr::memory_resource
       replies(MaxReplies(config), memory),
       answers(kKeptAnswers, memory) {}
 
+void TrackingLink::Answer(AnsweredFrame frame) {
+  frame.number = num_answered.load(std::memory_order_relaxed) + 1;
+  answers.TryPush(frame);
+  num_answered.store(frame.number, std::memory_order_release);
+}
+
 std::size_t TrackingLink::MaxReplies(const EngineConfig& config) {
   // A frame that looks proposes afterwards; those that do not look propose nothing.
   const std::size_t num_proposals = static_cast<std::size_t>(config.memory.max_proposals) + kProposalsPerFrame;

@@ -30,11 +30,15 @@ struct TrackingLink {
   // What the mapper can have to tell between two looks of the tracker.
   static std::size_t MaxReplies(const EngineConfig& config);
 
+  // Tracking, of every frame in turn. Full: it is left out, and no mark can be set in it.
+  void Answer(AnsweredFrame frame);
+
   SpscRing<KeyframeProposal> proposals;  // tracking to mapping
   LatestMailbox<LocalMap> snapshots;     // mapping to tracking
   SpscRing<VersionedReply> replies;      // mapping to tracking; pushed before the snapshot of their version
-  // Tracking to mapping, every frame. Full: the newest is left out, and no mark can be set in it.
-  SpscRing<AnsweredFrame> answers;
+  SpscRing<AnsweredFrame> answers;       // tracking to mapping; pushed by Answer alone
+  // Frames that were answered. Each is in the ring when it is counted here, or was left out.
+  std::atomic<std::uint64_t> num_answered{0};
   // Version of the snapshot that the tracker used in its last finished frame: what older ones alone refer to may go.
   std::atomic<std::uint64_t> version_done{0};
   // Proposals waiting or being worked on: the mapper is busy while this is not zero.

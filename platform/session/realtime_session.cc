@@ -73,7 +73,9 @@ class RealTimeSession {
         outcomes_(options.max_unread),
         mapping_times_(options.max_unread),
         merging_times_(options.max_unread),
-        damage_(kMaxDamageNotes) {}
+        damage_(kMaxDamageNotes) {
+    engine_.BeginSession();
+  }
 
   // `threads` is made when all the memory of session and engine has been taken.
   Result<SessionSummary> Run(RealTimeThreads& threads, SessionObserver& observer, const std::atomic<bool>& stop) {

@@ -14,6 +14,7 @@ Result<SessionSummary> RunSequential(FrameSource& source, Engine& engine, const 
                                      const std::atomic<bool>& stop, SessionHooks& hooks) {
   SessionSummary summary;
   FrameNumbering numbering(source.calibration().rate_hz);
+  engine.BeginSession();
   const TimePoint start = clock.Now();
   while (!stop.load(std::memory_order_relaxed)) {
     const Result<Frame> frame = source.Next(kNoDeadline);

@@ -134,8 +134,8 @@ MemoryPlan PlanRealTimeSession(const CameraCalibration& calibration);
 // at the session's rate). `stop`, set by any thread, ends the session within a fraction of a second, or when a join
 // that has begun is done (merging.max_milliseconds): what was mapped stays in the engine, and the status is Ok. What
 // would only make the maps better is not begun any more. Sessions may follow each other with the same engine and
-// source. kInvalidArgument: rate. kFailedPrecondition: rt.require is set and a privilege is missing. kUnavailable: the
-// watched device is lost or hangs. Errors of the source.
+// source; no frame of an earlier one can be marked. kInvalidArgument: rate. kFailedPrecondition: rt.require is set and
+// a privilege is missing. kUnavailable: the watched device is lost or hangs. Errors of the source.
 Result<SessionSummary> RunRealTime(FrameSource& source, Engine& engine, const Clock& clock,
                                    const RealTimeOptions& options, SessionObserver& observer,
                                    const std::atomic<bool>& stop);

@@ -58,12 +58,17 @@ TEST_P(RunOutputs, FramesHaveOneRowEachWithTheTimeOfTheSequence) {
   const std::vector<std::string> times = DataLines(SequenceFolder(GetParam()) + "/times.txt");
   CsvRows frames = ReadCsv(Out("frames.csv"));
   ASSERT_EQ(frames.size(), times.size());
+  const std::set<std::string> searches = {"not_searched",    "found",         "few_matches",     "no_pose",
+                                          "few_inliers",     "weak_evidence", "low_match_share", "low_spread",
+                                          "few_established", "uncertain",     "denied_by_flow"};
   const std::set<std::string> states = {"initialising", "tracking", "predicted", "lost", "dropped"};
   for (std::size_t i = 0; i < frames.size(); ++i) {
     EXPECT_EQ(frames[i]["frame_idx"], std::to_string(i));
     EXPECT_NEAR(std::stod(frames[i]["timestamp_ns"]), std::stod(times[i]) * 1e9, 1.0);
     EXPECT_TRUE(states.contains(frames[i]["state"])) << frames[i]["state"];
     EXPECT_FALSE(frames[i]["reason"].empty());
+    EXPECT_TRUE(searches.contains(frames[i]["search"])) << frames[i]["search"];
+    EXPECT_TRUE(frames[i]["reason"] != "recovered" || frames[i]["search"] == "found") << i;
     EXPECT_EQ(frames[i]["live_map_id"] != "-1", frames[i]["state"] == "tracking") << i;
     EXPECT_EQ(frames[i]["frame_ms"], "0") << "sequential runs keep no times in files that must repeat";
   }

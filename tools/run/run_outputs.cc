@@ -48,7 +48,8 @@ Status WriteFrames(ByteSink& sink, const RunRecord& record, const std::vector<Fi
   TextWriter text(sink);
   text.Text(
       "frame_idx,timestamp_ns,state,reason,live_map_id,map_id,keyframe_id,num_matches,num_inliers,num_expected,num_"
-      "established,is_keyframe,frame_ms,rung,minor_faults,major_faults,voluntary_switches,involuntary_switches\n");
+      "established,is_keyframe,frame_ms,rung,minor_faults,major_faults,voluntary_switches,involuntary_switches,"
+      "search\n");
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const FrameOutcome& frame = record.frames()[i];
     const FrameResult& result = frame.result;
@@ -67,7 +68,8 @@ Status WriteFrames(ByteSink& sink, const RunRecord& record, const std::vector<Fi
     text.Text(ToString(result.rung)).Text(",");
     const ThreadUse use = with_times ? frame.use : ThreadUse{};
     text.Integer(use.minor_faults).Text(",").Integer(use.major_faults).Text(",");
-    text.Integer(use.voluntary_switches).Text(",").Integer(use.involuntary_switches).Text("\n");
+    text.Integer(use.voluntary_switches).Text(",").Integer(use.involuntary_switches).Text(",");
+    text.Text(ToString(result.search)).Text("\n");
   }
   return text.Finish();
 }

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "engine/geometry/rng.h"
 #include "tests/engine/coverage/bent_tube.h"
 
@@ -32,6 +34,45 @@ TEST(FindLumen, TheLineLiesInTheMiddleThoughThePathDoesNot) {
   EXPECT_GT(lumen->wall_share, 0.95);
   // It goes on beyond the path.
   EXPECT_GT(lumen->line.length_mu() - lumen->passed_end_mu, 1.0);
+}
+
+// The scope slides along the wall, nearer to it than a fifth of the radius.
+TEST(FindLumen, AScopeThatSlidesAlongTheWallHasTheSameLumen) {
+  const BentTube tube{.radius = 2.0, .length = 24.0, .bend_radius = 9.0};
+  for (const double off : {1.6, 1.9}) {
+    for (const double turn : {0.0, 0.05}) {
+      std::vector<Eigen::Vector3d> path;
+      for (int i = 0; i <= 200; ++i) path.push_back(tube.Place(4.0 + 0.08 * i, 1.0 + turn * i, off));
+      const Result<Lumen> lumen = FindLumen(path, tube.Points(0.2));
+      ASSERT_TRUE(lumen.ok()) << off << " " << turn << ": " << lumen.status().ToString();
+      EXPECT_LT(WorstOffset(*lumen, tube), 0.05 * tube.radius) << off << " " << turn;
+      EXPECT_NEAR(lumen->radius_mu, tube.radius, 0.03 * tube.radius) << off << " " << turn;
+    }
+  }
+}
+
+// It was never within the circle of what it went past.
+TEST(FindLumen, ARodThatTheScopePassedIsNone) {
+  const BentTube rod{.radius = 3.0, .length = 24.0};
+  for (const double away : {0.5, 1.0, 2.0}) {
+    std::vector<Eigen::Vector3d> path;
+    for (int i = 0; i < 200; ++i) path.push_back(rod.Place(3.0 + 0.09 * i, 0.3, rod.radius + away));
+    EXPECT_EQ(FindLumen(path, rod.Points(0.2)).code(), StatusCode::kNotFound) << away;
+  }
+}
+
+TEST(FindLumen, WhatIsNotFiniteIsPassedOver) {
+  const BentTube tube{.radius = 2.0, .length = 24.0, .bend_radius = 9.0};
+  std::vector<Eigen::Vector3d> path = tube.InAndOut(4.0, 20.0, 0.9), wall = tube.Points(0.2);
+  const Result<Lumen> without = FindLumen(path, wall);
+  for (const double wild : {std::numeric_limits<double>::infinity(), std::numeric_limits<double>::quiet_NaN()}) {
+    path.insert(path.begin(), Eigen::Vector3d(0.0, wild, 0.0));
+    wall.insert(wall.end(), 500, Eigen::Vector3d(wild, 0.0, wild));
+  }
+  const Result<Lumen> lumen = FindLumen(path, wall);
+  ASSERT_TRUE(lumen.ok()) << lumen.status().ToString();
+  EXPECT_EQ(lumen->radius_mu, without->radius_mu);
+  EXPECT_EQ(lumen->passed_begin_mu, without->passed_begin_mu);
 }
 
 TEST(FindLumen, FoldsNoiseAndWrongPointsDoNotMoveIt) {

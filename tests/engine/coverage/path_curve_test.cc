@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
+
 #include "engine/coverage/lumen_line.h"
 #include "tests/engine/coverage/bent_tube.h"
 
@@ -48,6 +51,37 @@ TEST(CurveThroughPath, OnePlaceIsNoCurve) {
   EXPECT_TRUE(CurveThroughPath({}, 1.0).empty());
   const std::vector<Eigen::Vector3d> still(50, Eigen::Vector3d(0.05, 0.05, 0.05));
   EXPECT_TRUE(CurveThroughPath(still, 1.0).empty());
+}
+
+// A map has no size that a pose might not exceed.
+TEST(CurveThroughPath, FarAwayIsAPlaceLikeAnyOther) {
+  for (const double far : {0.0, 1e3, 1e9, -1e9, 1e12}) {
+    std::vector<Eigen::Vector3d> path;
+    for (int i = 0; i < 60; ++i) path.push_back(Eigen::Vector3d(far, -far, far) + 0.1 * i * Eigen::Vector3d::UnitX());
+    EXPECT_NEAR(LengthOf(CurveThroughPath(path, 1.0)), 5.9, 0.3) << far;
+  }
+}
+
+TEST(CurveThroughPath, APoseAtInfinityOrNowhereIsPassedOver) {
+  constexpr double kInf = std::numeric_limits<double>::infinity(), kMax = std::numeric_limits<double>::max();
+  for (const double wild : {kInf, -kInf, std::numeric_limits<double>::quiet_NaN(), kMax, -kMax, 1e300}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Eigen::Vector3d nowhere = Eigen::Vector3d::Zero();
+      nowhere[axis] = wild;
+      for (const double way : {1.0, -1.0}) {
+        std::vector<Eigen::Vector3d> path;
+        for (int i = 0; i < 60; ++i) path.emplace_back(0.0, 0.0, 0.1 * way * i);
+        path.insert(path.begin() + 30, 2, nowhere);
+        if (!std::isfinite(wild)) path.insert(path.begin(), nowhere);
+        path.push_back(nowhere);
+        const std::vector<Eigen::Vector3d> curve = CurveThroughPath(path, 1.0);
+        ASSERT_GE(curve.size(), 2u) << wild << " " << axis;
+        EXPECT_NEAR(LengthOf(curve), 5.9, 0.3) << wild << " " << axis;
+        EXPECT_LT(curve.front().norm(), 0.3) << wild << " " << axis << ": where the scope was first";
+      }
+    }
+    EXPECT_TRUE(CurveThroughPath(std::vector<Eigen::Vector3d>(20, Eigen::Vector3d::Constant(wild)), 1.0).empty());
+  }
 }
 
 TEST(SmoothCurve, KeepsItsEndsAndALine) {

@@ -278,6 +278,44 @@ TEST_F(DepthKeeperTest, AloneAKeyframeHasTooLittleToCompareWith) {
   EXPECT_EQ(keeper_->counters().num_too_little, 1u);
 }
 
+// What was too thin when its turn came may have gained neighbours since, or points: at the end it is looked at again.
+TEST_F(DepthKeeperTest, AThinKeyframeIsTriedOnceMoreAtTheEnd) {
+  colon_.config().depth.newer_keyframes = 0;
+  Begin();
+  HandAndWork(0);
+  ASSERT_EQ(keeper_->counters().num_too_little, 1u);
+  HandAndWork(1);
+  ASSERT_NE(mailbox_->Asked(), nullptr);
+  ASSERT_EQ(mailbox_->Asked()->keyframe, KeyframeOf(1));
+  Answer(2.0);
+  ASSERT_EQ(mailbox_->Asked(), nullptr) << "not before the end";
+  keeper_->SetFinishing(true);
+  Work();
+  const DepthTask* task = mailbox_->Asked();
+  ASSERT_NE(task, nullptr);
+  EXPECT_EQ(task->keyframe, KeyframeOf(0));
+  EXPECT_EQ(ValueOf(task->reference), GreyOf(0));
+  Answer(3.0);
+  EXPECT_NE(keeper_->DepthOf(KeyframeOf(0)), nullptr);
+  EXPECT_EQ(keeper_->counters().num_too_little, 0u) << "it was not, in the end";
+  EXPECT_EQ(keeper_->counters().num_depths, 2u);
+}
+
+TEST_F(DepthKeeperTest, AKeyframeThatStaysThinIsTriedOnceAFinish) {
+  colon_.config().depth.newer_keyframes = 0;
+  Begin();
+  HandAndWork(0);
+  for (int finish = 0; finish < 2; ++finish) {
+    keeper_->SetFinishing(true);
+    int num_steps = 0;
+    while (num_steps < 10 && keeper_->Step()) ++num_steps;
+    EXPECT_EQ(num_steps, 1);
+    keeper_->SetFinishing(false);
+    EXPECT_FALSE(keeper_->Step());
+    EXPECT_EQ(keeper_->counters().num_too_little, 1u);
+  }
+}
+
 TEST_F(DepthKeeperTest, KeyframesOfAnotherMapAreNoSources) {
   Begin();
   // Sees the same wall, and has a map of its own.

@@ -17,7 +17,7 @@ class MarkKeeperTest : public testing::Test {
   void Answer(std::uint32_t frame_index) {
     AnsweredFrame answered;
     answered.frame_index = frame_index;
-    (void)link_.answers.TryPush(answered);
+    link_.Answer(answered);
   }
   std::string WhyRefused(std::uint32_t frame_index) {
     const CameraModel& camera = colon_.camera();
@@ -49,6 +49,32 @@ TEST_F(MarkKeeperTest, WhatWasMissedIsNotTakenForTheNewestFrame) {
   EXPECT_THAT(WhyRefused(kKeptAnswers - 1), HasSubstr("has no measured pose")) << "it is known by its number";
   Answer(kKeptAnswers + 25);
   EXPECT_THAT(WhyRefused(kNewestFrame), HasSubstr("frame 537 has no measured pose"));
+}
+
+// The tracker answers on while the keeper hears: room for the next frame, after one was lost, comes in the middle.
+TEST_F(MarkKeeperTest, ALostFrameDoesNotHideANewerOne) {
+  for (std::uint32_t i = 0; i <= kKeptAnswers; ++i) Answer(i);
+  AnsweredFrame heard;
+  ASSERT_TRUE(link_.answers.TryPop(&heard));
+  Answer(kKeptAnswers + 1);
+  EXPECT_THAT(WhyRefused(kNewestFrame), HasSubstr("frame 513 has no measured pose"));
+  EXPECT_THAT(WhyRefused(kKeptAnswers), HasSubstr("is not one of the last"));
+}
+
+// Whether the last session's frames were heard or still lie in the ring, and whether the ring has lost some.
+TEST_F(MarkKeeperTest, ASessionForgetsTheFramesOfTheOneBefore) {
+  for (const std::uint32_t num_frames : {3u, static_cast<std::uint32_t>(kKeptAnswers) + 3}) {
+    for (const bool is_heard : {false, true}) {
+      for (std::uint32_t i = 0; i < num_frames; ++i) Answer(i);
+      if (is_heard) keeper_.HearTracker();
+      keeper_.BeginSession();
+      EXPECT_THAT(WhyRefused(2), HasSubstr("is not one of the last"));
+      EXPECT_THAT(WhyRefused(kNewestFrame), HasSubstr("no frame yet"));
+      Answer(0);
+      EXPECT_THAT(WhyRefused(kNewestFrame), HasSubstr("frame 0 has no measured pose"));
+      EXPECT_THAT(WhyRefused(2), HasSubstr("is not one of the last"));
+    }
+  }
 }
 
 }  // namespace

@@ -56,7 +56,9 @@ class PoseRecoveryTest : public SearchInMap {
 
 TEST_F(PoseRecoveryTest, AWallThatIsAllThereIsFound) {
   SeeWall(kNumPoints);
+  EXPECT_EQ(recovery_.outcome(), SearchOutcome::kNotSearched);
   EXPECT_TRUE(recovery_.Recover(true));
+  EXPECT_EQ(recovery_.outcome(), SearchOutcome::kFound);
   EXPECT_LT(Error(), 1e-3);
 }
 
@@ -74,11 +76,46 @@ TEST_F(PoseRecoveryTest, FewThatAgreeAreNotEnough) {
   ASSERT_GE(num_true, config_.tracking.min_recovery_inliers);
   SeeWall(num_true);
   EXPECT_FALSE(recovery_.Recover(true));
+  EXPECT_EQ(recovery_.outcome(), SearchOutcome::kLowMatchShare);
 }
 
 TEST_F(PoseRecoveryTest, MatchesThatAllLeadElsewhereGiveNoPose) {
   SeeWall(0);
   EXPECT_FALSE(recovery_.Recover(true));
+  EXPECT_EQ(recovery_.outcome(), SearchOutcome::kNoPose);
+}
+
+TEST_F(PoseRecoveryTest, AMapWithoutPointsMatchesNothing) {
+  PublishMap();
+  EXPECT_FALSE(recovery_.Recover(true));
+  EXPECT_EQ(recovery_.outcome(), SearchOutcome::kFewMatches);
+}
+
+// Why the scope is not found again, frame by frame.
+TEST(SearchOutcomes, ALostFrameSaysWhatItsSearchFailedAt) {
+  ScriptedColon colon;
+  colon.Move(0.0, 2.4, 60);
+  colon.Occlude(2);
+  colon.Move(12.0, 12.0, 3);
+  colon.Move(2.4, 2.2, 5);
+  const auto engine = colon.MakeEngine();
+  std::vector<FrameResult> results;
+  for (Result<Frame> frame = colon.source().Next(kNoDeadline); frame.ok(); frame = colon.source().Next(kNoDeadline)) {
+    results.push_back(engine->Track(*frame, kNoDeadline));
+    while (engine->BackgroundStep()) {
+    }
+  }
+  ASSERT_EQ(results.size(), 70u);
+  EXPECT_EQ(results[0].search, SearchOutcome::kNotSearched) << "there is no map";
+  EXPECT_EQ(results[50].search, SearchOutcome::kNotSearched) << "it is tracked";
+  EXPECT_EQ(results[61].reason, TrackingReason::kFewFeatures);
+  EXPECT_EQ(results[61].search, SearchOutcome::kNotSearched) << "the picture shows nothing";
+  for (int i = 62; i < 65; ++i) {
+    EXPECT_EQ(results[i].state, TrackingState::kLost) << i;
+    EXPECT_EQ(results[i].search, SearchOutcome::kFewMatches) << i << ": " << ToString(results[i].search);
+  }
+  ASSERT_EQ(results[65].reason, TrackingReason::kRelocalised);
+  EXPECT_EQ(results[65].search, SearchOutcome::kFound);
 }
 
 }  // namespace

@@ -511,6 +511,23 @@ TEST(RealTimeSession, StartsAndStopsAgainAndAgain) {
   RecordProperty("longest_stop_ms", std::to_string(ToMilliseconds(longest)));
 }
 
+TEST(RealTimeSession, NoFrameOfAnEarlierSessionIsMarked) {
+  ScriptedColon colon;
+  colon.Move(0.0, 2.4, 60);
+  Lockstep lockstep(colon);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
+  const auto mark = [&](std::uint32_t frame_index) {
+    return engine->SetMark({frame_index, {200.0, 150.0}, MarkLabel::From("polyp").value()}).code();
+  };
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), kFast, observer, test::kNeverStop).ok());
+  EXPECT_EQ(mark(0), StatusCode::kFailedPrecondition) << "it has no pose";
+  ScriptedColon empty;
+  ASSERT_TRUE(RunRealTime(empty.source(), *engine, SystemClock(), kFast, observer, test::kNeverStop).ok());
+  EXPECT_EQ(mark(0), StatusCode::kNotFound);
+  EXPECT_EQ(mark(kNewestFrame), StatusCode::kNotFound);
+}
+
 // Depth is searched beside all else, at the camera's own pace. What a session leaves unsearched is done afterwards, and
 // nothing is lost between.
 TEST(RealTimeSession, DepthOfKeyframesIsSearchedOnItsOwnThread) {

@@ -95,5 +95,25 @@ TEST(SequentialSession, MapIsFoundedInTheFrameThatProposesIt) {
   EXPECT_LT(event, position("frame " + std::to_string(founded + 1)));
 }
 
+// Frame numbers begin anew: a number that the session has not answered means no frame of the one before.
+TEST(SequentialSession, NoFrameOfAnEarlierSessionIsMarked) {
+  ScriptedColon colon;
+  colon.Move(0.0, 2.4, 60);
+  const auto engine = colon.MakeEngine();
+  const auto mark = [&](std::uint32_t frame_index, const char* label) {
+    return engine->SetMark({frame_index, {200.0, 150.0}, MarkLabel::From(label).value()}).code();
+  };
+  RecordingObserver observer;
+  ASSERT_TRUE(RunSequential(colon.source(), *engine, ManualClock(), observer, test::kNeverStop).ok());
+  ASSERT_EQ(mark(30, "first"), StatusCode::kOk) << "between two sessions the last one counts";
+  ScriptedColon next;
+  next.Occlude(3);
+  ASSERT_TRUE(RunSequential(next.source(), *engine, ManualClock(), observer, test::kNeverStop).ok());
+  EXPECT_EQ(mark(30, "second"), StatusCode::kNotFound);
+  ScriptedColon empty;
+  ASSERT_TRUE(RunSequential(empty.source(), *engine, ManualClock(), observer, test::kNeverStop).ok());
+  EXPECT_EQ(mark(kNewestFrame, "third"), StatusCode::kNotFound);
+}
+
 }  // namespace
 }  // namespace haustra

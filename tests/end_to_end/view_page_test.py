@@ -13,7 +13,6 @@ import csv
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -25,7 +24,7 @@ from pathlib import Path
 
 import browser
 from png_pixels import pixels
-from served_view import ServedView
+from served_view import CLICK_PICTURE, ServedView, Service, click_a_mark
 
 HAUSTRA, HAUSTRAD, SEQUENCE, RESULT, LIVE = (Path(path).resolve() for path in sys.argv[1:6])
 PICTURES = os.environ.get("HAUSTRA_VIEW_PICTURES")
@@ -52,34 +51,16 @@ window.fetch = async request => { asked.push(decodeURIComponent(request)); retur
 window.pictureOf = frame => ({frame, width: 40, height: 20, step: 4, num_matched: 0, points: [], marks: [],
   jpeg: document.createElement('canvas').toDataURL('image/jpeg').split(',')[1]});
 """
-CLICK_PICTURE = ("(picture => { const box = picture.getBoundingClientRect(); picture.dispatchEvent(new MouseEvent('click', "
-                 "{clientX: box.left + %f * box.width, clientY: box.top + %f * box.height})); })(document.getElementById('picture'))")
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
 SEEN_WELL, SEEN_NEVER = (0x56, 0xB4, 0xE9), (0, 0, 0)  # of the unrolled wall
 # Until the scope has passed a part of the lumen at the speed of Service, on a machine that has other work.
 WALL_LIMIT_S = 180
 
 
-class Service:
-    """haustrad on the sequence, in a folder of its own; a procedure begins at once."""
-
-    def __init__(self, folder):
-        (folder / "state").mkdir(exist_ok=True)
-        settings = [f"files.state_folder={folder}/state", f"files.runtime_folder={folder}", "procedure.begin_at_start=true",
-                    "publish.view=true", "publish.depth=true", "depth.enabled=true", "depth.step_px=8",
-                    "depth.iterations=1", "depth.newer_keyframes=1", "vision.device=cpu", "features.max=800", "memory.max_keyframes=300", "source.rate=0.1",
-                    "watchdog.tracking_limit_ms=60000", "watchdog.capture_limit_ms=60000",
-                    "watchdog.mapping_limit_ms=300000", "watchdog.worker_limit_ms=60000", "watchdog.stop_limit_ms=60000"]
-        words = [word for setting in settings for word in ("--set", setting)]
-        environment = {key: value for key, value in os.environ.items() if key not in ("NOTIFY_SOCKET", "WATCHDOG_USEC")}
-        self._process = subprocess.Popen([HAUSTRAD, "--source", LIVE, *words], stderr=subprocess.DEVNULL, env=environment)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._process.send_signal(signal.SIGTERM)
-        self._process.wait(timeout=120)
+def live_service(folder):
+    """Quick and coarse: what is tested is the page."""
+    return Service(HAUSTRAD, LIVE, folder, ["depth.step_px=8", "depth.iterations=1", "depth.newer_keyframes=1",
+                                            "features.max=800", "memory.max_keyframes=300", "source.rate=0.1"])
 
 
 def put_marks(run):
@@ -153,17 +134,9 @@ class PageTest(unittest.TestCase):
             time.sleep(1.0)
         self.fail(f"{len(drawn)} of {len(colours)} pixels are drawn, in {len(set(drawn))} colours")
 
-    def click_a_mark(self, page, u, v):
-        """At a share of the picture's width and height. Whether it was set: a place may have too little of the map near."""
-        page.value("document.getElementById('marking-label').value = 'polyp'; document.getElementById('marking-begin').click()")
-        page.value(CLICK_PICTURE % (u, v))
-        answer = "document.getElementById('marking-answer').textContent"
-        self.assertTrue(page.wait_for(f"{answer} !== ''"), page.messages)
-        return page.value(answer) == "marked polyp"
-
     def assert_mark_is_shown(self, page):
         """One that is set by a click comes into the picture, the list and the scene, and goes by two clicks."""
-        self.assertTrue(any(self.click_a_mark(page, (1 + i % 6) / 7, (1 + i // 6 % 4) / 5) for i in range(96)), "no place")
+        self.assertTrue(any(click_a_mark(page, (1 + i % 6) / 7, (1 + i // 6 % 4) / 5) for i in range(96)), "no place")
         page.messages[:] = [message for message in page.messages if " 409 " not in message]  # places that could not be
         self.assertTrue(page.wait_for("document.body.dataset.marks === '1'"), page.messages)
         self.assertEqual(page.value("document.querySelector('#marks th').textContent"), "polyp")
@@ -448,7 +421,7 @@ class PageTest(unittest.TestCase):
                 other.value("window.Image = class extends Image { set onload(f) { super.onload = () => setTimeout(f, 2000); } }; 0")
                 for attempt in range(2):  # the engine comes, and comes anew
                     shutil.rmtree(folder / "state", ignore_errors=True)
-                    with Service(folder):
+                    with live_service(folder):
                         for each in (page, other):
                             self.assertTrue(each.wait_for("Number(document.body.dataset.points) > 50"), each.messages)
                             self.assertTrue(each.wait_for("document.body.dataset.state === 'tracking'"),

@@ -1,6 +1,6 @@
 // Where the wall is along a ray of a view, and how it lies there: a plane through the map points around it, nearest
-// ones first, in inverse depth. Points that a fold in front or a wrong match puts elsewhere have no say, as long as
-// more agree than not. thread-bound(mapping).
+// ones first, in inverse depth. Points that a fold in front, the wall beyond its edge or a wrong match puts elsewhere
+// have no say (engine/mapping/wall_plane.h). thread-bound(mapping).
 #pragma once
 
 #include <Eigen/Core>
@@ -8,6 +8,7 @@
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
+#include "engine/mapping/wall_plane.h"
 #include "hal/core/status.h"
 
 namespace haustra {
@@ -22,7 +23,7 @@ struct FittedWall {
 class WallFit {
  public:
   // Distances that differ by less than this share may be of the same wall.
-  static constexpr double kSameWall = 0.15;
+  static constexpr double kSameWall = kWallTolerance;
 
   // The camera outlives it. All memory is taken here; points beyond max_points are left out.
   WallFit(const CameraModel& camera, int max_points);
@@ -42,17 +43,16 @@ class WallFit {
     Eigen::Vector3d ray;  // unit
     double distance = 0.0;
   };
-  struct Witness {
+  struct Near {
     double offset2_px = 0.0;  // from the pixel, squared
-    Eigen::Vector3d row;      // of the three unknowns
-    double inverse = 0.0;     // of its distance, in units of the median
-    double weight = 0.0;
+    const Sample* sample = nullptr;
   };
 
   const CameraModel& camera_;
   SE3 cam_from_map_;
   std::vector<Sample> samples_;
-  std::vector<Witness> witnesses_;
+  std::vector<Near> near_;
+  std::vector<WallWitness> witnesses_;
   std::vector<double> sorted_;
 };
 

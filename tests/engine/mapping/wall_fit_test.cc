@@ -84,6 +84,65 @@ TEST_F(WallFitTest, FoldBesideThePixelHasNoSay) {
   EXPECT_NEAR(patch->distance / (3.0 / Ray(pixel).z()), 1.0, 0.02);
 }
 
+// A fold ends before a wall that is 1.4 times as far away. Features of its edge lie up to 6 pixels beyond it, and the
+// wall has none in the strip that only some keyframes see.
+TEST_F(WallFitTest, EdgeOfAFoldIsNotBridged) {
+  const Eigen::Vector2d edge(360.0, 270.0);
+  for (int i = 0; i < 300; ++i) {
+    const Eigen::Vector2d at = edge + Eigen::Vector2d(rng_.Uniform(-90.0, 90.0), rng_.Uniform(-90.0, 90.0));
+    const double beyond_px = at.x() - edge.x();
+    if (beyond_px > 6.0 && beyond_px < 14.0) continue;
+    AddPoint(Ray(at) * ((beyond_px <= 6.0 ? 2.0 : 2.8) / Ray(at).z()) * (1.0 + 0.03 * Gaussian(rng_)));
+  }
+  for (const double y : {-30.0, 0.0, 30.0}) {
+    for (const double beside : {-12.0, 8.0}) {
+      const Eigen::Vector2d pixel = edge + Eigen::Vector2d(beside, y);
+      const Result<FittedWall> patch = Fit(pixel);
+      ASSERT_TRUE(patch.ok()) << patch.status().ToString();
+      EXPECT_NEAR(patch->distance * Ray(pixel).z() / (beside < 0.0 ? 2.0 : 2.8), 1.0, 0.03) << pixel.transpose();
+    }
+  }
+}
+
+// Half of the points lie on a slope: a bend of the wall is no edge, and neither side is pulled to the other.
+TEST_F(WallFitTest, BendOfTheWallIsFollowed) {
+  const Eigen::Vector2d ridge(360.0, 270.0);
+  for (int i = 0; i < 240; ++i) {
+    const Eigen::Vector2d at = ridge + Eigen::Vector2d(rng_.Uniform(-90.0, 90.0), rng_.Uniform(-90.0, 90.0));
+    const Eigen::Vector3d ray = Ray(at);
+    AddPoint(ray * (at.x() < ridge.x() ? 2.0 / ray.z() : 2.0 / (ray.z() - 0.8 * ray.x())) *
+             (1.0 + 0.03 * Gaussian(rng_)));
+  }
+  for (const double beside : {-40.0, -9.0, 9.0, 40.0}) {
+    const Eigen::Vector2d pixel = ridge + Eigen::Vector2d(beside, 0.0);
+    const Eigen::Vector3d ray = Ray(pixel);
+    const Result<FittedWall> patch = Fit(pixel);
+    ASSERT_TRUE(patch.ok()) << patch.status().ToString();
+    EXPECT_NEAR(patch->distance / (beside < 0.0 ? 2.0 / ray.z() : 2.0 / (ray.z() - 0.8 * ray.x())), 1.0, 0.03);
+  }
+}
+
+// Walls at a slant of 60 degrees, of each of which sixteen points are known. They are no fold with a wall behind it.
+TEST_F(WallFitTest, FewPointsOfASlantedWallAreEnough) {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const double y : {135.0, 405.0}) {
+    for (const double x : {100.0, 270.0, 440.0, 610.0}) {
+      const Eigen::Vector2d pixel(x, y);
+      const Eigen::Vector3d ray = Ray(pixel), up = ray.cross(Eigen::Vector3d::UnitX()).normalized();
+      const double around = 0.7 * static_cast<double>(pixels.size());
+      const Eigen::Vector3d across = std::cos(around) * up + std::sin(around) * ray.cross(up);
+      const Eigen::Vector3d normal = ray + std::sqrt(3.0) * across;
+      AddPlane(pixel, 65.0, 16, normal, 2.0, 0.02);
+      pixels.push_back(pixel);
+    }
+  }
+  for (const Eigen::Vector2d& pixel : pixels) {
+    const Result<FittedWall> patch = Fit(pixel);
+    ASSERT_TRUE(patch.ok()) << patch.status().ToString();
+    EXPECT_NEAR(patch->distance / 2.0, 1.0, 0.08) << pixel.transpose();
+  }
+}
+
 TEST_F(WallFitTest, FewPointsAreRefused) {
   const Eigen::Vector2d pixel(360.0, 270.0);
   AddPlane(pixel, 30.0, 5, Eigen::Vector3d::UnitZ(), 3.0, 0.0);

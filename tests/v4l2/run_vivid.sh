@@ -7,7 +7,8 @@
 #     tests/v4l2/run_vivid.sh [BUILD]        BUILD: build folder, default build/release
 #
 # The kernel is named by HAUSTRA_VIVID_KERNEL (also packed, as .xz), or lies in build/vivid-kernel/linux, where
-# tests/v4l2/build_vivid_kernel.sh puts it. The guest sees this machine's own files, read-only.
+# tests/v4l2/build_vivid_kernel.sh puts it. The guest sees this machine's own files, read-only,
+# but for /tmp, which is its own.
 set -euo pipefail
 
 source_folder="$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)"
@@ -27,6 +28,13 @@ if [ ! -w /dev/shm ]; then
   echo "run_vivid.sh: skipped: the guest's memory needs /dev/shm"
   exit 77
 fi
+
+case "$build/:$source_folder/" in
+  /tmp/*|*:/tmp/*)
+    echo "run_vivid.sh: skipped: the guest has a /tmp of its own, so build and sources must lie elsewhere"
+    exit 77
+    ;;
+esac
 
 scratch="$(mktemp -d)"
 trap 'rm -rf --one-file-system -- "${scratch:?}"' EXIT

@@ -15,7 +15,7 @@ namespace {
 // Sigmas of a slope are of the wall against the ray, before anything is measured (tangent of the angle).
 constexpr double kWideSlopeSigma = 2.0;
 constexpr int kWideRounds = 8;
-// Points of one wall scatter by 3 to 5 % around it, and a bent wall leaves its plane by as much.
+// A share of the distance. With 0.05 points of steep walls are outliers, and marks on them are not found again.
 constexpr double kNarrowTolerance = 0.07;
 constexpr double kNarrowSlopeSigma = 1.0;
 constexpr int kNarrowRounds = 6;
@@ -24,8 +24,8 @@ constexpr double kInverseSigma = 0.1;
 // The wide plane leaves less of the cost by this factor where the wall is a slope. Where both do equally well, it
 // bridges an edge.
 constexpr double kSlopeGain = 1.1;
-// Two walls explain so many points, in full weight, that one does not. With 2, edges are seen where there are none;
-// with 4, more are missed.
+// Two walls explain so many points, in full weight, that one does not. With 2 and 4 as many pixels of rendered colons
+// are wrong, within 0.2 %.
 constexpr double kEdgeGain = 3.0;
 // Walls whose distances differ by less are one wall with a bend.
 constexpr double kEdgeRatio = 1.1;

@@ -1,5 +1,5 @@
-// Planes through the points of the wall around a ray, and the edge at which one wall ends before another. Plain
-// functions of what they are given.
+// Planes through the points of the wall around a ray, and the edge at which one wall ends before another. Source: our
+// own, by reweighted least squares (engine/mapping/decisions/2026-11-28-the-edge-of-a-fold.md). reentrant; no heap.
 #pragma once
 
 #include <Eigen/Core>

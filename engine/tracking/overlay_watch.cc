@@ -13,8 +13,8 @@ constexpr double kCompareSeconds = 0.2;
 // A pair further apart has too few points in common.
 constexpr double kOldSeconds = 1.5;
 
-// Those before the followed ones. A followed feature is no twin of another: they lie so densely, many of one scale,
-// that where the scene moves every third has another at its place by chance.
+// Those before the followed ones. A followed feature is no twin of another: they lie densely, many of one scale, so
+// some always have another at their place by chance where the scene moves.
 int NumDetected(const FrameFeatures& features) { return features.num - features.num_followed; }
 
 }  // namespace

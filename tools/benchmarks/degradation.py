@@ -10,7 +10,8 @@ rendered, run on one thread of the CPU, judged by their ground truth, and drawn 
 
 Seed N makes the colon and the run. The point of strength zero is the same for all curves. A point is made again only when
 the program or its options have changed, so a sweep that was broken off goes on; its frames are deleted when it is judged.
-This folder and a program are enough: it needs no tree, no git, and only the standard library; for the curve h264 ffmpeg.
+This folder and a program are enough: it needs no tree, no git, and only the standard library; for the curves h264 and combined
+ffmpeg.
 """
 
 import argparse
@@ -18,6 +19,7 @@ import datetime
 import functools
 import json
 import pathlib
+import re
 import shutil
 import statistics
 import sys
@@ -32,6 +34,8 @@ SECONDS, SIZE = 36, "360x270"
 ENCODER = "--h264"  # stands among the options of rendering; with the constant rate factor of x264, larger is coarser
 # Losses of several kinds; places are seen again. As shares of the length.
 LOSSES = (("redout", 0.20, 1.4), ("jump", 0.425, 0.44), ("bubbles", 0.55, 1.4), ("water", 0.87, 1.4))
+# Between them, as shares of the length. The first is the middle of the longest part without a loss.
+SLIPS = (0.71, 0.32, 0.1, 0.49)
 
 
 def wrong_focal(percent):
@@ -59,9 +63,21 @@ def video(crf):
     return [ENCODER, f"{crf:g}"]
 
 
-def event(kind):
-    """Of so many seconds, about the middle of the part between two losses that is the longest."""
-    return lambda seconds: ["--events", f"{kind}@{{middle}}+{seconds:g}"]
+def event(kind, share=0.71):
+    """Of so many seconds, about that share of the length: by default the middle of the longest part between two losses."""
+    return lambda seconds: ["--events", f"{kind}@{{{share:g}-{seconds / 2:g}}}+{seconds:g}"]
+
+
+def slips(count):
+    return ["--events", ",".join(f"slip@{{{share:g}}}+0.5" for share in SLIPS[:count])]
+
+
+def all_together(strength):
+    """A hard picture: what a procedure may have, all at once. Everything grows with the strength but the slip, which is whole."""
+    parts = [(option("exposure"), 0.5), (video, 23), (wrong_focal, 1), (option("breathing"), 3), (option("contraction"), 3),
+             (option("stool"), 20), (option("fluid"), 30), (option("lens-drops"), 8), (event("instrument", 0.32), 4),
+             (event("redout", 0.49), 1.4), (event("narrowband", 0.65), 4)]
+    return [word for make, most in parts for word in make(strength * most)] + slips(1)
 
 
 # Name: what it is, unit, options of a strength, strengths (the first one changes nothing).
@@ -85,6 +101,8 @@ CURVES = {
     "collapse": ("lumen that closes", "% of the radius", option("collapse"), [0, 5, 10, 20, 40]),
     "narrowband": ("narrow-band light", "s", event("narrowband"), [0, 1, 2, 4, 8]),
     "instrument": ("instrument in view", "s", event("instrument"), [0, 1, 2, 4, 8]),
+    "slip": ("ground lost for good", "slips", slips, [0, 1, 2, 4]),
+    "combined": ("hard picture: many hardships together", "of the full strength", all_together, [0, 0.25, 0.5, 0.75, 1]),
 }
 
 
@@ -115,14 +133,18 @@ MEASURES = [("live %", live, 1, min), ("maps", lambda f: f["maps"], 0, max), ("e
             ("joins taken, %", recall, 0, min)]
 
 
+def start(seconds, place):
+    """Of an event that is so much earlier than a share of the length."""
+    return f"{max(0.0, float(place[1]) * seconds - float(place[2] or 0)):.2f}"
+
+
 def render_options(curve, strength, seconds):
     """Options of `haustra render` without folder and seed."""
     options = ["--preset", "losses", "--seconds", f"{seconds:g}", "--size", SIZE, "--threads", "1", "--quiet"]
     options += ["--events", ",".join(f"{kind}@{share * seconds:.2f}+{lasts:g}" for kind, share, lasts in LOSSES)]
     _, _, make, strengths = CURVES[curve]
     if strength != strengths[0]:
-        lasts = strength if curve in ("narrowband", "instrument") else 0
-        options += [part.replace("{middle}", f"{max(0.0, 0.71 * seconds - lasts / 2):.2f}") for part in make(strength)]
+        options += [re.sub(r"{([\d.]+)(?:-([\d.]+))?}", functools.partial(start, seconds), part) for part in make(strength)]
     return options
 
 
@@ -141,7 +163,7 @@ def split(render):
 def encode(sequence, crf):
     """Replaces the pictures of a sequence by what H.264 video leaves of them. Nothing, or the reason why it failed."""
     if not shutil.which("ffmpeg"):
-        return "the curve h264 needs ffmpeg"
+        return "H.264 needs ffmpeg"
     # Beside the sequence: what a broken sweep leaves in it `haustra render --overwrite` would refuse to delete.
     frames, film = sequence / "frames", sequence.parent / "film.mp4"
     before = sorted(frames.glob("*.jpg"))

@@ -15,13 +15,14 @@ struct KindEntry {
   double usual_duration_s;
   bool hides_scene;
 };
-constexpr std::array<KindEntry, 8> kKinds = {{
+constexpr std::array<KindEntry, 9> kKinds = {{
     {EventKind::kRedout, "redout", 1.2, true},
     {EventKind::kWater, "water", 1.4, true},
     {EventKind::kBubbles, "bubbles", 1.4, true},
     {EventKind::kDebris, "debris", 1.4, true},
     {EventKind::kBlur, "blur", 1.0, true},
     {EventKind::kJump, "jump", 0.44, true},
+    {EventKind::kSlip, "slip", 0.5, true},
     {EventKind::kNarrowBand, "narrowband", 4.0, false},
     {EventKind::kInstrument, "instrument", 5.0, false},
 }};

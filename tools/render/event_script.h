@@ -15,7 +15,8 @@ enum class EventKind {
   kBubbles,     // water jet: foam and drops
   kDebris,      // turbid water and flecks
   kBlur,        // shaking hand and a long exposure
-  kJump,        // the scope slips and turns fast
+  kJump,        // the scope slips and turns fast, and the hand makes it up
+  kSlip,        // the scope slides along the lumen by centimetres and goes on from there
   kNarrowBand,  // another light: the scene is seen, in other colours
   kInstrument,  // forceps in view: the scene is seen beside them
 };

@@ -12,7 +12,8 @@ LensEffects::LensEffects(const std::vector<Event>& events, const WindowMask& win
   Rng rng(seed, 0x1e25);
   const auto draw = [&](double low, double high) { return static_cast<float>(rng.Uniform(low, high)); };
   for (const Event& event : events) {
-    if (!HidesScene(event.kind)) continue;  // in the scene, not on the lens
+    // In the scene, not on the lens; a slip leaves all other events as they are.
+    if (!HidesScene(event.kind) || event.kind == EventKind::kSlip) continue;
     Active active{event, rng.Next(), {}};
     const bool is_foam = event.kind == EventKind::kBubbles;
     if (is_foam || event.kind == EventKind::kDebris) {
@@ -76,6 +77,7 @@ void LensEffects::Apply(double time_s, LinearImage* image) const {
       case EventKind::kDebris: DrawTurbidWater(moment, image); break;
       case EventKind::kBlur:
       case EventKind::kJump:
+      case EventKind::kSlip:
       case EventKind::kNarrowBand:
       case EventKind::kInstrument: break;  // in the path, the shutter, the light and the scene
     }

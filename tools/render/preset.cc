@@ -48,7 +48,7 @@ std::vector<Preset> MakePresets() {
 
   Preset losses = standard;
   losses.name = "losses";
-  losses.summary = "five losses: occlusion, slip, water jet, motion blur, water film; every place is seen again";
+  losses.summary = "five losses: occlusion, jump, water jet, motion blur, water film; every place is seen again";
   losses.seconds = 40.0;
   losses.blind_end_mm = 125.0;
   losses.mucosa.vessels = 0.7f;

@@ -148,7 +148,7 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option(
       "--events", arguments->events,
       "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "
-      "redout, water, bubbles, debris, blur, jump, narrowband, instrument; none");
+      "redout, water, bubbles, debris, blur, jump, slip, narrowband, instrument; none");
   command->add_option("--threads", arguments->threads, "Threads; 0: all cores. The pictures do not depend on it")
       ->check(CLI::Range(0, 256));
   command->add_option("--quality", arguments->quality, "JPEG quality: that of every picture of MJPEG")

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
+#include <utility>
 
 namespace haustra::render {
 namespace {
@@ -15,6 +17,10 @@ constexpr double kLookAheadMm = 15.0;
 constexpr double kPushMm = 1.1;
 constexpr double kRegainMmPerS = 5.0;
 constexpr double kMinRegainS = 3.0;
+constexpr double kMinSlipMm = 20.0, kMaxSlipMm = 45.0;
+constexpr double kOutwardsShare = 0.7;  // of the slips
+// What a slip leaves to the end of the reach. Longer than the way of the time in which a stop at the end is smoothed.
+constexpr double kSlipRoomMm = 12.0;
 // Half of the time in which one way through the colon fades into the next.
 constexpr double kMaxFadeS = 2.5;
 // Places so far apart have nothing in common.
@@ -55,6 +61,13 @@ std::vector<double> MovingAverage(const std::vector<double>& values, int half) {
   return out;
 }
 
+// Three averages in a row: the second derivative is continuous.
+std::vector<double> Smoothed(std::vector<double> values) {
+  const int half = static_cast<int>(0.5 * kSmoothingS / kPlanStepS);
+  for (int pass = 0; pass < 3; ++pass) values = MovingAverage(values, half);
+  return values;
+}
+
 }  // namespace
 
 double ScopePath::ReachMm(const PathStyle& style, double duration_s) {
@@ -66,12 +79,12 @@ double ScopePath::ReachMm(const PathStyle& style, double duration_s) {
 
 ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events,
                      double duration_s, std::uint64_t seed)
-    : ScopePath(style, centreline, events, duration_s, Rng(seed, 0x9a7)) {
+    : ScopePath(style, centreline, events, duration_s, seed, Rng(seed, 0x9a7)) {
   if (style.has_fresh_passes) PlanPasses(seed);
 }
 
 ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events,
-                     double duration_s, Rng rng)
+                     double duration_s, std::uint64_t seed, Rng rng)
     : style_(style),
       centreline_(centreline),
       events_(events),
@@ -89,9 +102,10 @@ ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const
       roll_(rng, 0.08, 0.5),
       push_(rng, 0.3, 1.1) {
   PlanArc(duration_s);
-  const double low = style.start_arc_mm - 4.0, high = style.start_arc_mm + reach_mm_ + 4.0;
+  PlanSlips(seed);
+  const double low = LowMm(), high = HighMm();
   for (const Event& event : events) {
-    if (!HidesScene(event.kind)) continue;
+    if (!HidesScene(event.kind) || event.kind == EventKind::kSlip) continue;
     double size_mm = 0.0, turn_deg = 0.0;
     switch (event.kind) {
       case EventKind::kJump: size_mm = rng.Uniform(22.0, 30.0), turn_deg = rng.Uniform(16.0, 24.0); break;
@@ -99,14 +113,14 @@ ScopePath::ScopePath(const PathStyle& style, const Centreline& centreline, const
       case EventKind::kBlur: size_mm = rng.Uniform(1.0, 3.0), turn_deg = rng.Uniform(2.0, 5.0); break;
       default: size_mm = rng.Uniform(2.0, 6.0), turn_deg = rng.Uniform(3.0, 9.0); break;
     }
-    // Scopes slip outwards when there is room for it.
+    // Scopes are thrown outwards when there is room for it.
     const double arc = PlannedArc(event.start_s + event.duration_s);
-    double slip = -size_mm;
-    if (arc + slip < low && arc + size_mm < high) slip = size_mm;
-    slip = std::clamp(arc + slip, low, high) - arc;
+    double lost = -size_mm;
+    if (arc + lost < low && arc + size_mm < high) lost = size_mm;
+    lost = std::clamp(arc + lost, low, high) - arc;
     const double direction = rng.Uniform(0.0, 2.0 * std::numbers::pi);
     const double regain_s = style.regain_s > 0.0 ? style.regain_s : std::max(kMinRegainS, size_mm / kRegainMmPerS);
-    slips_.push_back({event.start_s, event.duration_s, regain_s, slip, event.kind == EventKind::kJump ? 1.6 : 0.0,
+    jolts_.push_back({event.start_s, event.duration_s, regain_s, lost, event.kind == EventKind::kJump ? 1.6 : 0.0,
                       turn_deg * kDegree * std::cos(direction), turn_deg * kDegree * std::sin(direction)});
   }
   for (Look& look : looks_) {
@@ -143,9 +157,44 @@ void ScopePath::PlanArc(double duration_s) {
     const double share = t1 > t0 ? std::clamp((t - t0) / (t1 - t0), 0.0, 1.0) : 1.0;
     planned_arc_mm_.push_back(style_.start_arc_mm + reach_mm_ * (s0 + share * (s1 - s0)));
   }
-  // Three averages in a row: the acceleration is continuous.
-  const int half = static_cast<int>(0.5 * kSmoothingS / kPlanStepS);
-  for (int pass = 0; pass < 3; ++pass) planned_arc_mm_ = MovingAverage(planned_arc_mm_, half);
+  planned_arc_mm_ = Smoothed(std::move(planned_arc_mm_));
+}
+
+void ScopePath::PlanSlips(std::uint64_t seed) {
+  std::vector<Event> events;
+  std::copy_if(events_.begin(), events_.end(), std::back_inserter(events),
+               [](const Event& event) { return event.kind == EventKind::kSlip; });
+  std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.start_s < b.start_s; });
+  Rng rng(seed, 0x9a9);
+  for (const Event& event : events) {
+    const double size_mm = rng.Uniform(kMinSlipMm, kMaxSlipMm);
+    bool is_outwards = rng.Uniform() < kOutwardsShare;
+    const double direction = rng.Uniform(0.0, 2.0 * std::numbers::pi), turn = rng.Uniform(8.0, 16.0) * kDegree;
+    const double roll = (rng.Uniform() < 0.5 ? -1.0 : 1.0) * rng.Uniform(10.0, 25.0) * kDegree;
+    slips_.push_back({event.start_s, event.duration_s, turn * std::cos(direction), turn * std::sin(direction), roll});
+    // The other way where there is more room.
+    const double arc = PlannedArc(event.start_s + event.duration_s);
+    const double out_mm = arc - LowMm() - kSlipRoomMm, in_mm = HighMm() - kSlipRoomMm - arc;
+    if ((is_outwards ? out_mm : in_mm) < size_mm) is_outwards = out_mm > in_mm;
+    const double slip_mm = std::clamp(is_outwards ? out_mm : in_mm, 0.0, size_mm);
+    ShiftPlan(event, is_outwards ? -slip_mm : slip_mm);
+  }
+}
+
+void ScopePath::ShiftPlan(const Event& event, double arc_mm) {
+  const std::size_t count = planned_arc_mm_.size();
+  std::vector<double> shift(count), held(count);
+  double held_mm = 0.0;  // what the ends of the reach have held back so far
+  for (std::size_t i = 0; i < count; ++i) {
+    const double t = static_cast<double>(i) * kPlanStepS - kPlanMarginS;
+    shift[i] = arc_mm * SmoothStep((t - event.start_s) / event.duration_s);
+    const double arc = planned_arc_mm_[i] + shift[i] + held_mm;
+    // What was before the slip stays as it was.
+    if (t > event.start_s + event.duration_s) held_mm += std::clamp(arc, LowMm(), HighMm()) - arc;
+    held[i] = held_mm;
+  }
+  held = Smoothed(std::move(held));
+  for (std::size_t i = 0; i < count; ++i) planned_arc_mm_[i] += shift[i] + held[i];
 }
 
 void ScopePath::PlanPasses(std::uint64_t seed) {
@@ -186,14 +235,14 @@ double ScopePath::PlannedArc(double time_s) const {
   return b + 0.5 * t * (c - a + t * (2.0 * a - 5.0 * b + 4.0 * c - d + t * (3.0 * (b - c) + d - a)));
 }
 
-double ScopePath::Slip::Share(double time_s) const {
+double ScopePath::Jolt::Share(double time_s) const {
   if (time_s <= start_s + duration_s) return SmoothStep((time_s - start_s) / duration_s);
   return 1.0 - SmoothStep((time_s - start_s - duration_s) / recovery_s);
 }
 
 double ScopePath::ArcMm(double time_s) const {
   double arc = PlannedArc(time_s) + kPushMm * push_.At(time_s);
-  for (const Slip& slip : slips_) arc += slip.arc_mm * slip.Share(time_s);
+  for (const Jolt& jolt : jolts_) arc += jolt.arc_mm * jolt.Share(time_s);
   return std::clamp(arc, style_.start_arc_mm - 8.0, style_.start_arc_mm + reach_mm_ + 8.0);
 }
 
@@ -224,10 +273,16 @@ SE3 ScopePath::WorldFromCam(double time_s) const {
     roll += kDegree * here;
     if (pass.next_share > 0.0) roll += kDegree * pass.next_share * (pass_roll_deg_[pass.index + 1] - here);
   }
+  for (const Jolt& jolt : jolts_) {
+    const double share = jolt.Share(time_s) + jolt.kick * Hump((time_s - jolt.start_s) / jolt.duration_s);
+    yaw += share * jolt.yaw_rad;
+    pitch += share * jolt.pitch_rad;
+  }
   for (const Slip& slip : slips_) {
-    const double share = slip.Share(time_s) + slip.kick * Hump((time_s - slip.start_s) / slip.duration_s);
+    const double share = Hump((time_s - slip.start_s) / slip.duration_s);
     yaw += share * slip.yaw_rad;
     pitch += share * slip.pitch_rad;
+    roll += share * slip.roll_rad;
   }
   for (const Look& look : looks_) {
     const double x = (time_s - look.time_s) / 1.1;

@@ -18,7 +18,7 @@ struct PathStyle {
   double speed_mm_per_s = 8.8;
   double pause_s = 0.8;         // at each turn, looking around
   double max_reach_mm = 260.0;  // longer sequences repeat the stops
-  // How long the hand takes to make up the ground that a slip has lost. 0: at once, at 5 mm a second.
+  // How long the hand takes to make up the ground that a jump has lost. 0: at once, at 5 mm a second.
   double regain_s = 0.0;
   // Whether offset, gaze and roll by place are drawn anew after each turn, as on another way through. Then each way has
   // a roll of its own besides, up to this far from upright.
@@ -52,13 +52,19 @@ class ScopePath {
  private:
   // The members draw from one generator in order.
   ScopePath(const PathStyle& style, const Centreline& centreline, const std::vector<Event>& events, double duration_s,
-            Rng rng);
+            std::uint64_t seed, Rng rng);
 
-  struct Slip {
+  // Wears off.
+  struct Jolt {
     double start_s, duration_s, recovery_s, arc_mm;
     double kick;  // how far beyond yaw and pitch the scope is thrown for a moment, as a share of them
     double yaw_rad, pitch_rad;
     double Share(double time_s) const;
+  };
+  // Ground that is lost or won for good lies in the plan; this is how the view is thrown about meanwhile.
+  struct Slip {
+    double start_s, duration_s;
+    double yaw_rad, pitch_rad, roll_rad;
   };
   struct Look {
     double time_s, yaw_rad, pitch_rad;
@@ -73,11 +79,19 @@ class ScopePath {
     double next_share;
   };
   void PlanArc(double duration_s);
+  // What comes after a slip is the same motion from another place. Where it would leave the reach it waits at the end
+  // of it, and goes on from there. Draws from a generator of its own, so that no other event is drawn anew.
+  void PlanSlips(std::uint64_t seed);
+  // The plan lies `arc_mm` farther after the event, within the reach.
+  void ShiftPlan(const Event& event, double arc_mm);
   void PlanPasses(std::uint64_t seed);
   Pass PassAt(double time_s) const;
   // A function of the place, drawn anew for each pass.
   double AtPlace(const Wander& wander, double arc_mm, const Pass& pass) const;
   double PlannedArc(double time_s) const;
+  // Ends of where slips and jumps may lead.
+  double LowMm() const { return style_.start_arc_mm - 4.0; }
+  double HighMm() const { return style_.start_arc_mm + reach_mm_ + 4.0; }
 
   PathStyle style_;
   const Centreline& centreline_;
@@ -85,6 +99,7 @@ class ScopePath {
   double duration_s_;
   double reach_mm_;
   std::vector<double> planned_arc_mm_;  // every kPlanStepS, from -kPlanMarginS
+  std::vector<Jolt> jolts_;
   std::vector<Slip> slips_;
   std::vector<Look> looks_;
   std::vector<Turn> turns_;            // in order; empty without fresh passes

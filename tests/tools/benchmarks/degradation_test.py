@@ -150,6 +150,23 @@ if "33/" in sys.argv[-1] and sys.argv[-1].endswith("png"):
             for strength in strengths[1:]:
                 self.assertNotEqual(degradation.render_options(name, strength, 36), zero, name)
         self.assertIn("instrument@21.56+8", degradation.render_options("instrument", 8, 36))
+        self.assertIn("narrowband@4.52+8", degradation.render_options("narrowband", 8, 12))
+
+    def test_slips_lie_between_the_losses(self):
+        self.assertIn("slip@25.56+0.5", degradation.render_options("slip", 1, 36))
+        self.assertIn("slip@25.56+0.5,slip@11.52+0.5,slip@3.60+0.5,slip@17.64+0.5", degradation.render_options("slip", 4, 36))
+        for share in degradation.SLIPS:
+            for _, loss, seconds in degradation.LOSSES:
+                self.assertFalse(loss - 0.5 / 36 < share < loss + seconds / 36, (share, loss))
+
+    def test_hard_picture_has_everything_by_its_strength(self):
+        half, whole = (" ".join(degradation.render_options("combined", s, 36)) for s in (0.5, 1))
+        for words in ("exposure 0.5", "h264 23", "calibration-error 1", "breathing 3", "contraction 3", "stool 20", "fluid 30",
+                      "lens-drops 8", "events instrument@9.52+4", "events redout@16.94+1.4", "events narrowband@21.40+4"):
+            self.assertIn(f" --{words} ", whole)
+        for words in ("exposure 0.25", "h264 11.5", "calibration-error 0.5", "lens-drops 4", "events instrument@10.52+2"):
+            self.assertIn(f" --{words} ", half)
+        self.assertTrue(half.endswith(" --events slip@25.56+0.5") and whole.endswith(" --events slip@25.56+0.5"))
 
 
 @unittest.skipUnless(HAUSTRA, "no program was named")

@@ -23,8 +23,9 @@ TEST(EventScript, NoneGivesNoEvents) {
 }
 
 TEST(EventScript, EveryKindReadsBackFromItsName) {
-  for (const EventKind kind : {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris,
-                               EventKind::kBlur, EventKind::kJump, EventKind::kNarrowBand, EventKind::kInstrument}) {
+  for (const EventKind kind :
+       {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris, EventKind::kBlur,
+        EventKind::kJump, EventKind::kSlip, EventKind::kNarrowBand, EventKind::kInstrument}) {
     const auto events = ParseEvents(std::string(ToString(kind)) + "@1");
     ASSERT_TRUE(events.ok()) << ToString(kind);
     EXPECT_EQ((*events)[0].kind, kind);
@@ -77,6 +78,7 @@ TEST(FrameSpans, ThoseThatShowTheSceneAreNotHidden) {
   ASSERT_EQ(hidden.size(), 1u);
   EXPECT_EQ(hidden[0].kind, EventKind::kWater);
   EXPECT_TRUE(HidesScene(EventKind::kJump));
+  EXPECT_TRUE(HidesScene(EventKind::kSlip));
   EXPECT_FALSE(HidesScene(EventKind::kNarrowBand));
 }
 

@@ -37,7 +37,7 @@ TEST(Instrument, IsOutWhileItsEventLasts) {
   // It slides out and back in, and the jaws open and close.
   EXPECT_LT(instrument.At(1.01).parts[0].b.z(), 0.0f);
   EXPECT_LT(instrument.At(4.99).parts[0].b.z(), 0.0f);
-  float narrowest = 1e9f, widest = 0.0f;
+  float narrowest = 1e9f, widest = 0.0f, nearest = 1e9f, farthest = 0.0f;
   for (double t = 1.7; t < 4.3; t += 0.05) {
     const InstrumentShape shape = instrument.At(t);
     ASSERT_EQ(shape.num_parts, 3);
@@ -45,9 +45,12 @@ TEST(Instrument, IsOutWhileItsEventLasts) {
     const float gap = (shape.parts[1].b - shape.parts[2].b).norm();
     narrowest = std::min(narrowest, gap);
     widest = std::max(widest, gap);
+    nearest = std::min(nearest, shape.parts[0].b.z());
+    farthest = std::max(farthest, shape.parts[0].b.z());
   }
   EXPECT_LT(narrowest, 1.5f);
   EXPECT_GT(widest, 5.0f);
+  EXPECT_GT(farthest, nearest + 3.0f);
 }
 
 TEST(Instrument, RaysMeetItWhereTheyEnterIt) {

@@ -65,6 +65,24 @@ TEST_F(RenderSequenceTest, SameSeedGivesSameBytesOnAnyNumberOfThreads) {
   EXPECT_NE(a.at("groundtruth.txt"), c.at("groundtruth.txt"));
 }
 
+TEST_F(RenderSequenceTest, SlipChangesNothingBeforeItAndIsTheSameOnAnyNumberOfThreads) {
+  RenderOptions options = Small(0.6);
+  options.events = {{EventKind::kBubbles, 0.1, 0.1}};
+  ASSERT_TRUE(RenderSequence(Folder("calm"), options, nullptr).ok());
+  options.events.insert(options.events.begin(), {EventKind::kSlip, 0.3, 0.2});
+  options.num_threads = 1;
+  ASSERT_TRUE(RenderSequence(Folder("a"), options, nullptr).ok());
+  options.num_threads = 3;
+  ASSERT_TRUE(RenderSequence(Folder("b"), options, nullptr).ok());
+  const auto calm = Content(Folder("calm")), a = Content(Folder("a")), b = Content(Folder("b"));
+  EXPECT_EQ(a, b);
+  for (const char* frame : {"frames/000000.jpg", "frames/000003.jpg", "frames/000007.jpg"}) {
+    EXPECT_EQ(a.at(frame), calm.at(frame)) << frame;
+  }
+  EXPECT_NE(a.at("frames/000011.jpg"), calm.at("frames/000011.jpg"));
+  EXPECT_EQ(a.at("events.csv"), "first_frame,last_frame,kind,visible\n3,5,bubbles,0\n8,12,slip,0\n");
+}
+
 TEST_F(RenderSequenceTest, StrengthsOfZeroChangeNoByte) {
   RenderOptions options = Small(0.4);
   options.preset = *FindPreset("breathing");
@@ -177,7 +195,7 @@ TEST_F(RenderSequenceTest, FieldsAreTheRowsOfTwoMoments) {
 
 TEST_F(RenderSequenceTest, WidePicturesSurviveEveryEvent) {
   for (const EventKind kind : {EventKind::kRedout, EventKind::kWater, EventKind::kBubbles, EventKind::kDebris,
-                               EventKind::kBlur, EventKind::kNarrowBand, EventKind::kInstrument}) {
+                               EventKind::kBlur, EventKind::kSlip, EventKind::kNarrowBand, EventKind::kInstrument}) {
     RenderOptions options = Small(0.6);
     options.width_px = 256;
     options.height_px = 144;

@@ -161,7 +161,101 @@ TEST(ScopePath, AnotherWayThroughLooksAnotherWay) {
   EXPECT_GT(GazeApartDeg(options), fresh + 10.0);
 }
 
-TEST(ScopePath, GroundThatASlipHasLostIsMadeUpByHand) {
+TEST(ScopePath, SlipIsForGoodAndTheSameMotionGoesOn) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
+  options.seconds = 40.0;
+  int num_outwards = 0, num_inwards = 0;
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    options.seed = seed;
+    options.events = {};
+    const Journey calm(options);
+    options.events = {{EventKind::kSlip, 12.0, 0.3}};
+    const Journey slipped(options);
+    const auto farther_mm = [&](double t) { return slipped.path.ArcMm(t) - calm.path.ArcMm(t); };
+    const SE3 before = slipped.path.WorldFromCam(11.99), calm_before = calm.path.WorldFromCam(11.99);
+    EXPECT_EQ(before.translation, calm_before.translation);
+    EXPECT_EQ(RotationAngle(before.rotation, calm_before.rotation), 0.0);
+    const double slip_mm = farther_mm(12.31);
+    EXPECT_GE(std::abs(slip_mm), 20.0 - 1e-9) << "seed " << seed;
+    EXPECT_LE(std::abs(slip_mm), 45.0 + 1e-9) << "seed " << seed;
+    for (double t = 12.4; t < 13.5; t += 0.1) EXPECT_NEAR(farther_mm(t), slip_mm, 1e-9);
+    // What the far end of the reach holds back is not made up either.
+    const double held_mm = slip_mm > 0.0 ? farther_mm(24.0) : slip_mm;
+    EXPECT_LE(held_mm, slip_mm + 1e-9);
+    for (double t = 24.0; t < 30.0; t += 0.5) EXPECT_NEAR(farther_mm(t), held_mm, 1e-9) << "seed " << seed;
+    (slip_mm < 0.0 ? num_outwards : num_inwards) += 1;
+  }
+  EXPECT_GE(num_outwards, 2);
+  EXPECT_GE(num_inwards, 1);
+}
+
+TEST(ScopePath, ManySlipsLeaveTheScopeInTheLumenAndMovingLikeAHand) {
+  for (const char* preset : {"losses", "loop", "twins"}) {
+    RenderOptions options = RenderOptions::FromPreset(*FindPreset(preset));
+    options.events.clear();
+    options.seed = 2;
+    const double dt = 0.02;
+    const auto acceleration = [&](const Journey& journey, double t) {
+      return std::abs(journey.path.ArcMm(t - dt) - 2.0 * journey.path.ArcMm(t) + journey.path.ArcMm(t + dt)) /
+             (dt * dt);
+    };
+    double calm_acceleration = 0.0;
+    const Journey calm(options);
+    for (double t = dt; t < options.seconds; t += dt)
+      calm_acceleration = std::max(calm_acceleration, acceleration(calm, t));
+    for (int k = 0; k < 6; ++k) options.events.push_back({EventKind::kSlip, 0.16 * (k + 0.5) * options.seconds, 0.3});
+    const Journey journey(options);
+    const double low = options.preset.path.start_arc_mm - 8.0;
+    const double high = low + ScopePath::ReachMm(options.preset.path, options.seconds) + 16.0;
+    for (double t = dt; t < options.seconds; t += dt) {
+      const SE3 pose = journey.path.WorldFromCam(t);
+      const double speed = (journey.path.ArcMm(t + dt) - journey.path.ArcMm(t)) / dt;
+      EXPECT_GT(journey.colon.mesh().Clearance(pose.translation, 1.0), 2.5) << preset << ' ' << t << " s";
+      EXPECT_LT(journey.colon.mesh().Clearance(pose.translation, 1.0), 30.0) << preset << ' ' << t << " s";
+      EXPECT_GT(journey.path.ArcMm(t), low) << preset << ' ' << t << " s";
+      EXPECT_LT(journey.path.ArcMm(t), high) << preset << ' ' << t << " s";
+      // The steepest part of a slip of 45 mm in 0.3 s, and the hand.
+      EXPECT_LT(std::abs(speed), 15.0 / 8.0 * 45.0 / 0.3 + 30.0) << preset << ' ' << t << " s";
+      if (IsDuring(options.events, t)) continue;
+      EXPECT_LT(std::abs(speed), 25.0) << preset << ' ' << t << " s";
+      EXPECT_LT(acceleration(journey, t), calm_acceleration + 20.0) << preset << ' ' << t << " s";
+    }
+  }
+}
+
+TEST(ScopePath, SlippedScopeWaitsAtTheEndOfItsReachUntilTheMotionTurnsBack) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
+  options.seconds = 60.0;  // in, out to where it began after half of the time, and the same again
+  const double start = options.preset.path.start_arc_mm;
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    options.seed = seed;
+    options.events = {};
+    const Journey calm(options);
+    options.events = {{EventKind::kSlip, 20.0, 0.3}};
+    const Journey slipped(options);
+    const auto farther_mm = [&](double t) { return slipped.path.ArcMm(t) - calm.path.ArcMm(t); };
+    for (double t = 0.0; t < options.seconds; t += 0.1) EXPECT_GT(slipped.path.ArcMm(t), start - 7.0) << t << " s";
+    const double slip_mm = farther_mm(20.5), later_mm = farther_mm(34.0);
+    if (slip_mm < 0.0) {
+      EXPECT_GT(later_mm, slip_mm + 10.0) << "seed " << seed;
+    }
+    for (double t = 34.0; t < 40.0; t += 0.5) EXPECT_NEAR(farther_mm(t), later_mm, 1e-9) << "seed " << seed;
+  }
+}
+
+TEST(ScopePath, SlipWithoutRoomLosesNoGround) {
+  RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
+  options.seconds = 1.0;  // less reach than a slip needs
+  const Journey calm(options);
+  options.events = {{EventKind::kSlip, 1e12, 1.0}, {EventKind::kSlip, 0.5, 1e-6}, {EventKind::kSlip, 0.2, 0.3}};
+  const Journey slipped(options);
+  for (double t = 0.0; t < 1.0; t += 0.01) EXPECT_NEAR(slipped.path.ArcMm(t), calm.path.ArcMm(t), 1e-9) << t;
+  // The view is thrown about all the same.
+  EXPECT_GT(RotationAngle(slipped.path.WorldFromCam(0.35).rotation, calm.path.WorldFromCam(0.35).rotation),
+            5.0 * kDegree);
+}
+
+TEST(ScopePath, GroundThatAJumpHasLostIsMadeUpByHand) {
   RenderOptions options = RenderOptions::FromPreset(*FindPreset("clear"));
   options.seconds = 60.0;
   const Journey calm(options);

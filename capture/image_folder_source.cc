@@ -36,7 +36,7 @@ std::size_t CommonFolder(const std::vector<std::string>& paths) {
 ImageFolderSource::ImageFolderSource(SequenceListing listing, const SequenceOptions& options)
     : listing_(std::move(listing)),
       options_(options),
-      calibration_(options.halve ? Halved(listing_.calibration) : listing_.calibration),
+      calibration_(options.CalibrationOfFrames(listing_.calibration)),
       num_folder_chars_(CommonFolder(listing_.image_paths)),
       num_frames_(NumChosen(listing_.image_paths.size(), options)),
       deinterlacer_(options.deinterlace) {}
@@ -94,7 +94,7 @@ Status ImageFolderSource::CheckFirstReadableSize() {
     if (size.ok() && listing_.calibration.width_px == 0) {
       listing_.calibration.width_px = size->width_px;
       listing_.calibration.height_px = size->height_px;
-      calibration_ = options_.halve ? Halved(listing_.calibration) : listing_.calibration;
+      calibration_ = options_.CalibrationOfFrames(listing_.calibration);
     }
     if (size.ok()) return CheckSize(path, size->width_px, size->height_px);
     if (first_error.ok()) first_error = size.status();

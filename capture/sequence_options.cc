@@ -16,6 +16,12 @@ Status SequenceOptions::Validate() const {
   return Status::Ok();
 }
 
+CameraCalibration SequenceOptions::CalibrationOfFrames(const CameraCalibration& stored) const {
+  CameraCalibration of_frames = halve ? Halved(stored) : stored;
+  of_frames.rate_hz /= every_nth;
+  return of_frames;
+}
+
 Status SequenceOptions::RefuseFrameRate(const std::string& path) const {
   if (frame_rate_hz == 0.0) return Status::Ok();
   return InvalidArgument(path + ": states the times of its frames; a frame rate is for image files without times");

@@ -43,6 +43,8 @@ struct SequenceOptions {
   std::int64_t StoredFrame(std::int64_t index) const { return first_frame + index * every_nth; }
   // The other way; nothing: that one is not read.
   std::optional<std::uint32_t> IndexOf(std::uint32_t stored_frame) const;
+  // Of the frames that are handed out: halved, and as many a second as are read.
+  CameraCalibration CalibrationOfFrames(const CameraCalibration& stored) const;
 
   // For what states the times of its frames itself: kInvalidArgument when the options state a frame rate.
   Status RefuseFrameRate(const std::string& path) const;

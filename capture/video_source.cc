@@ -176,7 +176,10 @@ Status VideoSource::OpenDecoder() {
     stored.width_px = stream_->codecpar->width;
     stored.height_px = stream_->codecpar->height;
   }
-  calibration_ = options_.halve ? Halved(stored) : stored;
+  if (stored.rate_hz == 0.0 && stream_->avg_frame_rate.num > 0 && stream_->avg_frame_rate.den > 0) {
+    stored.rate_hz = av_q2d(stream_->avg_frame_rate);
+  }
+  calibration_ = options_.CalibrationOfFrames(stored);
   if (stream_->codecpar->width != stored.width_px || stream_->codecpar->height != stored.height_px) {
     return InvalidArgument(path_ + ": the video is " + SizeText(stream_->codecpar->width, stream_->codecpar->height) +
                            ", the calibration (" + companions_.calibration_path + ") is for " +
@@ -192,9 +195,6 @@ Status VideoSource::OpenDecoder() {
   codec_->err_recognition = AV_EF_CRCCHECK | AV_EF_BITSTREAM | AV_EF_BUFFER;
   if (error >= 0) error = avcodec_open2(codec_.get(), decoder, nullptr);
   if (error < 0) return InvalidArgument(path_ + ": the decoder cannot be opened: " + ErrorText(error));
-  if (calibration_.rate_hz == 0.0 && stream_->avg_frame_rate.num > 0 && stream_->avg_frame_rate.den > 0) {
-    calibration_.rate_hz = av_q2d(stream_->avg_frame_rate);
-  }
   CountFrames();
   return Status::Ok();
 }

@@ -5,11 +5,13 @@
 
 namespace haustra::capture::internal {
 
-void FrameCounter::Restart(double rate_hz, double max_rate_hz) {
+void FrameCounter::Restart(double rate_hz, double max_rate_hz, std::uint32_t every_nth) {
   rate_hz_ = rate_hz;
   // A camera that is a little too fast for its nominal rate keeps all its pictures.
   constexpr double kTolerance = 1.01;
-  frames_per_picture_ = rate_hz > max_rate_hz * kTolerance ? max_rate_hz / rate_hz : 1.0;
+  const double most_hz = max_rate_hz / every_nth;
+  frames_per_picture_ = rate_hz > most_hz * kTolerance ? most_hz / rate_hz : 1.0;
+  if (rate_hz <= 0.0) frames_per_picture_ = 1.0 / every_nth;
   has_previous_ = false;
   position_ = 0;
   first_index_ = next_free_;

@@ -12,8 +12,9 @@ namespace haustra::capture::internal {
 // every second picture, and when that is lost, the one after it; one of 60 Hz two or three in turn.
 class FrameCounter {
  public:
-  // rate_hz: the camera's; 0 when it is not known, and then every picture becomes a frame.
-  void Restart(double rate_hz, double max_rate_hz);
+  // Of what max_rate_hz lets through every n-th. rate_hz: the camera's; 0 when it is not known, and then every n-th
+  // picture becomes a frame.
+  void Restart(double rate_hz, double max_rate_hz, std::uint32_t every_nth);
 
   struct Place {
     std::uint32_t index = 0;      // of the frame that the picture belongs to

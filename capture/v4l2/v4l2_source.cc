@@ -145,7 +145,7 @@ Status V4l2Source::Connect() {
     width_px_ = format.width_px;
     height_px_ = height;
   }
-  counter_.Restart(format.rate_hz, options_.max_rate_hz / sequence_.every_nth);
+  counter_.Restart(format.rate_hz, options_.max_rate_hz, sequence_.every_nth);
   deinterlacer_.Restart();  // it may be another signal
   if (format.fourcc == V4L2_PIX_FMT_MJPEG && !decoder_) {
     decoder_.emplace(ImageSize{format.width_px, format.height_px});

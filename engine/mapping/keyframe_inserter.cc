@@ -103,6 +103,7 @@ void KeyframeInserter::CheckRelief(KeyframeHandle handle) {
   if (state_.is_seam_open || static_cast<int>(map.keyframes.size()) > state_.config.mapping.relief_keyframes) return;
   if (!relief_.Correct(handle, covisible_, &state_.atlas)) return;
   ++state_.counters.num_reliefs_turned;
+  state_.turned = state_.active;
   publisher_.Reframe({map.id, map.id, Sim3(), false});
 }
 

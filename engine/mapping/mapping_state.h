@@ -88,6 +88,7 @@ struct MappingState {
   Atlas atlas;
   MapHandle active;       // invalid: none
   KeyframeHandle newest;  // of the active map: where tracking is
+  MapHandle turned;       // the map that was built anew last (relief_check.h); invalid: none
   // A join works on copies of the seam (merger.h): no bundle may move what is there. The map settles when it is done.
   bool is_seam_open = false;
   MapperCounters counters;

@@ -112,6 +112,13 @@ Result<MarkId> MarkKeeper::Set(const MarkRequest& request) {
   return atlas.marks().At(handle).id;
 }
 
+// A young map that was built anew was the mirror of what is seen (relief_check.h): its walls were elsewhere, and marks
+// that were set by then are where no wall is.
+bool MarkKeeper::MayBeElsewhere(MapHandle map) const {
+  const auto num_keyframes = static_cast<int>(state_.atlas.map(map).keyframes.size());
+  return map == state_.turned && num_keyframes <= state_.config.mapping.relief_keyframes;
+}
+
 Status MarkKeeper::Remove(std::string_view label) {
   const MarkHandle handle = state_.atlas.FindMark(label);
   if (!handle) return NotFound("there is no mark '" + std::string(label) + "'");
@@ -143,10 +150,11 @@ void MarkKeeper::Refine() {
     if (!patch.ok()) continue;
     const PlacedMark before = atlas.PlaceOf(mark);
     PlacedMark place = PlaceOn(*patch, mark.point_in_anchor.normalized(), keyframe.cam_from_map, keyframe.map);
-    place.radius = before.radius;
     const double distance = (keyframe.cam_from_map * before.position).norm();
-    if (std::abs(patch->distance - distance) > WallFit::kSameWall * distance) continue;
-    if (place.normal.dot(before.normal) < kMinNormalCos) continue;
+    const bool is_same_wall = std::abs(patch->distance - distance) <= WallFit::kSameWall * distance &&
+                              place.normal.dot(before.normal) >= kMinNormalCos;
+    if (!is_same_wall && !MayBeElsewhere(keyframe.map)) continue;
+    if (is_same_wall) place.radius = before.radius;
     atlas.PlaceMark(handle, mark.keyframe, place);
   }
 }

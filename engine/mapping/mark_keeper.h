@@ -51,6 +51,7 @@ class MarkKeeper {
 
  private:
   const AnsweredFrame* Find(std::uint32_t frame_index) const;
+  bool MayBeElsewhere(MapHandle map) const;
   Result<FittedWall> FitAround(const SE3& cam_from_map, KeyframeHandle keyframe, const Eigen::Vector2d& pixel,
                                int num_neighbours);
 

@@ -13,10 +13,13 @@ constexpr double kWellShare = 0.5;
 
 void MapSight::Note(MapId map_id, int num_points, double searched_share, TimePoint now) {
   const double shown = num_points / searched_share;
-  if (map_id != map_id_) most_points_ = 0.0;
+  const bool is_other_map = map_id != map_id_;
+  if (is_other_map) most_points_ = 0.0;
   map_id_ = map_id;
   most_points_ = std::max(most_points_, shown);
-  if (shown >= std::min<double>(kWellFactor * thin_points_, kWellShare * most_points_)) well_seen_ = now;
+  if (shown < std::min<double>(kWellFactor * thin_points_, kWellShare * most_points_)) return;
+  // After a clock was set back points that were established before are still known.
+  well_seen_ = is_other_map ? now : std::max(well_seen_, now);
 }
 
 void MapSight::Hear(const Reframing& reframing) {

@@ -21,6 +21,8 @@ using std::chrono::milliseconds;
 constexpr Duration kLongestWait = milliseconds(100);
 // After a stop; a source that answers no later than it should is done by then.
 constexpr Duration kPatienceWithCapture = 5 * kLongestWait;
+// From one frame of a recording to the next; a longer time is a pause.
+constexpr Duration kLongestPeriod = std::chrono::seconds(1);
 
 // A frame on its way from capture to tracking, with its pixels: three of these exist (mailbox).
 struct FrameSlot {
@@ -30,6 +32,7 @@ struct FrameSlot {
   TimePoint handed_over;
   TimePoint capture_begin;
   Duration capture{0};
+  Duration period{0};          // until the next one is due
   std::uint64_t sequence = 0;  // counts published frames from 1
   bool is_last = false;        // no frame: the source is over
 };
@@ -63,7 +66,7 @@ class RealTimeSession {
         is_live_(source.is_live()),
         rate_(is_live_ ? 1.0 : options.rate),
         period_(PeriodOf(source.calibration().rate_hz, rate_)),
-        budget_(BudgetOf(engine.config().scheduler.deadline_ms, period_)),
+        deadline_ms_(engine.config().scheduler.deadline_ms),
         heartbeat_(options.heartbeat),
         capture_heartbeat_(options.capture_heartbeat),
         hooks_(options.hooks),
@@ -180,6 +183,9 @@ class RealTimeSession {
     bool has_origin = false;
     TimePoint origin_video;
     TimePoint origin;
+    Duration period = period_;
+    TimePoint last_stamp;
+    std::uint32_t last_index = 0;
     while (!stop.load(std::memory_order_relaxed)) {
       if (status_ = DeviceStatus(); !status_.ok()) break;
       // A camera that brings nothing must not keep the session from ending, and one that has gone may come back.
@@ -205,6 +211,15 @@ class RealTimeSession {
         status_ = frame.status();
         break;
       }
+      // A recording says by its stamps how fast its frames come, whatever its calibration says.
+      if (!is_live_ && has_origin && frame->index > last_index && frame->timestamp > last_stamp) {
+        const double num_periods = (frame->index - last_index) * rate_;
+        period = std::min(Duration(static_cast<std::int64_t>(
+                              static_cast<double>((frame->timestamp - last_stamp).count()) / num_periods)),
+                          kLongestPeriod);
+      }
+      last_stamp = frame->timestamp;
+      last_index = frame->index;
       numbering.Seen(*frame);
       FrameSlot& slot = frames_.WriteSlot();
       CopyImage(frame->image, &slot);
@@ -212,6 +227,7 @@ class RealTimeSession {
       slot.frame.timestamp = frame->timestamp;
       slot.frame.shows_one_field = frame->shows_one_field;
       slot.is_last = false;
+      slot.period = period;
       slot.sequence = num_published + 1;
       const TimePoint now = clock_.Now();
       slot.capture_begin = asked;
@@ -286,13 +302,13 @@ class RealTimeSession {
       num_taken_.store(slot.sequence, std::memory_order_release);
       FrameOutcome outcome;
       outcome.due = slot.due;
-      outcome.deadline = slot.due + budget_;
+      outcome.deadline = slot.due + BudgetOf(deadline_ms_, slot.period);
       outcome.capture_begin = slot.capture_begin;
       outcome.capture = slot.capture;
       outcome.shows_one_field = slot.frame.shows_one_field;
       outcome.begin = clock_.Now();
       const ThreadUseMeter meter(thread_watch_);
-      outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.handed_over + period_);
+      outcome.result = engine_.Track(slot.frame, outcome.deadline, slot.handed_over + slot.period);
       const TimePoint end = clock_.Now();
       outcome.processing = outcome.tracking = end - outcome.begin;
       outcome.latency = end - slot.due;
@@ -427,8 +443,8 @@ class RealTimeSession {
   const Clock& clock_;
   const bool is_live_;
   const double rate_;
-  const Duration period_;  // between two frames
-  const Duration budget_;  // from due time to deadline
+  const Duration period_;  // between two frames, as the source states it
+  const double deadline_ms_;
   Heartbeat* const heartbeat_;
   Heartbeat* const capture_heartbeat_;
   SessionHooks* const hooks_;

@@ -62,6 +62,8 @@ TEST_F(ImageFolderSourceTest, OptionsChooseAPartAndEveryNth) {
   Result<std::unique_ptr<FrameSource>> source = Open(options);
   ASSERT_TRUE(source.ok()) << source.status().ToString();
   EXPECT_EQ((*source)->num_frames(), 2u);
+  // A session gives a frame as long as it takes until the next one comes.
+  EXPECT_EQ((*source)->calibration().rate_hz, Open().value()->calibration().rate_hz / 2);
   const Frame first = (*source)->Next(kNoDeadline).value();
   EXPECT_EQ(first.index, 0u);
   EXPECT_EQ(first.image.row(0)[0], 10);

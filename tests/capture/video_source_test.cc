@@ -109,6 +109,7 @@ TEST_F(VideoSourceTest, OptionsChooseAPartAndHalve) {
   Result<std::unique_ptr<FrameSource>> source = OpenVideo(path, options);
   ASSERT_TRUE(source.ok()) << source.status().ToString();
   EXPECT_EQ((*source)->calibration().width_px, 32);
+  EXPECT_EQ((*source)->calibration().rate_hz, OpenVideo(path, {}).value()->calibration().rate_hz / 3);
   for (std::uint32_t i = 0; i < 2; ++i) {
     const Result<Frame> frame = (*source)->Next(kNoDeadline);
     ASSERT_TRUE(frame.ok()) << frame.status().ToString();

@@ -434,6 +434,7 @@ TEST_F(BadInput, WrongCommandLinesAreUsageErrors) {
       {"run", sequence_, "--out", out_, "--rate", "0"},
       {"run", sequence_, "--out", out_, "--rate", "-1"},
       {"run", sequence_, "--out", out_, "--rate", "fast"},
+      {"run", sequence_, "--out", out_, "--rate", "0.5"},
       {"run", sequence_, "--out", out_, "--seed", "-5"},
       {"run", sequence_, "--out", out_, "--threads", "-2"},
       {"run", sequence_, "--out", out_, "--every-nth", "0"},

@@ -203,6 +203,10 @@ int Run(const RunArguments& arguments) {
     return console::Fail(kRunCommand, InvalidArgument("a camera does not wait: --mode realtime, and no --rate"),
                          kExitUsage);
   }
+  if (arguments.mode != "realtime" && arguments.rate != 1.0) {
+    return console::Fail(kRunCommand, InvalidArgument("--rate is the pace of real time: it needs --mode realtime"),
+                         kExitUsage);
+  }
   if (arguments.mode == "realtime") UseOneHeap();
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
   if (!loaded.ok()) return console::Fail(kRunCommand, loaded.status(), kExitConfig);

@@ -491,6 +491,19 @@ TEST(V4l2Source, LostPicturesAreGapsInTheNumbers) {
   EXPECT_EQ(source->counters().num_lost, 2u);
 }
 
+TEST(V4l2Source, EveryNthIsTakenOfACameraThatDoesNotSayItsRate) {
+  for (const bool says_rate : {true, false}) {
+    ScriptedCamera camera;
+    camera.says_rate = says_rate;
+    SequenceOptions sequence;
+    sequence.every_nth = 2;
+    const auto source = MustOpen(camera, Options(), sequence);
+    EXPECT_EQ(source->calibration().rate_hz, 12.5) << says_rate;
+    const TimePoint first = source->Next(kNoDeadline).value().timestamp;
+    EXPECT_EQ(source->Next(kNoDeadline).value().timestamp - first, milliseconds(80)) << says_rate;
+  }
+}
+
 TEST(V4l2Source, FastCamerasAreThinnedOutTo25Hz) {
   ScriptedCamera camera;
   camera.modes.front().rates_hz = {50};

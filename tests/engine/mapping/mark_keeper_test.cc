@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/engine/place/synthetic_colon.h"
 #include "tests/tools/run/scripted_colon.h"
 
 namespace haustra::test {
@@ -75,6 +76,79 @@ TEST_F(MarkKeeperTest, ASessionForgetsTheFramesOfTheOneBefore) {
       EXPECT_THAT(WhyRefused(2), HasSubstr("is not one of the last"));
     }
   }
+}
+
+// A mark that was set in the mirror of what is seen, where no wall is.
+class MarkOfYoungMapTest : public testing::Test {
+ protected:
+  static constexpr int kNum = 6;
+
+  MarkOfYoungMapTest() {
+    colon_.AddWall(0.0, 5.0, 3000);
+    state_.active = state_.atlas.CreateMap();
+    for (int i = 0; i < kNum; ++i) {
+      state_.newest = colon_.AddKeyframe(&state_.atlas, state_.active, colon_.ViewFrom(0.12 * i), Sim3());
+    }
+    colon_.AddPoints(&state_.atlas, 0, kNum, 0.002, [](int, int) { return 0; });
+  }
+
+  // At so many times the wall's distance, along the ray of a point that the first keyframe sees near its middle.
+  void SetMark(double share_of_distance) {
+    const KeyframeHandle handle = colon_.frames().front().keyframe;
+    const Keyframe& keyframe = state_.atlas.keyframe(handle);
+    const CameraModel& camera = colon_.camera();
+    const Eigen::Vector2d place(0.3 * camera.width_px(), 0.5 * camera.height_px());
+    double nearest = 1e9;
+    Eigen::Vector3d wall;
+    for (int i = 0; i < keyframe.features.num; ++i) {
+      const double offset = (keyframe.features.pixel(i) - place).norm();
+      if (!keyframe.points[i] || offset >= nearest) continue;
+      nearest = offset;
+      wall = keyframe.cam_from_map * state_.atlas.point(keyframe.points[i]).position;
+    }
+    PlacedMark placed;
+    placed.map = state_.active;
+    placed.position = keyframe.cam_from_map.Inverse() * Eigen::Vector3d(share_of_distance * wall);
+    placed.normal = -(keyframe.cam_from_map.rotation.conjugate() * wall.normalized());
+    placed.radius = 0.1;
+    Mark mark;
+    mark.label = MarkLabel::From("polyp").value();
+    mark_ = state_.atlas.AddMark(mark, handle, placed);
+    wall_distance_ = wall.norm();
+  }
+  // Over that of the wall.
+  double Distance() const { return state_.atlas.marks().At(mark_).point_in_anchor.norm() / wall_distance_; }
+
+  SyntheticColon colon_{11};
+  TrackingLink link_{colon_.config()};
+  SceneRegion scene_{colon_.camera(), {}};
+  MappingState state_{colon_.config(), colon_.camera(), scene_, colon_.device(),
+                      link_,           nullptr,         false,  std::pmr::get_default_resource()};
+  MarkKeeper keeper_{state_};
+  MarkHandle mark_;
+  double wall_distance_ = 0.0;
+};
+
+TEST_F(MarkOfYoungMapTest, GoesToTheWallWhenTheMapIsTurned) {
+  SetMark(0.6);
+  state_.turned = state_.active;
+  keeper_.Refine();
+  EXPECT_NEAR(Distance(), 1.0, 0.1);
+}
+
+// A fold may have come between.
+TEST_F(MarkOfYoungMapTest, StaysWhereItIsWhenTheMapIsNot) {
+  SetMark(0.6);
+  keeper_.Refine();
+  EXPECT_DOUBLE_EQ(Distance(), 0.6);
+}
+
+TEST_F(MarkOfYoungMapTest, StaysWhereItIsWhenTheMapHasGrownOld) {
+  SetMark(0.6);
+  state_.turned = state_.active;
+  colon_.config().mapping.relief_keyframes = kNum - 1;
+  keeper_.Refine();
+  EXPECT_DOUBLE_EQ(Distance(), 0.6);
 }
 
 }  // namespace

@@ -46,6 +46,15 @@ TEST(MapSight, AnotherMapBeginsAnew) {
   EXPECT_EQ(sight.WellSeen(kSeenMap), TimePoint::max());
 }
 
+TEST(MapSight, WhatWasKnownBeforeAClockWasSetBackStaysKnown) {
+  MapSight sight(kThin);
+  sight.Note(kSeenMap, 900, 1.0, SeenAt(5000));
+  sight.Note(kSeenMap, 900, 1.0, SeenAt(40));
+  EXPECT_EQ(sight.WellSeen(kSeenMap), SeenAt(5000));
+  sight.Note(kSeenMap + 1, 900, 1.0, SeenAt(80));
+  EXPECT_EQ(sight.WellSeen(kSeenMap + 1), SeenAt(80));
+}
+
 TEST(MapSight, GoesAlongWithAMapThatGoesUpInAnother) {
   MapSight sight(kThin);
   sight.Note(kSeenMap, 900, 1.0, SeenAt(40));

@@ -32,6 +32,17 @@ TEST_F(TimeJumpTest, KeyframesGoOnAfterAJumpBackOrAhead) {
   EXPECT_GE(num_keyframes(), before + 2);
 }
 
+TEST_F(TimeJumpTest, ALostScopeIsFoundAgainAfterAJumpBack) {
+  const FrameResult before = TrackAndMap(40);
+  ASSERT_EQ(before.state, TrackingState::kTracking);
+  ASSERT_EQ(TrackAndMapLater(2, -std::chrono::hours(1)).state, TrackingState::kTracking);
+  device_.sees = false;
+  ASSERT_EQ(TrackAndMapLater(1, -std::chrono::hours(1)).state, TrackingState::kLost);
+  const FrameResult found = TrackAndMapLater(1, -std::chrono::hours(1));
+  EXPECT_EQ(ToString(found.reason), "relocalised") << ToString(found.search);
+  EXPECT_EQ(found.map_id, before.map_id);
+}
+
 // As soon as by a clock that goes on.
 TEST_F(TimeJumpTest, AMapIsFoundedAfterAJumpBack) {
   ScriptedColon reference;

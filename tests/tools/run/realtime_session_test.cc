@@ -628,5 +628,20 @@ TEST(RealTimeSession, LateFramesAreCountedAgainstTheDeadline) {
   }
 }
 
+// The camera of the colon states no rate, for which 25 Hz are taken.
+TEST(RealTimeSession, AFrameOfARecordingHasAsLongAsUntilTheNextOne) {
+  ScriptedColon colon;
+  colon.SetPeriod(std::chrono::milliseconds(160));
+  colon.Occlude(4);
+  Lockstep lockstep(colon);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 2.0, observer, test::kNeverStop).ok());
+  ASSERT_EQ(observer.frames.size(), 4u);
+  for (std::size_t i = 1; i < observer.frames.size(); ++i) {
+    EXPECT_EQ(observer.frames[i].deadline - observer.frames[i].due, std::chrono::milliseconds(80)) << i;
+  }
+}
+
 }  // namespace
 }  // namespace haustra

@@ -12,6 +12,9 @@ Printed are, of the largest model: its pictures, its focal length, and by how mu
 reference after one Sim(3), as share of the median depth. With --run, the same of a run's largest map against both. Then,
 second by second, which share of the points of the smaller side two seconds have in common, of the model and of the run.
 
+OUT/reference.txt and OUT/calib.yaml are the path and the camera of the largest model. A clip without reference.txt gets one so;
+its calib.yaml may hold a guess. Nothing is compared with a reference then.
+
 Needs COLMAP (as `colmap`), numpy and OpenCV.
 """
 
@@ -43,7 +46,7 @@ class Model:
     """A model in COLMAP's text format: centres of the cameras, points, and which frames see which."""
 
     def __init__(self, folder):
-        self.frames, self.centres = {}, {}
+        self.frames, self.centres, self.turns = {}, {}, {}
         for fields in lines_of(folder / "images.txt"):
             if len(fields) != 10:
                 continue  # the points of a picture
@@ -51,6 +54,7 @@ class Model:
             values = [float(value) for value in fields[1:8]]
             self.frames[fields[0]] = frame
             self.centres[frame] = -rotation(*values[:4]).T @ np.array(values[4:])
+            self.turns[frame] = values[0], -values[1], -values[2], -values[3]  # world_from_cam: w, x, y, z
         points = lines_of(folder / "points3D.txt")
         self.points = np.array([[float(value) for value in fields[1:4]] for fields in points])
         self.sights = [{self.frames[image] for image in fields[8::2] if image in self.frames} for fields in points]
@@ -154,6 +158,24 @@ def reconstruct(out, model, parameters, matcher, hold):
     return max(models, key=lambda folder: len(Model(folder).centres))
 
 
+def write_reference(model, times, path):
+    """The path of a model in the format of TUM, world_from_cam."""
+    rows = ["# time_s tx ty tz qx qy qz qw"]
+    for frame, centre in sorted(model.centres.items()):
+        w, x, y, z = model.turns[frame]
+        rows.append(" ".join(f"{value:.9g}" for value in (times[frame], *centre, x, y, z, w)))
+    path.write_text("\n".join(rows) + "\n")
+
+
+def write_calibration(clip, camera, shrink, path):
+    """The clip's calib.yaml with the numbers of a line of cameras.txt: f, cx, cy, k1."""
+    f, cx, cy, k1 = (float(value) for value in camera[4:8])
+    text = (clip / "calib.yaml").read_text()
+    for key, value in (("fx", f * shrink), ("fy", f * shrink), ("cx", cx * shrink - 0.5), ("cy", cy * shrink - 0.5), ("k1", k1)):
+        text = re.sub(rf"^(\s*{key}\s*:\s*)\S+", rf"\g<1>{value:.9g}", text, flags=re.M)
+    path.write_text(text)
+
+
 def say_shared(name, shares):
     print(f"\npoints in common, %, {name}:")
     for row in shares:
@@ -183,15 +205,21 @@ def main():
     if shutil.which("colmap") is None:
         raise Refusal("colmap is not installed")
     times = np.array([float(fields[0]) for fields in lines_of(options.clip / "times.txt")])
-    reference = centres_by_time(options.clip / "reference.txt", times)
+    has_reference = (options.clip / "reference.txt").exists()
+    reference = centres_by_time(options.clip / "reference.txt", times) if has_reference else {}
     prepare(options.clip, options.out, first, last, options.every, options.shrink)
     folder = reconstruct(options.out, *calibration(options.clip, options.shrink), options.matcher, options.hold_calibration)
     model = Model(folder)
     num_pictures = len(list((options.out / "pictures").iterdir()))
-    print(f"{len(model.centres)} of {num_pictures} pictures, camera {' '.join(lines_of(folder / 'cameras.txt')[0][1:])}")
-    rms, count, scale = difference(model.centres, reference)
+    camera = lines_of(folder / "cameras.txt")[0]
+    print(f"{len(model.centres)} of {num_pictures} pictures, camera {' '.join(camera[1:])}")
+    write_reference(model, times, options.out / "reference.txt")
+    write_calibration(options.clip, camera, options.shrink, options.out / "calib.yaml")
+    scale = 1.0
+    if has_reference:
+        rms, count, scale = difference(model.centres, reference)
+        print(f"model against the reference: {100 * rms / (model.depth() * scale):.2f} % of the depth, {count} frames")
     depth = model.depth() * scale
-    print(f"model against the reference: {100 * rms / depth:.2f} % of the depth, {count} frames")
     rate_hz = 1.0 / float(np.median(np.diff(times)))
     begin = min(model.centres)
     num_seconds = int((max(model.centres) - begin) / rate_hz) + 1
@@ -199,6 +227,8 @@ def main():
         largest = max((options.run / "trajectory").glob("map_*.tum"), key=lambda path: len(lines_of(path)))
         ours = centres_by_time(largest, times)
         for name, target, unit in (("the reference", reference, 1.0), ("the model", model.centres, scale)):
+            if not target:
+                continue
             rms, count, _ = difference(ours, target)
             print(f"run against {name}: {100 * rms * unit / depth:.2f} % of the depth, {count} frames")
     say_shared("model", model.shared(begin, round(rate_hz), num_seconds))

@@ -73,6 +73,29 @@ class ReferenceRepeatsTest(unittest.TestCase):
             "model: pinhole\nintrinsics:\n  fx: 700\n  fy: 700\n  cx: 639.5\n  cy: 359.5\ncoefficients:\n  k1: -0.1\n")
         self.assertEqual(reference_repeats.calibration(self.folder, 2), ("SIMPLE_RADIAL", "350.0,320.0,180.0,-0.1"))
 
+    def test_a_model_becomes_a_reference(self):
+        model, times = self.model([[0, 1]]), 0.04 * np.arange(6)
+        path = self.folder / "reference.txt"
+        reference_repeats.write_reference(model, times, path)
+        centres = reference_repeats.centres_by_time(path, times)
+        self.assertEqual(sorted(centres), list(range(6)))
+        for frame, centre in centres.items():
+            np.testing.assert_allclose(centre, [frame, 0, 0], atol=1e-8)
+        # The cameras are turned by 90 degrees about z from the world, so back by as much.
+        half = np.sqrt(0.5)
+        for fields in reference_repeats.lines_of(path):
+            np.testing.assert_allclose([float(value) for value in fields[4:]], [0, 0, -half, half], atol=1e-8)
+
+    def test_the_camera_of_a_model_is_written_in_pixels_of_the_clip(self):
+        text = "model: kannala_brandt\nintrinsics:\n  fx: 1\n  fy: 1\n  cx: 1\n  cy: 1\ncoefficients:\n  k1: 1\n  k2: 0\n"
+        (self.folder / "calib.yaml").write_text(text)
+        out = self.folder / "new"
+        out.mkdir()
+        camera = ["1", "SIMPLE_RADIAL_FISHEYE", "640", "360", "350", "320", "180", "-0.1"]
+        reference_repeats.write_calibration(self.folder, camera, 2, out / "calib.yaml")
+        self.assertEqual(reference_repeats.calibration(out, 2), ("SIMPLE_RADIAL_FISHEYE", "350.0,320.0,180.0,-0.1"))
+        self.assertIn("k2: 0\n", (out / "calib.yaml").read_text())
+
     def test_frames_are_told_by_their_time(self):
         path = self.folder / "reference.txt"
         path.write_text("# time_s tx ty tz qx qy qz qw\n0.0400 1 2 3 0 0 0 1\n0.0610 4 5 6 0 0 0 1\n")

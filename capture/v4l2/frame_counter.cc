@@ -10,8 +10,11 @@ void FrameCounter::Restart(double rate_hz, double max_rate_hz, std::uint32_t eve
   // A camera that is a little too fast for its nominal rate keeps all its pictures.
   constexpr double kTolerance = 1.01;
   const double most_hz = max_rate_hz / every_nth;
-  frames_per_picture_ = rate_hz > most_hz * kTolerance ? most_hz / rate_hz : 1.0;
-  if (rate_hz <= 0.0) frames_per_picture_ = 1.0 / every_nth;
+  if (rate_hz <= 0.0) {
+    frames_per_picture_ = 1.0 / every_nth;
+  } else {
+    frames_per_picture_ = rate_hz > most_hz * kTolerance ? most_hz / rate_hz : 1.0;
+  }
   has_previous_ = false;
   position_ = 0;
   first_index_ = next_free_;

@@ -61,7 +61,7 @@ Engine::Engine(const EngineConfig& config, const CameraModel& camera, VisionDevi
       background_device_(BackgroundDevice(device, mode)),
       mapper_(config_, camera_, scene_, background_device_, link_, places_, clock, mode == Mode::kRealTime, vocabulary,
               &arena_),
-      recogniser_(config_, camera_, background_device_),
+      recogniser_(config_, camera_, scene_, background_device_),
       tracker_(config_, camera_, scene_, device, link_, clock, &arena_) {
   HAUSTRA_CHECK((depth != nullptr) == config.depth.enabled);
   if (depth == nullptr) return;

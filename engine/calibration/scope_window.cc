@@ -2,26 +2,15 @@
 
 #include <algorithm>
 
+#include "engine/camera/lit_window.h"
+
 namespace haustra::calibration {
 namespace {
 
 constexpr int kStep = 2;
-constexpr int kBright = 40;         // grey value that the surround, compressed or not, does not reach
 constexpr double kMinShare = 0.15;  // of a row or column that must have been bright: letters beside the window are less
 constexpr double kCornerShare = 0.06;  // side of the square that is looked at, share of the shorter side
 constexpr int kMinDarkCorners = 3;     // text may stand in the fourth
-
-int GreyAt(const ImageView& image, int x, int y) {
-  const std::uint8_t* row = image.row(y);
-  switch (image.format) {
-    case PixelFormat::kBgr8: return row[3 * x + 1];  // green is most of the luma
-    case PixelFormat::kYuyv: return row[2 * x];
-    case PixelFormat::kUyvy: return row[2 * x + 1];
-    case PixelFormat::kGrey8:
-    case PixelFormat::kNv12: break;
-  }
-  return row[x];
-}
 
 // Inclusive bounds.
 struct Bounds {
@@ -63,10 +52,7 @@ void ScopeWindowFinder::Add(const ImageView& image) {
   std::size_t i = 0;
   for (int y = 0; y < num_rows_; ++y) {
     for (int x = 0; x < num_columns_; ++x, ++i) {
-      // Red is what tissue has most of.
-      const int grey = GreyAt(image, kStep * x, kStep * y);
-      const int red = image.format == PixelFormat::kBgr8 ? image.row(kStep * y)[3 * kStep * x + 2] : 0;
-      brightest_[i] = std::max(brightest_[i], static_cast<std::uint8_t>(std::max(grey, red)));
+      brightest_[i] = std::max(brightest_[i], static_cast<std::uint8_t>(LitValue(image, kStep * x, kStep * y)));
     }
   }
 }
@@ -76,7 +62,7 @@ ScopeWindow ScopeWindowFinder::Find() const {
   std::size_t i = 0;
   for (int y = 0; y < num_rows_; ++y) {
     for (int x = 0; x < num_columns_; ++x, ++i) {
-      if (brightest_[i] < kBright) continue;
+      if (brightest_[i] < kLitThreshold) continue;
       ++in_row[y];
       ++in_column[x];
     }
@@ -98,7 +84,7 @@ ScopeWindow ScopeWindowFinder::Find() const {
                                  std::min(height_px_ - 1, kStep * bottom + kStep - 1)});
   window.is_cut = IsCut({left, right, top, bottom}, [this](int x, int y) {
     return brightest_[static_cast<std::size_t>(y) * static_cast<std::size_t>(num_columns_) +
-                      static_cast<std::size_t>(x)] >= kBright;
+                      static_cast<std::size_t>(x)] >= kLitThreshold;
   });
   return window;
 }

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "engine/geometry/ellipse_spread.h"
 #include "hal/core/check.h"
 
 namespace haustra {
@@ -26,7 +27,18 @@ SceneRegion::SceneRegion(const CameraModel& camera, ImageView mask, std::pmr::me
     shows_.assign(shows_.size(), ~std::uint64_t{0});
     return;
   }
+  has_mask_ = true;
   share_ = static_cast<double>(num_shown) / (static_cast<double>(width_px_) * height_px_);
+}
+
+void SceneRegion::Observe(const ImageView& image, TimePoint time) {
+  if (has_mask_ || image.is_empty()) return;
+  lit_.Observe(image, time);
+  share_.store(lit_.share(), std::memory_order_relaxed);
+}
+
+double SceneRegion::Spread(std::span<const Eigen::Vector2d> pixels) const {
+  return EllipseSpread(pixels, width_px_, height_px_) / share();
 }
 
 bool SceneRegion::Shows(const Eigen::Vector2d& pixel) const {

@@ -34,7 +34,7 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, const Scen
       founder_(state_),
       inserter_(state_, {publisher_, *retrieval_, evictor_, trial_, bundle_, adjuster_}),
       joiner_(state_, {places, publisher_, *retrieval_, trial_, bundle_, adjuster_, events_}),
-      relocaliser_(config, config.place.relocalisation, state_.noise, config.place.retrieval, camera, device,
+      relocaliser_(config, config.place.relocalisation, state_.noise, config.place.retrieval, camera, scene, device,
                    *retrieval_),
       marks_(state_) {}
 

@@ -5,7 +5,6 @@
 #include <tuple>
 
 #include "engine/geometry/constants.h"
-#include "engine/geometry/ellipse_spread.h"
 #include "engine/geometry/rng_streams.h"
 
 namespace haustra {
@@ -51,12 +50,14 @@ std::string_view ToString(CommonAreaVerdict verdict) {
 }
 
 CommonAreaVerifier::CommonAreaVerifier(const EngineConfig& config, const CommonAreaConfig& options,
-                                       const NoiseModel& noise, const CameraModel& camera, VisionDevice& device)
+                                       const NoiseModel& noise, const CameraModel& camera, const SceneRegion& scene,
+                                       VisionDevice& device)
     : config_(config),
       noise_(noise),
       tolerated_(noise),
       options_(options),
       camera_(camera),
+      scene_(scene),
       device_(device),
       ransac_(config.features.max),
       search_(config, tolerated_, camera, device),
@@ -284,8 +285,8 @@ void CommonAreaVerifier::KeepInliers() {
   pairs_.resize(num);
 }
 
-// The smaller share of the image that the inliers cover, of both keyframes; what was matched in another view of the
-// group counts where K_b sees the point.
+// The smaller share of the scope's window that the inliers cover, of both keyframes; what was matched in another view
+// of the group counts where K_b sees the point.
 double CommonAreaVerifier::Spread(const Sides& sides) const {
   std::vector<Eigen::Vector2d> pixels_a, pixels_b;
   const KeyframeExcerpt& a = sides.a.first();
@@ -297,8 +298,7 @@ double CommonAreaVerifier::Spread(const Sides& sides) const {
       pixels_b.push_back(pixel);
     }
   }
-  return std::min(EllipseSpread(pixels_a, camera_.width_px(), camera_.height_px()),
-                  EllipseSpread(pixels_b, camera_.width_px(), camera_.height_px()));
+  return std::min(scene_.Spread(pixels_a), scene_.Spread(pixels_b));
 }
 
 CommonAreaVerdict CommonAreaVerifier::CheckView(const Sides& sides, const Sim3OptimizerResult& result,

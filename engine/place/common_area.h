@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/config.h"
 #include "engine/geometry/rng.h"
 #include "engine/geometry/sim3.h"
@@ -110,7 +111,7 @@ class CommonAreaVerifier {
  public:
   // Everything named outlives it.
   CommonAreaVerifier(const EngineConfig& config, const CommonAreaConfig& options, const NoiseModel& noise,
-                     const CameraModel& camera, VisionDevice& device);
+                     const CameraModel& camera, const SceneRegion& scene, VisionDevice& device);
 
   // True when accepted. K_a and its neighbours, K_b and its group: two keyframes.
   bool Verify(const GroupExcerpt& a, const GroupExcerpt& b, Rng& rng, CommonArea* out);
@@ -151,6 +152,7 @@ class CommonAreaVerifier {
   bool is_by_group_ = false;  // the similarity is that of several keyframes
   const CommonAreaConfig& options_;
   const CameraModel& camera_;
+  const SceneRegion& scene_;
   VisionDevice& device_;
   Sim3Ransac ransac_;
   ProjectedSearch search_;

@@ -30,9 +30,9 @@ struct CommonAreaConfig {
   int min_inliers = 30;            // of points, after guided matching and the last refinement [4, 8000]
   double min_inlier_share = 0.6;   // of the guided matches that agree with the refined similarity [0, 1]
   double min_visible_share = 0.1;  // of the points that should be seen from both sides, those that are found [0, 1]
-  // Image share of the ellipse around the inliers, in both keyframes [0, 1]. A compact patch far away leaves open
-  // whether the scope was turned or moved aside: at 0.05 similarities were off by 1.5 to 2.9 degrees, where their
-  // covariance said 0.3 to 0.4 (decisions/2026-11-26-a-patch-tells-no-similarity.md).
+  // Share of the scope's window inside the ellipse around the inliers, in both keyframes [0, 1]. A compact patch far
+  // away leaves open whether the scope was turned or moved aside: at 0.05 similarities were off by 1.5 to 2.9 degrees,
+  // where their covariance said 0.3 to 0.4 (decisions/2026-11-26-a-patch-tells-no-similarity.md).
   double min_spread = 0.08;
   // Where not one keyframe but the poses of several tell the similarity (group_similarity.h). They bear witness for
   // each other: on living tissue 4 to 8 % of what should be visible is found.
@@ -72,7 +72,7 @@ struct RelocalisationConfig {
   double min_match_share = 0.2;   // of the brute-force matches that agree; where walls are only alike, few do [0, 1]
   int min_inliers = 30;           // after guided matching [4, 8000]
   double min_inlier_share = 0.6;  // of the guided matches that agree with the pose [0, 1]
-  double min_spread = 0.05;       // image share of the ellipse around the inliers [0, 1]
+  double min_spread = 0.05;       // share of the scope's window inside the ellipse around the inliers [0, 1]
   double max_rotation_sigma_deg = 1.5;  // uncertainty of the pose [0.01, 90]
   double max_position_sigma = 0.05;     // over the median depth [0.001, 1]
 };

@@ -5,11 +5,12 @@
 
 namespace haustra {
 
-PlaceRecogniser::PlaceRecogniser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device)
+PlaceRecogniser::PlaceRecogniser(const EngineConfig& config, const CameraModel& camera, const SceneRegion& scene,
+                                 VisionDevice& device)
     : config_(config),
       noise_(config.noise),
       vote_(config, config.place.retrieval, device),
-      verifier_(config, config.place.common_area, noise_, camera, device),
+      verifier_(config, config.place.common_area, noise_, camera, scene, device),
       rng_(config.seed, rng_stream::kRecogniser) {}
 
 void PlaceRecogniser::Recognise(PlaceTask* task) {

@@ -5,6 +5,7 @@
 // thread-bound(merging), deterministic for one seed.
 #pragma once
 
+#include "engine/camera/scene_region.h"
 #include "engine/noise_model.h"
 #include "engine/place/common_area.h"
 #include "engine/place/place_task.h"
@@ -14,7 +15,8 @@ namespace haustra {
 class PlaceRecogniser {
  public:
   // Everything named outlives it.
-  PlaceRecogniser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device);
+  PlaceRecogniser(const EngineConfig& config, const CameraModel& camera, const SceneRegion& scene,
+                  VisionDevice& device);
 
   // Fills the answer to the task's stage. A device that fails leaves entries kDeviceFailed. Cost: at most twice
   // max_candidates verifications.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "engine/geometry/ellipse_spread.h"
 #include "engine/geometry/rng_streams.h"
 #include "engine/place/rival_poses.h"
 #include "engine/place/strongest_features.h"
@@ -35,13 +34,13 @@ std::string_view ToString(RelocalisationVerdict verdict) {
 }
 
 Relocaliser::Relocaliser(const EngineConfig& config, const RelocalisationConfig& options, const NoiseModel& noise,
-                         const RetrievalConfig& retrieval_options, const CameraModel& camera, VisionDevice& device,
-                         KeyframeRetrieval& retrieval)
+                         const RetrievalConfig& retrieval_options, const CameraModel& camera, const SceneRegion& scene,
+                         VisionDevice& device, KeyframeRetrieval& retrieval)
     : config_(config),
       noise_(noise),
       options_(options),
       retrieval_options_(retrieval_options),
-      camera_(camera),
+      scene_(scene),
       device_(device),
       retrieval_(retrieval),
       pose_from_matches_(camera, config.features.max),
@@ -183,7 +182,7 @@ RelocalisationVerdict Relocaliser::Try(const Atlas& atlas, const FrameFeatures& 
   }
   std::vector<Eigen::Vector2d> pixels;
   for (const Pair& pair : pairs_) pixels.push_back(features.pixel(pair.feature_idx));
-  counts.spread = EllipseSpread(pixels, camera_.width_px(), camera_.height_px());
+  counts.spread = scene_.Spread(pixels);
   if (counts.spread < options_.min_spread) return RelocalisationVerdict::kLowSpread;
   if (const auto verdict = CheckCertainty(atlas, result, out); verdict != RelocalisationVerdict::kAccepted) {
     return verdict;

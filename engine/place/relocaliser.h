@@ -11,6 +11,7 @@
 
 #include "engine/atlas/atlas.h"
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/config.h"
 #include "engine/geometry/rng.h"
 #include "engine/noise_model.h"
@@ -66,8 +67,8 @@ class Relocaliser {
  public:
   // Everything named outlives it.
   Relocaliser(const EngineConfig& config, const RelocalisationConfig& options, const NoiseModel& noise,
-              const RetrievalConfig& retrieval_options, const CameraModel& camera, VisionDevice& device,
-              KeyframeRetrieval& retrieval);
+              const RetrievalConfig& retrieval_options, const CameraModel& camera, const SceneRegion& scene,
+              VisionDevice& device, KeyframeRetrieval& retrieval);
 
   // True when accepted; `out` then says where. `tried`, replaced, holds every candidate with its reason (not the
   // rivals), or one entry kNoCandidate or kDeviceFailed. Cost: one retrieval and max_candidates brute-force matches of
@@ -97,7 +98,7 @@ class Relocaliser {
   const NoiseModel& noise_;
   const RelocalisationConfig& options_;
   const RetrievalConfig& retrieval_options_;
-  const CameraModel& camera_;
+  const SceneRegion& scene_;
   VisionDevice& device_;
   KeyframeRetrieval& retrieval_;
   PoseFromMatches pose_from_matches_;

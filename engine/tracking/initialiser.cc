@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "engine/geometry/constants.h"
-#include "engine/geometry/ellipse_spread.h"
 #include "engine/geometry/rng_streams.h"
 #include "engine/geometry/rotation_fit.h"
 #include "engine/tracking/reserve_touched.h"
@@ -18,7 +17,7 @@ constexpr double kMinPointParallax = 0.15 * kDegree;
 }  // namespace
 
 Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, LaneWait& lane,
-                         OverlayWatch& overlay, double scene_share, std::pmr::memory_resource* memory)
+                         OverlayWatch& overlay, const SceneRegion& scene, std::pmr::memory_resource* memory)
     : config_(config),
       camera_(camera),
       device_(device),
@@ -26,7 +25,7 @@ Initialiser::Initialiser(const EngineConfig& config, const CameraModel& camera, 
       overlay_(overlay),
       window_{static_cast<float>(config.initialisation.max_disparity_deg * kDegree * camera.focal_px()),
               static_cast<float>(config.initialisation.max_disparity_deg * kDegree * camera.focal_px())},
-      scene_share_(scene_share),
+      scene_(scene),
       ransac_(config.features.max),
       rng_(config.seed, rng_stream::kFounding),
       reference_(config.features.max, memory),
@@ -216,9 +215,7 @@ TrackingReason Initialiser::Compare(const ProposedView& earlier, const ProposedV
   // Once for the noise itself; once more because what a wall's own motion does to a direction does not average out.
   const double direction_sigma = estimate.direction_sigma_rad * estimate.noise_ratio * estimate.noise_ratio;
   if (direction_sigma > options.max_direction_sigma_deg * kDegree) return TrackingReason::kUncertainMotion;
-  if (EllipseSpread(pixels_, camera_.width_px(), camera_.height_px()) < options.min_spread * scene_share_) {
-    return TrackingReason::kLowSpread;
-  }
+  if (scene_.Spread(pixels_) < options.min_spread) return TrackingReason::kLowSpread;
   cam_from_reference_ = estimate.b_from_a;
   return TrackingReason::kMapProposed;
 }

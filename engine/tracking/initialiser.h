@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/config.h"
 #include "engine/geometry/rng.h"
 #include "engine/geometry/two_view.h"
@@ -22,12 +23,10 @@ namespace haustra {
 
 class Initialiser {
  public:
-  // scene_share: part of the image's area inside the scope's window, (0, 1]: spread is measured against what can be
-  // seen.
-  // `lane` and `overlay` outlive this; what stands still in front of the scene founds nothing. What goes into proposals
-  // is taken from `memory`, which must be that of the proposals.
+  // `lane`, `overlay` and `scene` outlive this; what stands still in front of the scene founds nothing. What goes into
+  // proposals is taken from `memory`, which must be that of the proposals.
   Initialiser(const EngineConfig& config, const CameraModel& camera, VisionDevice& device, LaneWait& lane,
-              OverlayWatch& overlay, double scene_share,
+              OverlayWatch& overlay, const SceneRegion& scene,
               std::pmr::memory_resource* memory = std::pmr::get_default_resource());
   // What construction takes from an arena.
   static std::size_t BytesFor(int max_features, int max_between);
@@ -79,7 +78,7 @@ class Initialiser {
   LaneWait& lane_;
   OverlayWatch& overlay_;
   const DisparityWindow window_;
-  const double scene_share_;
+  const SceneRegion& scene_;
 
   TwoViewRansac ransac_;
   Rng rng_;

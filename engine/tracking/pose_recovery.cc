@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "engine/geometry/ellipse_spread.h"
 #include "engine/geometry/rng_streams.h"
 #include "engine/tracking/reserve_touched.h"
 
@@ -126,8 +125,7 @@ SearchOutcome PoseRecovery::JudgeChosenPose() {
   for (const PointMatch& match : search_.estimate().matches) {
     pixels_.push_back(parts_.frame.features.pixel(match.feature_idx));
   }
-  const double spread = EllipseSpread(pixels_, parts_.camera.width_px(), parts_.camera.height_px());
-  if (spread < gates.min_spread) return SearchOutcome::kLowSpread;
+  if (parts_.scene.Spread(pixels_) < gates.min_spread) return SearchOutcome::kLowSpread;
   search_.CountMatches();
   if (!search_.HasEstablishedWitnesses()) return SearchOutcome::kFewEstablished;
   const PoseUncertainty uncertainty = UncertaintyOf(search_.estimate().information, search_.estimate().median_depth);

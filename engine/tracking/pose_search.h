@@ -11,6 +11,7 @@
 
 #include "engine/atlas/local_map.h"
 #include "engine/camera/camera_model.h"
+#include "engine/camera/scene_region.h"
 #include "engine/config.h"
 #include "engine/noise_model.h"
 #include "engine/optim/pose_from_matches.h"
@@ -59,6 +60,7 @@ class PoseSearch {
   struct Parts {
     const EngineConfig& config;
     const CameraModel& camera;
+    const SceneRegion& scene;
     LaneWait& lane;
     FrameBudget& budget;
     const OverlayWatch& overlay;

@@ -24,10 +24,11 @@ constexpr double kMaxVelocityMs = 120.0;
 
 }  // namespace
 
-Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, const SceneRegion& scene, VisionDevice& device,
+Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, SceneRegion& scene, VisionDevice& device,
                  TrackingLink& link, const Clock* clock, std::pmr::memory_resource* memory)
     : config_(config),
       camera_(camera),
+      scene_(scene),
       device_(device),
       link_(link),
       current_(config.features.max, memory),
@@ -40,12 +41,12 @@ Tracker::Tracker(const EngineConfig& config, const CameraModel& camera, const Sc
                config.features.max),
       chain_(camera, config.features.max),
       extractor_({config, camera, device, lane_, budget_, overlay_, current_, last_, chain_}),
-      initialiser_(config, camera, device, lane_, overlay_, scene.share(), memory),
-      search_(
-          {config, camera, lane_, budget_, overlay_, noise_meter_.model(), sight_, link.snapshots, current_, last_}),
-      recovery_(
-          {config, camera, lane_, budget_, overlay_, noise_meter_.model(), sight_, link.snapshots, current_, last_},
-          search_),
+      initialiser_(config, camera, device, lane_, overlay_, scene, memory),
+      search_({config, camera, scene, lane_, budget_, overlay_, noise_meter_.model(), sight_, link.snapshots, current_,
+               last_}),
+      recovery_({config, camera, scene, lane_, budget_, overlay_, noise_meter_.model(), sight_, link.snapshots,
+                 current_, last_},
+                search_),
       marks_(camera, scene, config.features.max),
       proposer_(config, device, link, noise_meter_.model(), current_, heard_) {
   ReserveTouched(&tracked_, static_cast<std::size_t>(config.features.max));
@@ -93,6 +94,7 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   result.frame_index = frame.index;
   result.timestamp = frame.timestamp;
   MeasurePeriod(frame);
+  scene_.Observe(frame.image, frame.timestamp);
   budget_.SetFramePeriod(period_);
   budget_.BeginFrame(deadline, state() == TrackingState::kTracking, NeedsAllFeatures());
   current_.frame_index = frame.index;

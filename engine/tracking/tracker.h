@@ -43,7 +43,7 @@ namespace haustra {
 class Tracker {
  public:
   // clock: see FrameBudget.
-  Tracker(const EngineConfig& config, const CameraModel& camera, const SceneRegion& scene, VisionDevice& device,
+  Tracker(const EngineConfig& config, const CameraModel& camera, SceneRegion& scene, VisionDevice& device,
           TrackingLink& link, const Clock* clock, std::pmr::memory_resource* memory = std::pmr::get_default_resource());
   // A line for the views that tracking keeps in the arena, one for its workspaces on the heap, both fixed at
   // construction.
@@ -116,6 +116,7 @@ class Tracker {
 
   const EngineConfig& config_;
   const CameraModel& camera_;
+  SceneRegion& scene_;
   VisionDevice& device_;
   TrackingLink& link_;
 

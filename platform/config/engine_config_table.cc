@@ -100,8 +100,8 @@ void AddInitialisation(Fields* out) {
   out->push_back(Initialisation<&C::min_gap_ms>("min_gap_ms", {0, 10000}, "ms", "between the two views"));
   out->push_back(Initialisation<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",
                                                       "inliers of the epipolar geometry over matches"));
-  out->push_back(Initialisation<&C::min_spread>("min_spread", {0, 1}, "",
-                                                "area of the ellipse fitted to the points over that of the image"));
+  out->push_back(Initialisation<&C::min_spread>(
+      "min_spread", {0, 1}, "", "area of the ellipse fitted to the points over that of the scope's window"));
   out->push_back(Initialisation<&C::max_unexplained_ms>(
       "max_unexplained_ms", {0, 60000}, "ms",
       "without a motion that explains the matches, then the reference is renewed"));
@@ -249,8 +249,9 @@ void AddCommonArea(Fields* out) {
                                             "of the guided matches that agree with the refined similarity"));
   out->push_back(Area<&C::min_visible_share>(
       "min_visible_share", {0, 1}, "", "of the points that should be seen from both sides, those that are found"));
-  out->push_back(Area<&C::min_spread>("min_spread", {0, 1}, "",
-                                      "image share of the ellipse around the inliers, in both keyframes"));
+  out->push_back(
+      Area<&C::min_spread>("min_spread", {0, 1}, "",
+                           "share of the scope's window inside the ellipse around the inliers, in both keyframes"));
   out->push_back(Area<&C::min_group_poses>("min_group_poses", {1, 41}, "keyframes",
                                            "that find a pose where several tell the similarity"));
   out->push_back(Area<&C::min_group_visible_share>("min_group_visible_share", {0, 1}, "", "min_visible_share, there"));
@@ -316,8 +317,8 @@ void AddRelocalisation(Fields* out) {
   out->push_back(Relocalising<&C::min_inliers>("min_inliers", {4, 8000}, "points", "after guided matching"));
   out->push_back(Relocalising<&C::min_inlier_share>("min_inlier_share", {0, 1}, "",
                                                     "of the guided matches that agree with the pose"));
-  out->push_back(
-      Relocalising<&C::min_spread>("min_spread", {0, 1}, "", "image share of the ellipse around the inliers"));
+  out->push_back(Relocalising<&C::min_spread>("min_spread", {0, 1}, "",
+                                              "share of the scope's window inside the ellipse around the inliers"));
   out->push_back(
       Relocalising<&C::max_rotation_sigma_deg>("max_rotation_sigma_deg", {0.01, 90}, "deg", "uncertainty of the pose"));
   out->push_back(Relocalising<&C::max_position_sigma>("max_position_sigma", {0.001, 1}, "", "over the median depth"));

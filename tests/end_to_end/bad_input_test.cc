@@ -20,17 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string Replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << "'" << from << "' is not in the text";
-  if (at != std::string::npos) text.replace(at, from.size(), to);
-  return text;
-}
-
-void ReplaceInFile(const std::string& path, const std::string& from, const std::string& to) {
-  WriteBytes(path, Replaced(ReadBytes(path), from, to));
-}
-
 std::map<std::string, std::string> ContentOf(const std::string& folder) {
   std::map<std::string, std::string> content;
   for (const std::string& file : FilesBelow(folder)) content[file] = ReadBytes(folder + "/" + file);

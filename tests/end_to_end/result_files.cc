@@ -52,6 +52,13 @@ void WriteBytes(const std::string& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
+void ReplaceInFile(const std::string& path, const std::string& from, const std::string& to) {
+  std::string text = ReadBytes(path);
+  const std::size_t at = text.find(from);
+  ASSERT_NE(at, std::string::npos) << "'" << from << "' is not in " << path;
+  WriteBytes(path, text.replace(at, from.size(), to));
+}
+
 nlohmann::json ReadJson(const std::string& path) {
   nlohmann::json json = nlohmann::json::parse(ReadBytes(path), nullptr, false);
   EXPECT_FALSE(json.is_discarded()) << path << " is not JSON";

@@ -18,6 +18,8 @@ std::string ScratchFolder();
 bool Exists(const std::string& path);
 std::string ReadBytes(const std::string& path);
 void WriteBytes(const std::string& path, const std::string& bytes);
+// The first `from`, which must be there.
+void ReplaceInFile(const std::string& path, const std::string& from, const std::string& to);
 nlohmann::json ReadJson(const std::string& path);
 
 // Cells by column name; a row of another length than the header's fails the test.

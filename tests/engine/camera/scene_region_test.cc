@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <vector>
 
@@ -49,6 +50,43 @@ TEST(SceneRegion, MaskThatShowsNothingIsNone) {
   const SceneRegion region(camera, {mask.data(), width, height, width, PixelFormat::kGrey8});
   EXPECT_EQ(region.share(), 1.0);
   EXPECT_TRUE(region.Shows({5.0, 5.0}));
+}
+
+// Points that fill a window of half the width and half the height fill that window, whoever says where it is.
+TEST(SceneRegion, SpreadIsAShareOfTheWindow) {
+  const CameraModel camera = ColonCamera();
+  const int width = camera.width_px(), height = camera.height_px();
+  const std::size_t num_pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  std::vector<std::uint8_t> mask(num_pixels, 0), picture(num_pixels, 16);
+  std::vector<Eigen::Vector2d> points;
+  for (int y = height / 4; y < 3 * height / 4; ++y) {
+    for (int x = width / 4; x < 3 * width / 4; ++x) {
+      const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x);
+      mask[i] = 255;
+      picture[i] = 100;
+      if (x % 8 == 0 && y % 8 == 0) points.emplace_back(x, y);
+    }
+  }
+  const SceneRegion masked(camera, {mask.data(), width, height, width, PixelFormat::kGrey8});
+  SceneRegion seen(camera, {});
+  EXPECT_NEAR(seen.Spread(points), 0.26, 0.01);
+  const ImageView view{picture.data(), width, height, width, PixelFormat::kGrey8};
+  seen.Observe(view, TimePoint{});
+  EXPECT_NEAR(masked.Spread(points), 1.04, 0.03);
+  EXPECT_NEAR(seen.Spread(points), masked.Spread(points), 0.06);
+}
+
+TEST(SceneRegion, AMaskIsBelievedBeforeThePictures) {
+  const CameraModel camera = ColonCamera();
+  const int width = camera.width_px(), height = camera.height_px();
+  const std::size_t num_pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  std::vector<std::uint8_t> mask(num_pixels, 0), picture(num_pixels, 100);
+  std::fill_n(mask.begin(), num_pixels / 2, std::uint8_t{255});
+  SceneRegion region(camera, {mask.data(), width, height, width, PixelFormat::kGrey8});
+  region.Observe({picture.data(), width, height, width, PixelFormat::kGrey8}, TimePoint{});
+  EXPECT_NEAR(region.share(), 0.5, 1e-9);
+  region.Observe({}, TimePoint{});
+  EXPECT_NEAR(region.share(), 0.5, 1e-9);
 }
 
 }  // namespace

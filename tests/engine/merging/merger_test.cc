@@ -22,7 +22,8 @@ class MergerTest : public testing::Test {
 
   // Proves the common area of two keyframes, as the mapper would.
   MergePlan Plan(int frame_a, int frame_b) {
-    CommonAreaVerifier verifier(colon_.config(), common_area_, noise_, colon_.camera(), colon_.device());
+    CommonAreaVerifier verifier(colon_.config(), common_area_, noise_, colon_.camera(), colon_.scene(),
+                                colon_.device());
     CommonArea area;
     EXPECT_TRUE(colon_.Verify(verifier, atlas_, keyframe(frame_a), keyframe(frame_b), rng_, &area))
         << ToString(area.counts.verdict);
@@ -307,7 +308,7 @@ TEST_F(MergerTest, SameMergeGivesTheSameBits) {
     colon.AddWall(0.0, 9.0, 3000);
     colon.AddMap(&atlas, 0.0, 3.0, 14, kOlderFromWorld);
     const int first = colon.AddMap(&atlas, 2.0, 5.0, 14, kYoungerFromWorld).first;
-    CommonAreaVerifier verifier(colon.config(), common_area_, noise_, colon.camera(), colon.device());
+    CommonAreaVerifier verifier(colon.config(), common_area_, noise_, colon.camera(), colon.scene(), colon.device());
     CommonArea area;
     Rng rng(4);
     ASSERT_TRUE(
@@ -611,7 +612,7 @@ TEST(LongLoop, GraphIsBoundedAndDriftIsTakenOut) {
   };
   const NoiseModel noise{colon.config().noise};
   const CommonAreaConfig common_area;
-  CommonAreaVerifier verifier(colon.config(), common_area, noise, colon.camera(), colon.device());
+  CommonAreaVerifier verifier(colon.config(), common_area, noise, colon.camera(), colon.scene(), colon.device());
   CommonArea area;
   Rng rng(4);
   ASSERT_TRUE(colon.Verify(verifier, atlas, colon.frames()[2 * kLongTurn - 2].keyframe, colon.frames()[1].keyframe, rng,

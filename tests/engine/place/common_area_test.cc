@@ -12,7 +12,7 @@ class CommonAreaTest : public testing::Test {
   CommonAreaTest() : colon_(7), atlas_(colon_.MakeAtlas()), rng_(3) {}
 
   bool Verify(int frame_a, int frame_b) {
-    CommonAreaVerifier verifier(colon_.config(), options_, noise_, colon_.camera(), colon_.device());
+    CommonAreaVerifier verifier(colon_.config(), options_, noise_, colon_.camera(), colon_.scene(), colon_.device());
     return colon_.Verify(verifier, atlas_, colon_.frames()[frame_a].keyframe, colon_.frames()[frame_b].keyframe, rng_,
                          &area_);
   }

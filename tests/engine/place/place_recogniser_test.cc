@@ -20,7 +20,7 @@ class PlaceRecogniserTest : public testing::Test {
       EXPECT_TRUE(retrieval.Add(atlas_, other.keyframe).ok());
     }
     PlaceScout scout(colon_.config(), retrieval);
-    PlaceRecogniser recogniser(colon_.config(), colon_.camera(), colon_.device());
+    PlaceRecogniser recogniser(colon_.config(), colon_.camera(), colon_.scene(), colon_.device());
     bool is_question = scout.Begin(atlas_, colon_.frames()[frame].keyframe, &task_);
     if (is_question && task_.stage == PlaceTask::Stage::kRetrieve) {
       recogniser.Recognise(&task_);

@@ -23,7 +23,7 @@ class RelocaliserTest : public testing::Test {
     atlas_.keyframes().ForEach(
         [&](KeyframeHandle handle, const Keyframe&) { EXPECT_TRUE(retrieval.Add(atlas_, handle).ok()); });
     Relocaliser relocaliser(colon_.config(), place_.relocalisation, noise_, place_.retrieval, colon_.camera(),
-                            colon_.device(), retrieval);
+                            colon_.scene(), colon_.device(), retrieval);
     return relocaliser.Relocalise(atlas_, features, &found_, &tried_);
   }
 

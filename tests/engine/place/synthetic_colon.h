@@ -40,6 +40,7 @@ class SyntheticColon {
 
   EngineConfig& config() { return config_; }
   const CameraModel& camera() const { return camera_; }
+  const SceneRegion& scene() const { return scene_; }
   ScriptedVisionDevice& device() { return device_; }
   Rng& rng() { return rng_; }
   Atlas MakeAtlas() const {
@@ -246,6 +247,7 @@ class SyntheticColon {
   Rng rng_;
   EngineConfig config_;
   CameraModel camera_;
+  SceneRegion scene_{camera_, {}};
   ScriptedVisionDevice device_;
   std::vector<Landmark> landmarks_;
   std::vector<Frame> frames_;

@@ -124,7 +124,7 @@ TEST(MappingFullPools, RefusedMapLeavesTheActiveOneAsItWas) {
     colon.Move(12.0, 14.0, 50);
     colon.Occlude(5);
     colon.Move(0.2, 0.3, 10);
-    const SceneRegion scene(colon.camera(), {});
+    SceneRegion scene(colon.camera(), {});
     TrackingLink link(config);
     PlaceMailbox places(config, std::pmr::get_default_resource());
     Mapper mapper(config, colon.camera(), scene, colon.device(), link, places, nullptr, false, nullptr);

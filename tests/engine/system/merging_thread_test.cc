@@ -72,7 +72,7 @@ class Parts {
         link_(config_),
         places(config_, std::pmr::get_default_resource()),
         mapper(config_, colon.camera(), scene_, device, link_, places, clock, clock != nullptr, nullptr),
-        recogniser_(config_, colon.camera(), colon.device()),
+        recogniser_(config_, colon.camera(), scene_, colon.device()),
         tracker_(config_, colon.camera(), scene_, device, link_, nullptr) {}
 
   // False: there are no more frames.

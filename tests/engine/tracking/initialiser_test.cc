@@ -91,7 +91,8 @@ class InitialiserTest : public testing::Test {
   LaneWait lane_{colon_.device()};
   FrameBudget budget_{colon_.config().scheduler, &clock_};
   OverlayWatch overlay_{colon_.config().initialisation, false, 720, 540, colon_.config().features.max};
-  Initialiser initialiser_{colon_.config(), colon_.camera(), colon_.device(), lane_, overlay_, 1.0};
+  SceneRegion scene_{colon_.camera(), {}};
+  Initialiser initialiser_{colon_.config(), colon_.camera(), colon_.device(), lane_, overlay_, scene_};
 };
 
 TEST_F(InitialiserTest, ComparisonIsStoppedWhenTheFrameIsOverAndNothingIsForgotten) {
@@ -114,7 +115,7 @@ TEST_F(InitialiserTest, DeviceIsNotWaitedForBeyondTheFrame) {
   TimedVisionDevice slow(colon_.device(), clock_, [this](TimePoint until) { clock_.AdvanceTo(until); });
   slow.SetModel({.match = 2 * kFramePeriod});
   LaneWait lane(slow);
-  Initialiser initialiser(colon_.config(), colon_.camera(), slow, lane, overlay_, 1.0);
+  Initialiser initialiser(colon_.config(), colon_.camera(), slow, lane, overlay_, scene_);
   initialiser.Keep(See(1));
   const ProposedView view = See(12);
   const TimePoint due = clock_.Now() + kFramePeriod;
@@ -244,7 +245,7 @@ TEST_F(InitialiserTest, ReferenceIsComparedAgainWhileParallaxIsWanting) {
 // The choice of the view to compare with outlives the thinning out of those that are kept.
 TEST_F(InitialiserTest, ViewsAreThinnedOutBetweenTwoComparisons) {
   colon_.config().initialisation.kept_views = 4;
-  Initialiser initialiser(colon_.config(), colon_.camera(), colon_.device(), lane_, overlay_, 1.0);
+  Initialiser initialiser(colon_.config(), colon_.camera(), colon_.device(), lane_, overlay_, scene_);
   const auto try_view = [&](const ProposedView& view) {
     budget_.BeginFrame(clock_.Now() + kFramePeriod, false, false);
     EXPECT_TRUE(budget_.MayInitialise());

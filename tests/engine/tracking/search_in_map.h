@@ -41,13 +41,14 @@ class SearchInMap : public ::testing::Test {
   OverlayWatch overlay_{config_.initialisation, false, colon_.camera().width_px(), colon_.camera().height_px(),
                         config_.features.max};
   NoiseModel noise_{config_.noise};
+  SceneRegion scene_{colon_.camera(), {}};
   MapSight sight_{config_.keyframes.low_inliers};
   LocalMap map_{config_.memory.max_local_points};
   LatestMailbox<LocalMap> snapshots_{map_};
   ProposedView frame_{config_.features.max};
   LastFrame last_{config_.features.max, std::pmr::get_default_resource()};
-  const PoseSearch::Parts parts_{config_, colon_.camera(), lane_,      budget_, overlay_,
-                                 noise_,  sight_,          snapshots_, frame_,  last_};
+  const PoseSearch::Parts parts_{config_, colon_.camera(), scene_,     lane_,  budget_, overlay_,
+                                 noise_,  sight_,          snapshots_, frame_, last_};
   PoseSearch search_{parts_};
   Rng rng_{5};
 };

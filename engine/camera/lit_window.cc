@@ -7,8 +7,8 @@
 namespace haustra {
 namespace {
 
-// Long enough that a scope which looks about has shown all of its window.
-constexpr std::chrono::seconds kMemory{10};
+// A scope that looks about has lit all of its window, and a test card is soon forgotten.
+constexpr std::chrono::seconds kMemory{2};
 constexpr int kSamples = 2;  // of a cell, across and down
 
 }  // namespace

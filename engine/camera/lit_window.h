@@ -1,6 +1,6 @@
 // How much of the picture the scope's window fills, learnt from what the light falls on. A tower's picture is often a
 // third window and two thirds dark surround with letters and a second, small picture in it. Where no mask says so, the
-// surround is what has not been lit for ten to twenty seconds: a test card or a menu before the scope is plugged in is
+// surround is what has not been lit for two to four seconds: a test card or a menu before the scope is plugged in is
 // forgotten after that time. thread-bound(its owner); rt-safe, some 16 000 pixels are read of each picture.
 #pragma once
 

@@ -85,9 +85,9 @@ TEST(LitWindow, ForgetsWhatIsNoLongerLit) {
   const Picture card = Picture(640, 480).Fill(0, 0, 640, 480, 200),
                 scope = Picture(640, 480).Fill(160, 0, 320, 480, 90);
   window.Observe(card.view(), TimePoint{});
-  for (int second = 1; second <= 9; ++second) window.Observe(scope.view(), TimePoint{} + seconds(second));
+  window.Observe(scope.view(), TimePoint{} + seconds(1));
   EXPECT_EQ(window.share(), 1.0);
-  for (int second = 10; second <= 20; ++second) window.Observe(scope.view(), TimePoint{} + seconds(second));
+  for (int second = 2; second <= 4; ++second) window.Observe(scope.view(), TimePoint{} + seconds(second));
   EXPECT_NEAR(window.share(), 0.5, 0.02);
 }
 

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <utility>
 
+#include "capture/files/rename.h"
 #include "capture/files/wipe_file.h"
 
 namespace haustra {
@@ -119,16 +120,15 @@ Status FileSink::Commit() {
     Discard();
     return status_;
   }
-  bool has_former = false;  // under the temporary name
+  Former former;
   const bool is_closed = ::close(std::exchange(descriptor_, -1)) == 0;
-  if (!is_closed || !PutIntoPlace(&has_former)) {
+  if (!is_closed || !PutIntoPlace(&former)) {
     status_ = Unavailable(path_ + ": cannot be put into place: " + ErrorText(errno));
     RemoveTemporary();
     return status_;
   }
   if (waits_for_disk) status_ = SyncFolderOf(path_);
-  if (!has_former) return status_;
-  const Status wiped = WipeFile(temporary_path_);
+  const Status wiped = Wipe(former);
   if (status_.ok()) status_ = wiped;
   return status_;
 }
@@ -139,16 +139,32 @@ Status FileSink::CommitAs(const std::string& path) {
 }
 
 // What is to be wiped changes names with the new file in one step, so a crash leaves it under the temporary name or in
-// place, and never under none.
-bool FileSink::PutIntoPlace(bool* has_former) const {
-  if (former_ == FormerFile::kStays) {
-    return ::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_NOREPLACE) == 0;
-  }
+// place, and never under none. Where that cannot be, the new file takes its name, in one step too, and what had it is
+// reached by a descriptor.
+bool FileSink::PutIntoPlace(Former* former) const {
+  if (former_ == FormerFile::kStays) return RenameToFreeName(temporary_path_, path_);
   if (former_ == FormerFile::kWiped) {
-    *has_former = ::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0;
-    if (*has_former || errno != ENOENT) return *has_former;
+    if (::renameat2(AT_FDCWD, temporary_path_.c_str(), AT_FDCWD, path_.c_str(), RENAME_EXCHANGE) == 0) {
+      former->has_temporary_name = true;
+      return true;
+    }
+    if (errno != ENOENT) {
+      if (!LacksRenameFlags(errno)) return false;
+      former->descriptor = ::open(path_.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+      // One that cannot be overwritten stays where it is.
+      if (former->descriptor < 0 && errno != ENOENT) return false;
+    }
   }
-  return std::rename(temporary_path_.c_str(), path_.c_str()) == 0;
+  if (std::rename(temporary_path_.c_str(), path_.c_str()) == 0) return true;
+  const int error = errno;
+  if (former->descriptor >= 0) ::close(former->descriptor);
+  errno = error;
+  return false;
+}
+
+Status FileSink::Wipe(const Former& former) const {
+  if (former.has_temporary_name) return WipeFile(temporary_path_);
+  return former.descriptor < 0 ? Status::Ok() : WipeUnnamedFile(former.descriptor, path_ + ": what it replaces");
 }
 
 Status WriteWholeFile(const std::string& path, std::string_view bytes, Outlasts outlasts) {

@@ -26,8 +26,8 @@ enum class Outlasts { kPowerCut, kProcess };
 class FileSink final : public ByteSink {
  public:
   // kNotFound: the folder does not exist; kUnavailable: cannot be created (rights, disk). The message names the file.
-  // With kWiped and kStays the file system must be able to exchange two names, or to refuse one that is taken
-  // (renameat2), as all journalling ones are; on another one Commit fails.
+  // Where the file system cannot exchange two names (FAT, NFS), a crash while kWiped overwrites the former file leaves
+  // the new one in place, and the rest of the former one on the disk, without a name.
   static Result<FileSink> Create(const std::string& path, FormerFile former, Outlasts outlasts = Outlasts::kPowerCut);
   // kFreed.
   static Result<FileSink> Create(const std::string& path);
@@ -54,7 +54,13 @@ class FileSink final : public ByteSink {
   Status WriteOut(std::string_view bytes);
   void Discard();
   void RemoveTemporary();
-  bool PutIntoPlace(bool* has_former) const;
+  // The former file, once the new one is in place.
+  struct Former {
+    bool has_temporary_name = false;
+    int descriptor = -1;  // without a name; -1: there is none
+  };
+  bool PutIntoPlace(Former* former) const;
+  Status Wipe(const Former& former) const;
 
   std::string path_;
   std::string temporary_path_;

@@ -14,29 +14,38 @@ namespace {
 
 std::string SystemText(int error) { return std::generic_category().message(error); }
 
+Status Wiped(int error, const std::string& path) {
+  return error == 0 ? Status::Ok() : Unavailable(path + ": cannot be wiped: " + SystemText(error));
+}
+
+// To the disk, and closes it. 0, or an error of the system.
+int Overwrite(int descriptor) {
+  struct stat info {};
+  int error = ::fstat(descriptor, &info) == 0 ? 0 : errno;
+  const std::vector<char> zeros(std::size_t{1} << 16);
+  for (off_t at = 0; error == 0 && at < info.st_size;) {
+    const auto count = static_cast<std::size_t>(std::min<off_t>(info.st_size - at, static_cast<off_t>(zeros.size())));
+    const ssize_t written = ::write(descriptor, zeros.data(), count);
+    if (written < 0 && errno != EINTR) error = errno;
+    if (written > 0) at += written;
+  }
+  if (error == 0 && ::fsync(descriptor) != 0) error = errno;
+  ::close(descriptor);
+  return error;
+}
+
 }  // namespace
 
 Status WipeFile(const std::string& path) {
   const int descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
-  int error = descriptor < 0 ? errno : 0;
-  if (descriptor >= 0) {
-    struct stat info {};
-    if (::fstat(descriptor, &info) != 0) error = errno;
-    const std::vector<char> zeros(std::size_t{1} << 16);
-    for (off_t at = 0; error == 0 && at < info.st_size;) {
-      const auto count = static_cast<std::size_t>(std::min<off_t>(info.st_size - at, static_cast<off_t>(zeros.size())));
-      const ssize_t written = ::write(descriptor, zeros.data(), count);
-      if (written < 0 && errno != EINTR) error = errno;
-      if (written > 0) at += written;
-    }
-    if (error == 0 && ::fsync(descriptor) != 0) error = errno;
-    ::close(descriptor);
-  }
+  int error = descriptor < 0 ? errno : Overwrite(descriptor);
   // Gone it must be, even where it could not be overwritten.
   if (::unlink(path.c_str()) != 0 && errno != ENOENT) error = errno;
   const Status synced = SyncFolderOf(path);
-  return error == 0 ? synced : Unavailable(path + ": cannot be wiped: " + SystemText(error));
+  return error == 0 ? synced : Wiped(error, path);
 }
+
+Status WipeUnnamedFile(int descriptor, const std::string& path) { return Wiped(Overwrite(descriptor), path); }
 
 Status SyncFolderOf(const std::string& path) {
   const std::size_t slash = path.rfind('/');

@@ -11,6 +11,10 @@ namespace haustra {
 // overwritten. On flash memory, and on file systems that copy on write, the old bytes may outlast this. kUnavailable.
 Status WipeFile(const std::string& path);
 
+// The same of a file that has lost its name, but is open for writing: the descriptor is closed. `path`: for the
+// message.
+Status WipeUnnamedFile(int descriptor, const std::string& path);
+
 // A new name, or one that has gone, is an entry of the folder, which is written back on its own. kUnavailable: the
 // entry may not outlast a power cut. A folder that may not be read, or a file system without such a call, leaves it to
 // the system: Ok.

@@ -4,6 +4,12 @@
 #include <cmath>
 
 namespace haustra::capture::internal {
+namespace {
+
+// No camera of a tower is faster.
+constexpr double kFastestHz = 120.0;
+
+}  // namespace
 
 void FrameCounter::Restart(double rate_hz, double max_rate_hz, std::uint32_t every_nth) {
   rate_hz_ = rate_hz;
@@ -26,9 +32,10 @@ FrameCounter::Place FrameCounter::Count(std::uint32_t sequence, TimePoint timest
     std::uint32_t step = sequence - sequence_;
     if (step == 0 || step > (1u << 31)) step = 1;
     // No more can have been lost than there was time for: a damaged count must not run away with the numbers.
-    if (rate_hz_ > 0.0 && step > 1) {
+    if (step > 1) {
+      const double most_hz = rate_hz_ > 0.0 ? rate_hz_ : kFastestHz;
       const double seconds = std::max(0.0, ToSeconds(timestamp - timestamp_));
-      step = static_cast<std::uint32_t>(std::min<double>(step, std::ceil(seconds * rate_hz_) + 1.0));
+      step = static_cast<std::uint32_t>(std::min<double>(step, std::ceil(seconds * most_hz) + 1.0));
     }
     place.num_lost = step - 1;
     position_ += step;

@@ -27,6 +27,8 @@ using std::chrono::seconds;
 constexpr Duration kLongestWait = seconds(1);
 constexpr Duration kRetryInterval = milliseconds(250);
 constexpr Duration kSilence = seconds(3);
+// One stamp that goes back is a damaged picture's; after so many in a row the clock has.
+constexpr int kMostNotLater = 5;
 
 TimePoint Sooner(TimePoint a, TimePoint b) { return std::min(a, b); }
 
@@ -247,6 +249,7 @@ Result<std::uint32_t> V4l2Source::Wait(TimePoint limit) {
       ++counters_.num_left_out;
       continue;
     }
+    if (!picture->is_damaged) RefuseStampsThatWentBack(&*picture);
     const auto place = counter_.Count(picture->sequence, picture->timestamp);
     counters_.num_lost += place.num_lost;
     if (!picture->is_stamped) ++counters_.num_unstamped;
@@ -278,6 +281,13 @@ Result<std::uint32_t> V4l2Source::Wait(TimePoint limit) {
     counter_.Take(place.index);
     newest = place.index;
   }
+}
+
+void V4l2Source::RefuseStampsThatWentBack(V4l2Picture* picture) {
+  num_not_later_ = !has_stamp_ || picture->timestamp > last_stamp_ ? 0 : num_not_later_ + 1;
+  if (num_not_later_ <= kMostNotLater || !picture->is_stamped) return;
+  picture->refused_stamp = std::exchange(picture->timestamp, last_picture_);
+  picture->is_stamped = false;
 }
 
 Status V4l2Source::Show(const V4l2Picture& picture, Frame* frame) {

@@ -34,9 +34,9 @@ struct V4l2Counters {
 };
 
 // Time stamps are the kernel's, on CLOCK_MONOTONIC. One that lies ahead, or before the stream began, is replaced by the
-// time at which the picture was fetched. A whole picture that is not halved is given out where the camera
-// wrote it, in the camera's format, without a copy; the buffer goes back at the next call of Next. Halving gives grey
-// pictures, MJPEG those that ChannelChoice asks for.
+// time at which the picture was fetched, and so are those that have gone back for more than a few pictures. A whole
+// picture that is not halved is given out where the camera wrote it, in the camera's format, without a copy; the buffer
+// goes back at the next call of Next. Halving gives grey pictures, MJPEG those that ChannelChoice asks for.
 //
 // Grabbers weave fields and call them progressive: such pictures are shown by their top field (SequenceOptions), from a
 // copy. With field=top or field=bottom a single field comes, and nothing is looked for.
@@ -97,6 +97,8 @@ class V4l2Source final : public FrameSource {
   // The newest picture that is to become a frame, with its index; it is held. kDeadlineExceeded, kUnavailable,
   // kDataLoss.
   Result<std::uint32_t> Wait(TimePoint limit);
+  // They get the time at which the picture was fetched.
+  void RefuseStampsThatWentBack(capture::internal::V4l2Picture* picture);
   // The frame's picture, and what is shown of it. kDataLoss.
   Status Show(const capture::internal::V4l2Picture& picture, Frame* frame);
 
@@ -118,6 +120,7 @@ class V4l2Source final : public FrameSource {
   TimePoint last_picture_;  // when one last came, or the stream began
   TimePoint last_stamp_;
   bool has_stamp_ = false;
+  int num_not_later_ = 0;  // stamps in a row that were not later than last_stamp_
   V4l2Counters counters_;
   std::optional<capture::internal::JpegDecoder> decoder_;  // of an MJPEG camera, as decoded_ is
   Image decoded_;

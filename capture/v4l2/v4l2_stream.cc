@@ -45,6 +45,10 @@ const char* FieldName(std::uint32_t field) {
   }
 }
 
+bool IsOneField(std::uint32_t field) {
+  return field == V4L2_FIELD_TOP || field == V4L2_FIELD_BOTTOM || field == V4L2_FIELD_ALTERNATE;
+}
+
 bool CanReach(const std::vector<double>& rates_hz, double wanted_hz) {
   return wanted_hz <= 0.0 || rates_hz.empty() || rates_hz.front() >= wanted_hz * (1.0 - kRateTolerance);
 }
@@ -126,7 +130,7 @@ Status V4l2Stream::FollowSignal() {
   int index = 0;
   v4l2_input input{};
   if (io_.Ioctl(fd_, VIDIOC_G_INPUT, &index) < 0) return Status::Ok();
-  input.index = static_cast<__u32>(index);
+  input.index = input_ = static_cast<__u32>(index);
   if (io_.Ioctl(fd_, VIDIOC_ENUMINPUT, &input) < 0 || (input.capabilities & V4L2_IN_CAP_DV_TIMINGS) == 0) {
     return Status::Ok();
   }
@@ -180,9 +184,10 @@ Status V4l2Stream::ChooseFormat(int width_px, int height_px, double preferred_ra
       // Drivers without TRY_FMT (ENOTTY) tell with S_FMT.
       const int error = io_.Ioctl(fd_, VIDIOC_TRY_FMT, &attempt);
       if (error == -ENODEV) return Failed("VIDIOC_TRY_FMT", error);
-      const bool fits = attempt.fmt.pix.pixelformat == fourcc &&
-                        attempt.fmt.pix.width == static_cast<__u32>(width_px) &&
-                        attempt.fmt.pix.height == static_cast<__u32>(height_px);
+      const v4l2_pix_format& pix = attempt.fmt.pix;
+      const auto height = static_cast<__u32>(height_px);
+      const bool fits = pix.pixelformat == fourcc && pix.width == static_cast<__u32>(width_px) &&
+                        (pix.height == height || (IsOneField(pix.field) && 2 * pix.height == height));
       if (error == 0 && !fits) continue;
       return SetFormat(fourcc, width_px, height_px);
     }
@@ -385,9 +390,10 @@ std::string V4l2Stream::MemoryText() const {
 }
 
 Status V4l2Stream::Start() {
-  // A receiver says by an event that the signal has changed. Not all drivers have it.
+  // A receiver says by an event, which bears the number of the input, that the signal has changed. Not all have it.
   v4l2_event_subscription subscription{};
   subscription.type = V4L2_EVENT_SOURCE_CHANGE;
+  subscription.id = input_;
   io_.Ioctl(fd_, VIDIOC_SUBSCRIBE_EVENT, &subscription);
   begin_ = io_.Now();
   int type = static_cast<int>(kCapture);

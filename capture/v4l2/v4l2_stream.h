@@ -115,6 +115,7 @@ class V4l2Stream {
   DeviceIo& io_;
   int fd_ = -1;
   std::string name_;
+  std::uint32_t input_ = 0;
   V4l2Format format_;
   bool is_imported_ = false;
   std::string not_imported_;  // why

@@ -119,6 +119,7 @@ KeyframeHandle Atlas::InsertKeyframe(MapHandle map, KeyframeId id, std::uint32_t
   std::fill(keyframe.points.begin(), keyframe.points.end(), MapPointHandle{});
   keyframe.num_points = 0;
   keyframe.num_point_changes = 0;
+  keyframe.turned_at = 0;
   KeyframeTrace& trace = traces_[id];
   trace = KeyframeTrace{};
   trace.session = session;

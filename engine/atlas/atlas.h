@@ -70,6 +70,9 @@ struct Keyframe {
   int num_points = 0;
   // Of `points`, since the keyframe was made: the same number, the same points.
   std::uint64_t num_point_changes = 0;
+  // Number of the reframing by which its map was last built anew (engine/mapping/relief_check.h); 0: never. What was
+  // measured around it by other poses, at another number, is of another shape.
+  std::uint64_t turned_at = 0;
 };
 
 enum class MapStatus : std::uint8_t { kActive, kStored, kMerged, kDropped };

@@ -79,9 +79,10 @@ void DepthKeeper::SetFinishing(bool is_finishing) {
 }
 
 const KeptDepth* DepthKeeper::DepthOf(KeyframeHandle keyframe) const {
-  if (atlas_.GetKeyframe(keyframe) == nullptr) return nullptr;
+  const Keyframe* there = atlas_.GetKeyframe(keyframe);
+  if (there == nullptr) return nullptr;
   const KeptDepth& kept = depths_[keyframe.index];
-  return kept.keyframe == keyframe ? &kept : nullptr;
+  return kept.keyframe == keyframe && kept.turned_at == there->turned_at ? &kept : nullptr;
 }
 
 std::uint32_t DepthKeeper::num_keyframes() const {
@@ -93,13 +94,16 @@ std::uint32_t DepthKeeper::num_keyframes() const {
 void DepthKeeper::TakeAnswer() {
   const DepthTask& task = *mailbox_.Answered();
   counters_.search_time += task.duration;
-  if (task.status.code() == StatusCode::kCancelled) {
+  const Keyframe* keyframe = atlas_.GetKeyframe(task.keyframe);
+  const bool is_turned = keyframe != nullptr && keyframe->turned_at != task.turned_at;
+  if (task.status.code() == StatusCode::kCancelled || is_turned) {
     --counters_.num_searches;
     asked_->was_asked = false;
-  } else if (task.status.ok() && atlas_.GetKeyframe(task.keyframe) != nullptr) {
+  } else if (task.status.ok() && keyframe != nullptr) {
     KeptDepth& kept = depths_[task.keyframe.index];
     kept.keyframe = task.keyframe;
     kept.scale = task.scale;
+    kept.turned_at = task.turned_at;
     kept.depth = task.depth;
     std::copy(asked_->bgr.begin(), asked_->bgr.end(), kept.bgr.begin());
     ++counters_.num_depths;
@@ -119,9 +123,9 @@ bool DepthKeeper::Keep(const HandedPicture& handed) {
   }
   if (oldest == nullptr) return false;
   if (handed.image.width != width_px_ || handed.image.height != height_px_) return true;
-  if (oldest->arrival != 0 && !oldest->was_asked) {
+  if (oldest->arrival != 0) {
     if (!oldest->keyframe.is_valid()) FindKeyframe(oldest);
-    counters_.num_late += atlas_.GetKeyframe(oldest->keyframe) != nullptr;
+    counters_.num_late += IsToAsk(*oldest);
   }
   oldest->arrival = ++counters_.num_pictures;
   oldest->frame_index = handed.frame_index;
@@ -155,13 +159,18 @@ void DepthKeeper::FindKeyframe(Picture* picture) const {
   }
 }
 
+bool DepthKeeper::IsToAsk(const Picture& picture) const {
+  const Keyframe* keyframe = atlas_.GetKeyframe(picture.keyframe);
+  return keyframe != nullptr && (!picture.was_asked || picture.turned_at != keyframe->turned_at);
+}
+
 DepthKeeper::Picture* DepthKeeper::OldestDue() {
   const auto num_newer = static_cast<std::uint64_t>(std::min(config_.newer_keyframes, config_.kept_pictures / 2));
   Picture* oldest = nullptr;
   for (Picture& picture : pictures_) {
     if (picture.arrival == 0) continue;
     if (!picture.keyframe.is_valid()) FindKeyframe(&picture);
-    if (picture.was_asked || atlas_.GetKeyframe(picture.keyframe) == nullptr) continue;
+    if (!IsToAsk(picture)) continue;
     if (!is_finishing_ && counters_.num_pictures - picture.arrival < num_newer) continue;
     if (oldest == nullptr || picture.arrival < oldest->arrival) oldest = &picture;
   }
@@ -174,6 +183,9 @@ bool DepthKeeper::Ask() {
   Picture* due = OldestDue();
   if (due == nullptr) return false;
   due->was_asked = true;
+  due->turned_at = atlas_.keyframe(due->keyframe).turned_at;
+  if (due->knew_too_little) --counters_.num_too_little;
+  due->knew_too_little = false;
   if (!Fill(*due, task)) {
     for (Picture& picture : pictures_) picture.is_lent = false;
     due->knew_too_little = true;
@@ -234,6 +246,7 @@ bool DepthKeeper::Fill(const Picture& reference, DepthTask* task) {
   }
   task->keyframe = reference.keyframe;
   task->scale = atlas_.KeyframeScale(reference.keyframe);
+  task->turned_at = keyframe.turned_at;
   task->reference = ViewOf(reference);
   return !task->sources.empty() && task->seeds.size() >= DepthMatcher::kMinSeeds;
 }

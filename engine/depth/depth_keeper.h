@@ -1,6 +1,7 @@
 // Has the depth of every keyframe searched that stays in its map, and keeps it. Depth belongs to its keyframe: it moves
-// with bundles and joins, and goes when the keyframe goes. Pictures come from tracking (handed_picture.h); those of the
-// newest keyframes are kept until they have served. One search is out at a time (depth_task.h); the oldest keyframe
+// with bundles and joins, and goes when the keyframe goes, or its map is built anew (engine/mapping/relief_check.h):
+// then it is searched again, if its picture is still there. Pictures come from tracking (handed_picture.h); those of
+// the newest keyframes are kept until they have served. One search is out at a time (depth_task.h); the oldest keyframe
 // whose turn it is comes first. One that knows too little then is tried once more at the end: the map may have grown
 // around it. What cannot keep up loses pictures, never time: a keyframe whose picture has gone has
 // no depth. Reads the atlas only. thread-bound(mapping); takes its pictures and depths from `memory` at construction,
@@ -24,8 +25,8 @@ namespace haustra {
 
 struct DepthCounters {
   std::uint64_t num_pictures = 0;    // of keyframes that were proposed
-  std::uint64_t num_searches = 0;    // asked; those that were stopped are asked again
-  std::uint64_t num_depths = 0;      // found; some went with their keyframes
+  std::uint64_t num_searches = 0;    // asked; those that were stopped, or whose map was built anew, are asked again
+  std::uint64_t num_depths = 0;      // found; some went with their keyframes, or with the shape of their map
   std::uint64_t num_late = 0;        // keyframes whose pictures had to go before their turn came
   std::uint64_t num_too_little = 0;  // keyframes of too few points, or that no other one sees well, when last tried
   std::uint64_t num_in_vain = 0;     // the keyframe was culled meanwhile, or the device failed
@@ -63,6 +64,7 @@ class DepthKeeper {
     TimePoint timestamp;
     KeyframeHandle keyframe;  // invalid: not made, or not yet
     bool was_asked = false;
+    std::uint64_t turned_at = 0;   // of the keyframe when it was asked
     bool knew_too_little = false;  // when it was asked
     bool is_lent = false;          // to the task that is out
     std::pmr::vector<std::uint8_t> grey;
@@ -73,6 +75,8 @@ class DepthKeeper {
   bool Keep(const HandedPicture& handed);
   bool Ask();
   void FindKeyframe(Picture* picture) const;
+  // Its keyframe is there, and was not asked about as its map is now.
+  bool IsToAsk(const Picture& picture) const;
   Picture* OldestDue();
   bool Fill(const Picture& reference, DepthTask* task);
   DepthView ViewOf(const Picture& picture) const;

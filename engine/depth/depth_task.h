@@ -25,7 +25,8 @@ struct DepthTask {
   }
 
   KeyframeHandle keyframe;
-  double scale = 1.0;  // Atlas::KeyframeScale when it was asked
+  double scale = 1.0;           // Atlas::KeyframeScale when it was asked
+  std::uint64_t turned_at = 0;  // Keyframe::turned_at likewise
   DepthView reference;
   FixedVector<DepthView, kMaxDepthSources> sources;
   std::pmr::vector<DepthSeed> seeds;

@@ -20,6 +20,7 @@ struct KeptDepth {
   KeyframeHandle keyframe;  // invalid or stale: there is none
   // Atlas::KeyframeScale when it was made: its ranges are to be multiplied by what that is now over this.
   double scale = 1.0;
+  std::uint64_t turned_at = 0;  // Keyframe::turned_at likewise; at another one it is of another shape
   DepthMap depth;
   std::pmr::vector<std::uint8_t> bgr;  // blue, green, red of the picture in the middle of each cell
 };

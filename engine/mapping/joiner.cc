@@ -27,6 +27,7 @@ void Joiner::Ask(KeyframeHandle keyframe) {
   if (task == nullptr) return;
   const TimePoint start = state_.Now();
   task->noise = state_.noise;
+  num_turns_asked_ = state_.counters.num_reliefs_turned;
   const bool is_question = scout_.Begin(state_.atlas, keyframe, task);
   task->mapping_duration = state_.Now() - start;
   state_.counters.asking_time += task->mapping_duration;
@@ -64,6 +65,7 @@ bool Joiner::TakeAnswer() {
       ++state_.counters.num_places_skipped;
     } else {
       const TimePoint start = state_.Now();
+      num_turns_asked_ = state_.counters.num_reliefs_turned;
       const bool is_question = scout_.GoOn(state_.atlas, task);
       const Duration duration = state_.Now() - start;
       task->mapping_duration += duration;
@@ -94,14 +96,17 @@ void Joiner::EndQuestion(const PlaceTask& task) {
 
 // Local bundle adjustment, settling and changes of unit since the question was put are made up for by the plan itself
 // (merge_plan.h). Maps are joined here alone and one question is out at a time, so what else may have happened is that
-// keyframes have gone, or that tracking has found itself in another map or begun a new one. Then the answer is dropped:
-// where tracking is now, the next keyframe asks again.
+// keyframes have gone, that tracking has found itself in another map or begun a new one, or that a young map was built
+// anew. Then the answer is dropped: where tracking is now, the next keyframe asks again.
 void Joiner::BeginJoin(const PlaceTask& task) {
   const MergePlan plan = MakeMergePlan(task.area);
   const Keyframe* a = state_.atlas.GetKeyframe(plan.keyframe_a);
-  const Status status = a == nullptr || a->map != state_.active
-                            ? FailedPrecondition("join: tracking has left the map of the plan")
-                            : merger_.Begin(plan, state_.atlas);
+  Status status = FailedPrecondition("join: tracking has left the map of the plan");
+  if (IsTurned()) {
+    status = FailedPrecondition("join: a map was built anew");
+  } else if (a != nullptr && a->map == state_.active) {
+    status = merger_.Begin(plan, state_.atlas);
+  }
   if (!status.ok()) {
     RefuseJoin(task, status);
     return;
@@ -120,8 +125,10 @@ JoinLimits Joiner::Limits(TimePoint start) const {
 
 void Joiner::GoOn() {
   const PlaceTask& task = *places_.Answered();
-  if (state_.active != join_map_) {
-    if (!merger_.outcome().has_moved) RefuseJoin(task, FailedPrecondition("join: tracking is in another map"));
+  // While the seam is open no map is built anew.
+  const bool has_moved = merger_.outcome().has_moved;
+  if (state_.active != join_map_ || (IsTurned() && !has_moved)) {
+    if (!has_moved) RefuseJoin(task, FailedPrecondition("join: tracking is in another map, or a map was built anew"));
     EndJoin(task);
     return;
   }

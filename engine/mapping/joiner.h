@@ -1,10 +1,10 @@
 // Asks the recogniser (engine/place) whether keyframes show a known place, and joins maps or closes loops when it says
 // so (engine/merging). One question is out at a time, and it is out until the join that it leads to is done; of the
 // keyframes that come meanwhile the newest is asked about next. A join is made in slices, in sequential mode in one.
-// When tracking leaves the map it ends where it is (merger.h says why it may). After a join the map around the seam
-// settles by bundle adjustment in slices, when there is nothing else to do and tracking is there. Never waits for the
-// recogniser.
-// thread-bound(mapping); uses the heap (solvers).
+// When tracking leaves the map it ends where it is (merger.h says why it may); one that has moved nothing ends when a
+// map is built anew (relief_check.h). After a join the map around the seam settles by bundle adjustment in slices, when
+// there is nothing else to do and tracking is there. Never waits for the recogniser. thread-bound(mapping); uses the
+// heap (solvers).
 #pragma once
 
 #include "engine/mapping/local_bundle.h"
@@ -57,6 +57,8 @@ class Joiner {
   void RefuseJoin(const PlaceTask& task, const Status& status);
   void EndJoin(const PlaceTask& task);
   JoinLimits Limits(TimePoint start) const;
+  // A map was built anew since the question was put: it was asked about another shape.
+  bool IsTurned() const { return state_.counters.num_reliefs_turned != num_turns_asked_; }
   void ReportRejection(const PlaceTask& task, const CommonAreaCounts& counts);
 
   MappingState& state_;
@@ -67,6 +69,7 @@ class Joiner {
   SpscRing<MapEvent>& events_;
   PlaceScout scout_;
   Merger merger_;
+  std::uint64_t num_turns_asked_ = 0;  // MapperCounters::num_reliefs_turned when the atlas was copied for the question
   bool is_joining_ = false;
   MapHandle join_map_;        // where tracking is as long as the join goes on
   Duration joining_time_{0};  // of all slices so far

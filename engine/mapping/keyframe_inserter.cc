@@ -17,6 +17,7 @@ KeyframeInserter::KeyframeInserter(MappingState& state, Parts parts)
       evictor_(parts.evictor),
       trial_(parts.trial),
       bundle_(parts.bundle),
+      marks_(parts.marks),
       creator_(state.config, state.noise, state.camera, state.device),
       fuser_(state.config, state.noise, state.camera, state.device),
       linker_(state.config, state.noise, state.camera, state.device),
@@ -103,8 +104,12 @@ void KeyframeInserter::CheckRelief(KeyframeHandle handle) {
   if (state_.is_seam_open || static_cast<int>(map.keyframes.size()) > state_.config.mapping.relief_keyframes) return;
   if (!relief_.Correct(handle, covisible_, &state_.atlas)) return;
   ++state_.counters.num_reliefs_turned;
-  state_.turned = state_.active;
   publisher_.Reframe({map.id, map.id, Sim3(), false});
+  for (const KeyframeHandle keyframe : map.keyframes) {
+    state_.atlas.keyframe(keyframe).turned_at = state_.counters.num_reframings;
+  }
+  // Before keyframes that hold them are culled.
+  marks_.MapWasTurned();
 }
 
 // A failed adjustment leaves the map as it was, one that was stopped keeps what it gained; the next keyframe tries

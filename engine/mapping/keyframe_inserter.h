@@ -12,6 +12,7 @@
 #include "engine/mapping/evictor.h"
 #include "engine/mapping/local_bundle.h"
 #include "engine/mapping/mapping_state.h"
+#include "engine/mapping/mark_keeper.h"
 #include "engine/mapping/point_creation.h"
 #include "engine/mapping/point_fusion.h"
 #include "engine/mapping/point_trial.h"
@@ -31,6 +32,7 @@ class KeyframeInserter {
     PointTrial& trial;
     LocalBundle& bundle;
     SchurBundleAdjuster& adjuster;
+    MarkKeeper& marks;
   };
   // All of them outlive it.
   KeyframeInserter(MappingState& state, Parts parts);
@@ -55,6 +57,7 @@ class KeyframeInserter {
   Evictor& evictor_;
   PointTrial& trial_;
   LocalBundle& bundle_;
+  MarkKeeper& marks_;
   PointCreator creator_;
   PointFuser fuser_;
   TrackLinker linker_;

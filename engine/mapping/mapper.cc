@@ -31,12 +31,12 @@ Mapper::Mapper(const EngineConfig& config, const CameraModel& camera, const Scen
       bundle_(config, state_.noise, camera, adjuster_),
       events_(static_cast<std::size_t>(config.memory.max_map_events), memory),
       late_poses_(static_cast<std::size_t>(config.memory.max_late_poses), memory),
+      marks_(state_),
       founder_(state_),
-      inserter_(state_, {publisher_, *retrieval_, evictor_, trial_, bundle_, adjuster_}),
+      inserter_(state_, {publisher_, *retrieval_, evictor_, trial_, bundle_, adjuster_, marks_}),
       joiner_(state_, {places, publisher_, *retrieval_, trial_, bundle_, adjuster_, events_}),
       relocaliser_(config, config.place.relocalisation, state_.noise, config.place.retrieval, camera, scene, device,
-                   *retrieval_),
-      marks_(state_) {}
+                   *retrieval_) {}
 
 MemoryPlan Mapper::PlanMemory(const EngineConfig& config) {
   const auto num_events = static_cast<std::size_t>(config.memory.max_map_events);

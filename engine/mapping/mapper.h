@@ -102,11 +102,11 @@ class Mapper {
   LocalBundle bundle_;
   SpscRing<MapEvent> events_;
   SpscRing<LatePose> late_poses_;
+  MarkKeeper marks_;
   Founder founder_;
   KeyframeInserter inserter_;
   Joiner joiner_;
   Relocaliser relocaliser_;
-  MarkKeeper marks_;
   bool is_joins_turn_ = false;                  // the last step was a proposal's
   const ProposedView* current_view_ = nullptr;  // of the proposal being worked on
   std::vector<RelocalisationCounts> relocalisations_tried_;

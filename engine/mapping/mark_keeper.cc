@@ -49,6 +49,23 @@ const AnsweredFrame* MarkKeeper::Find(std::uint32_t frame_index) const {
   return nullptr;
 }
 
+// Of a frame that is not remembered.
+std::string MarkKeeper::WhyUnknown(std::uint32_t frame_index) const {
+  const std::string name = "frame " + std::to_string(frame_index);
+  const AnsweredFrame* after = nullptr;
+  for (std::uint64_t back = 1; back <= std::min<std::uint64_t>(num_frames_, kKeptAnswers); ++back) {
+    const AnsweredFrame& frame = frames_[(num_frames_ - back) % kKeptAnswers];
+    if (frame.frame_index > frame_index) {
+      after = &frame;
+      continue;
+    }
+    if (after == nullptr) break;
+    if (after->number == frame.number + 1) return name + " was not tracked: it was dropped or damaged";
+    return name + " is not known: mapping was busy for too long";
+  }
+  return name + " is not one of the last " + std::to_string(kKeptAnswers);
+}
+
 Result<FittedWall> MarkKeeper::FitAround(const SE3& cam_from_map, KeyframeHandle keyframe, const Eigen::Vector2d& pixel,
                                          int num_neighbours) {
   // What the nearest keyframe sees is in sight; what its neighbours see may lie behind a fold.
@@ -83,10 +100,7 @@ Result<MarkId> MarkKeeper::Set(const MarkRequest& request) {
   }
   const AnsweredFrame* frame = Find(request.frame_index);
   if (frame == nullptr) {
-    return NotFound(request.frame_index == kNewestFrame
-                        ? std::string("there is no frame yet")
-                        : "frame " + std::to_string(request.frame_index) + " is not one of the last " +
-                              std::to_string(kKeptAnswers));
+    return NotFound(request.frame_index == kNewestFrame ? "there is no frame yet" : WhyUnknown(request.frame_index));
   }
   const std::string name = "frame " + std::to_string(frame->frame_index);
   if (frame->reference_keyframe == kNoId) {
@@ -97,6 +111,9 @@ Result<MarkId> MarkKeeper::Set(const MarkRequest& request) {
   if (!keyframe ||
       !atlas.Resolve(frame->reference_keyframe, frame->cam_from_reference, frame->reference_scale, &pose)) {
     return FailedPrecondition(name + ": its map was dropped");
+  }
+  if (frame->map_epoch < atlas.keyframe(keyframe).turned_at) {
+    return FailedPrecondition(name + ": its map has taken another shape since; mark a newer frame");
   }
   HAUSTRA_ASSIGN(const FittedWall patch, FitAround(pose.cam_from_map, keyframe, request.pixel, kNeighboursOfMark));
   Eigen::Vector3d ray;
@@ -127,7 +144,14 @@ Status MarkKeeper::Remove(std::string_view label) {
   return Status::Ok();
 }
 
-void MarkKeeper::Refine() {
+void MarkKeeper::MapWasTurned() {
+  state_.turned = state_.active;
+  Refine(kMaxMarks, kNeighboursOfMark);
+}
+
+void MarkKeeper::Refine() { Refine(kRefinedPerKeyframe, 0); }
+
+void MarkKeeper::Refine(int most, int num_neighbours) {
   Atlas& atlas = state_.atlas;
   const std::uint32_t num_slots = atlas.marks().capacity();
   if (atlas.marks().size() == 0) return;
@@ -135,7 +159,7 @@ void MarkKeeper::Refine() {
   std::array<MarkHandle, kMaxMarks> handles;
   atlas.marks().ForEach([&](MarkHandle handle, const Mark&) { handles[handle.index] = handle; });
   int num_refined = 0;
-  for (std::uint32_t i = 0; i < num_slots && num_refined < kRefinedPerKeyframe; ++i) {
+  for (std::uint32_t i = 0; i < num_slots && num_refined < most; ++i) {
     const MarkHandle handle = handles[next_to_refine_ % num_slots];
     next_to_refine_ = (next_to_refine_ + 1) % num_slots;
     if (!handle) continue;
@@ -146,7 +170,7 @@ void MarkKeeper::Refine() {
     Eigen::Vector2d pixel;
     if (!state_.camera.Project(mark.point_in_anchor, &pixel)) continue;
     // The ray stays: it is where the doctor pointed. Only how far away the wall is along it is better known now.
-    const Result<FittedWall> patch = FitAround(keyframe.cam_from_map, mark.keyframe, pixel, 0);
+    const Result<FittedWall> patch = FitAround(keyframe.cam_from_map, mark.keyframe, pixel, num_neighbours);
     if (!patch.ok()) continue;
     const PlacedMark before = atlas.PlaceOf(mark);
     PlacedMark place = PlaceOn(*patch, mark.point_in_anchor.normalized(), keyframe.cam_from_map, keyframe.map);

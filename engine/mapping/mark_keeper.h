@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <string_view>
 
 #include "engine/atlas/mark.h"
@@ -39,18 +40,23 @@ class MarkKeeper {
   // Takes what the tracker has answered since; between two steps of the mapper.
   void HearTracker();
 
-  // kFailedPrecondition: the frame has no measured pose, or too little of the map is near. kNotFound: no such frame
-  // is remembered. kInvalidArgument: label, or a pixel that shows no scene. kCapacityExceeded: there are as many as may
-  // be.
+  // kFailedPrecondition: the frame has no measured pose, or one of before the map was built anew, or too little of the
+  // map is near. kNotFound: no such frame is remembered. kInvalidArgument: label, or a pixel that shows no scene.
+  // kCapacityExceeded: there are as many as may be.
   Result<MarkId> Set(const MarkRequest& request);
   // kNotFound.
   Status Remove(std::string_view label);
 
   // Measures some marks of the active map again, in turn, as their keyframes see the wall now.
   void Refine();
+  // The active map was built anew (relief_check.h): all of them now, along the rays that their keyframes have still. As
+  // in Set, neighbours are asked where a keyframe knows too little: any wall is nearer to the truth than none.
+  void MapWasTurned();
 
  private:
   const AnsweredFrame* Find(std::uint32_t frame_index) const;
+  std::string WhyUnknown(std::uint32_t frame_index) const;
+  void Refine(int most, int num_neighbours);
   bool MayBeElsewhere(MapHandle map) const;
   Result<FittedWall> FitAround(const SE3& cam_from_map, KeyframeHandle keyframe, const Eigen::Vector2d& pixel,
                                int num_neighbours);

@@ -18,6 +18,7 @@ struct AnsweredFrame {
   std::uint64_t number = 0;  // among all that were answered, from 1; TrackingLink::Answer gives it
   std::uint32_t frame_index = 0;
   TimePoint timestamp;
+  std::uint64_t map_epoch = 0;            // reframings that tracking had heard of
   KeyframeId reference_keyframe = kNoId;  // kNoId: no pose was measured
   SE3 cam_from_reference;
   double reference_scale = 1.0;

@@ -134,6 +134,7 @@ void Tracker::TellMapper(const FrameResult& result) {
   AnsweredFrame answered;
   answered.frame_index = result.frame_index;
   answered.timestamp = result.timestamp;
+  answered.map_epoch = result.map_epoch;
   if (result.state == TrackingState::kTracking && result.reason != TrackingReason::kPredicted) {
     answered.reference_keyframe = result.reference_keyframe;
     answered.cam_from_reference = result.cam_from_reference;

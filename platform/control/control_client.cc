@@ -5,7 +5,10 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <chrono>
+#include <cstdint>
 #include <cstring>
 #include <system_error>
 #include <utility>
@@ -38,8 +41,13 @@ Result<std::string> ControlClient::Ask(std::string_view packet, Duration limit) 
   // A daemon that turns a client away says why before it is asked; so the answer is read even if sending fails.
   const ssize_t sent = ::send(socket_, packet.data(), packet.size(), MSG_NOSIGNAL);
   pollfd poll{socket_, POLLIN, 0};
-  const auto limit_ms = std::chrono::duration_cast<std::chrono::milliseconds>(limit).count();
-  const int ready = ::poll(&poll, 1, static_cast<int>(limit_ms));
+  const auto end = std::chrono::steady_clock::now() + limit;
+  int ready = -1;
+  // A signal that does not end this process does not end the wait.
+  do {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now()).count();
+    ready = ::poll(&poll, 1, static_cast<int>(std::max<std::int64_t>(left, 0)));
+  } while (ready < 0 && errno == EINTR);
   if (ready == 0) return Status(StatusCode::kDeadlineExceeded, "haustrad did not answer in time");
   std::vector<char> reply(kMaxReplyBytes);
   const ssize_t count = ready < 0 ? -1 : ::recv(socket_, reply.data(), reply.size(), 0);

@@ -23,7 +23,9 @@ constexpr std::array<CommandName, 9> kCommands{{{"status", ControlCommand::kStat
                                                 {"marks", ControlCommand::kMarks},
                                                 {"unmark", ControlCommand::kUnmark}}};
 constexpr std::string_view kKnown =
-    "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME, mark X Y LABEL [FRAME], marks, unmark LABEL";
+    "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME, mark X Y LABEL [FRAME [PROCEDURE]], marks, "
+    "unmark LABEL [PROCEDURE]";
+constexpr std::string_view kMarkForm = "; mark X Y LABEL [FRAME [PROCEDURE]]";
 
 bool IsPrintable(char c) { return c >= 0x20 && c < 0x7f; }
 
@@ -56,15 +58,24 @@ std::string_view TakeWord(std::string_view* text) {
   return word;
 }
 
+// May be left out.
+Status ParseProcedure(std::string_view argument, ControlRequest* request) {
+  if (argument.empty()) return Status::Ok();
+  std::uint64_t number = 0;
+  if (!ParseAll(argument, &number)) return InvalidArgument(Quoted(argument) + " is no number of a procedure");
+  request->procedure = number;
+  return Status::Ok();
+}
+
 Status ParseMark(std::string_view argument, ControlRequest* request) {
   const auto missing = [](const char* what) {
-    return InvalidArgument(std::string("mark: ") + what + " is missing; mark X Y LABEL [FRAME]");
+    return InvalidArgument(std::string("mark: ") + what + " is missing" + std::string(kMarkForm));
   };
   for (double* value : {&request->x_px, &request->y_px}) {
     if (argument.empty()) return missing(value == &request->x_px ? "X" : "Y");
     const std::string_view word = TakeWord(&argument);
     if (!ParseAll(word, value) || !(std::abs(*value) <= kMaxMarkPixel)) {
-      return InvalidArgument("mark: " + Quoted(word) + " is no pixel; mark X Y LABEL [FRAME]");
+      return InvalidArgument("mark: " + Quoted(word) + " is no pixel" + std::string(kMarkForm));
     }
   }
   if (argument.empty()) return missing("LABEL");
@@ -75,10 +86,11 @@ Status ParseMark(std::string_view argument, ControlRequest* request) {
   }
   request->name = name;
   if (argument.empty()) return Status::Ok();
+  const std::string_view frame = TakeWord(&argument);
   std::uint32_t frame_index = 0;
-  if (!ParseAll(argument, &frame_index)) return InvalidArgument("mark: " + Quoted(argument) + " is no frame number");
+  if (!ParseAll(frame, &frame_index)) return InvalidArgument("mark: " + Quoted(frame) + " is no frame number");
   request->frame_index = frame_index;
-  return Status::Ok();
+  return ParseProcedure(argument, request);
 }
 
 }  // namespace
@@ -101,13 +113,13 @@ Result<ControlRequest> ParseControlRequest(std::string_view packet) {
   }
   const std::size_t space = packet.find(' ');
   const std::string_view word = packet.substr(0, space);
-  const std::string_view argument = space == std::string_view::npos ? std::string_view() : packet.substr(space + 1);
+  std::string_view argument = space == std::string_view::npos ? std::string_view() : packet.substr(space + 1);
   const auto* found =
       std::find_if(kCommands.begin(), kCommands.end(), [&](const CommandName& c) { return c.name == word; });
   if (found == kCommands.end()) {
     return InvalidArgument("unknown request " + Quoted(word) + "; there are " + std::string(kKnown));
   }
-  if (space != std::string_view::npos && argument.empty()) return InvalidArgument("request ends in a space");
+  if (packet.ends_with(' ')) return InvalidArgument("request ends in a space");
 
   ControlRequest request;
   request.command = found->command;
@@ -125,8 +137,11 @@ Result<ControlRequest> ParseControlRequest(std::string_view packet) {
     case ControlCommand::kMark: HAUSTRA_TRY(ParseMark(argument, &request)); break;
     case ControlCommand::kUnmark:
       if (argument.empty()) return InvalidArgument("unmark: LABEL is missing");
-      if (!IsMarkName(argument)) return InvalidArgument("unmark: " + Quoted(argument) + " is not a label of a mark");
-      request.name = argument;
+      request.name = TakeWord(&argument);
+      if (!IsMarkName(request.name)) {
+        return InvalidArgument("unmark: " + Quoted(request.name) + " is not a label of a mark");
+      }
+      HAUSTRA_TRY(ParseProcedure(argument, &request));
       break;
     case ControlCommand::kEnd:
       if (argument.empty()) break;
@@ -151,6 +166,7 @@ std::string ToText(const ControlRequest& request) {
   }
   if (!request.name.empty()) text += " " + request.name;
   if (request.frame_index) text += " " + NumberText(*request.frame_index);
+  if (request.procedure) text += " " + NumberText(*request.procedure);
   if (request.keep) text += *request.keep ? " keep" : " wipe";
   return text;
 }

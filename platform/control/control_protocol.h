@@ -7,11 +7,15 @@
 //   resume             goes on with the procedure that a crash or power cut interrupted
 //   end [keep|wipe]    ends the procedure; what becomes of its data, if not what the configuration says
 //   save NAME          all maps into NAME.atlas in the folder for saved maps
-//   mark X Y LABEL [FRAME]
+//   mark X Y LABEL [FRAME [PROCEDURE]]
 //                      marks the place on the wall that this pixel of this frame shows (default: the newest); both as
 //                      the pose ring counts them, after source.every_nth and source.halve
 //   marks              lists the marks, a line each
-//   unmark LABEL       removes one
+//   unmark LABEL [PROCEDURE]
+//                      removes one
+//
+// PROCEDURE is the number of the procedure that is meant, as the pose ring has it: when another one is open by then the
+// request is refused. Without it that is the one that was open when the request came.
 //
 // Labels and names: 1 to 64 letters, digits, '.', '_' or '-', the first a letter or digit, so that a name can never
 // be a path; those of marks 1 to 31. reentrant.
@@ -48,6 +52,7 @@ struct ControlRequest {
   double x_px = 0.0;
   double y_px = 0.0;
   std::optional<std::uint32_t> frame_index = std::nullopt;
+  std::optional<std::uint64_t> procedure = std::nullopt;  // kMark, kUnmark: that it is meant for
 };
 
 // Status and metrics: they change nothing.

@@ -400,7 +400,7 @@ std::optional<Result<std::string>> Daemon::Handle(ControlServer::ClientId client
       {{"what", ToText(request)}, {"uid", std::to_string(peer.uid)}, {"pid", std::to_string(peer.pid)}});
   // Without those of clients that have gone there are no more than clients, and those have a limit.
   std::erase_if(held_, [this](const Held& held) { return !IsWanted(held); });
-  held_.push_back({client, request});
+  held_.push_back({client, request, request.procedure.value_or(number_)});
   return std::nullopt;
 }
 
@@ -410,7 +410,8 @@ bool Daemon::IsWanted(const Held& held) const {
   return false;
 }
 
-Status Daemon::Refusal(const ControlRequest& request) const {
+Status Daemon::Refusal(const Held& held) const {
+  const ControlRequest& request = held.request;
   switch (request.command) {
     case ControlCommand::kBegin:
     case ControlCommand::kResume: {
@@ -435,6 +436,11 @@ Status Daemon::Refusal(const ControlRequest& request) const {
     case ControlCommand::kMarks:
     case ControlCommand::kUnmark:
       if (!is_open()) return FailedPrecondition("no procedure is open");
+      // Frames are numbered anew, and it may be another patient's.
+      if (request.command != ControlCommand::kMarks && held.procedure != number_) {
+        return FailedPrecondition("meant for procedure " + std::to_string(held.procedure) + ", but it is procedure " +
+                                  std::to_string(number_) + " that is open now: nothing was done");
+      }
       if (state_.phase != ServicePhase::kRunning) return Unavailable("nothing is tracked now");
       return Status::Ok();
     case ControlCommand::kSave:
@@ -456,7 +462,7 @@ void Daemon::HandleHeld() {
     held_.pop_front();
     // Who has given up has perhaps done something else: nothing begins or ends that nobody waits for.
     if (!IsWanted(held)) continue;
-    if (const Status refusal = Refusal(held.request); !refusal.ok()) {
+    if (const Status refusal = Refusal(held); !refusal.ok()) {
       control_->Reply(held.client, refusal, clock_.Now());
       continue;
     }

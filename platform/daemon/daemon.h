@@ -63,6 +63,7 @@ class Daemon {
   struct Held {
     ControlServer::ClientId client = 0;
     ControlRequest request;
+    std::uint64_t procedure = 0;  // that it is meant for
   };
   enum class SaveKind { kCheckpoint, kNamed, kKeep, kFinal };
   struct Save {
@@ -133,7 +134,7 @@ class Daemon {
   // Whether somebody still waits for the answer; the log tells when not.
   bool IsWanted(const Held& held) const;
   // Why a request cannot be now.
-  Status Refusal(const ControlRequest& request) const;
+  Status Refusal(const Held& held) const;
   std::string StatusText(TimePoint now) const;
   std::string MetricsText(TimePoint now) const;
   std::string OneLine() const;

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "capture/files/file_sink.h"
+#include "capture/files/rename.h"
 #include "capture/files/wipe_file.h"
 #include "platform/control/control_protocol.h"
 #include "platform/daemon/log.h"
@@ -204,7 +205,7 @@ Status ProcedureStore::Close() const {
 Result<std::string> ProcedureStore::KeepCheckpoint(const std::string& name) const {
   const std::string free = FreeName(name);
   const std::string path = saved_path(free);
-  if (::renameat2(AT_FDCWD, checkpoint_path().c_str(), AT_FDCWD, path.c_str(), RENAME_NOREPLACE) != 0) {
+  if (!RenameToFreeName(checkpoint_path(), path)) {
     return Unavailable(path + ": cannot be put into place: " + ErrorText(errno));
   }
   HAUSTRA_TRY(SyncFolderOf(path));

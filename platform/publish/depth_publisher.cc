@@ -151,9 +151,12 @@ bool DepthPublisher::Tell(const Engine& engine, KeyframeHandle handle, int* dept
   Eigen::Map<Eigen::Vector3d>(record.position_mu) = map_from_cam.translation;
   Eigen::Map<Eigen::Vector4d>(record.orientation_xyzw) = map_from_cam.rotation.coeffs();
   record.scale = atlas.KeyframeScale(handle);
-  record.depth = told.record.depth;
+  const KeptDepth* kept = engine.depths() ? engine.depths()->DepthOf(handle) : nullptr;
+  // What was told is gone when the map was built anew, also when there is another one by now.
+  const std::uint64_t turned_at = kept != nullptr ? kept->turned_at : 0;
+  record.depth = kept != nullptr && turned_at == told.turned_at ? told.record.depth : 0;
   bool has_to_wait = false;
-  if (const KeptDepth* kept = engine.depths() ? engine.depths()->DepthOf(handle) : nullptr; kept != nullptr) {
+  if (kept != nullptr) {
     if (record.depth == 0 && *depths_left > 0) {
       --*depths_left;
       FillDepth(kept->depth, kept->bgr, cell_step_, depth_.get());
@@ -168,7 +171,7 @@ bool DepthPublisher::Tell(const Engine& engine, KeyframeHandle handle, int* dept
   // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
   if (told.keyframe == handle && std::memcmp(&told.record, &record, sizeof record) == 0) return has_to_wait;
   table_.PublishKeyframe(handle.index, record);
-  told = {handle, record};
+  told = {handle, record, turned_at};
   return has_to_wait;
 }
 

@@ -39,6 +39,7 @@ class DepthPublisher {
   struct Told {
     KeyframeHandle keyframe;  // invalid: the slot is empty
     haustra_depth_keyframe record{};
+    std::uint64_t turned_at = 0;  // KeptDepth::turned_at of its depth
   };
 
   bool Tell(const Engine& engine, KeyframeHandle handle, int* depths_left);

@@ -16,7 +16,8 @@
  * What holds:
  *   - The writer never waits for a reader and never looks at one. A reader gets whole records or none.
  *   - A slot belongs to one keyframe until that goes; then it is empty, or another one's. Keyframes move with every
- *     bundle, and with joins to another map: the record comes anew, the depth stays what it was.
+ *     bundle, and with joins to another map: the record comes anew, the depth stays what it was. Where a young map is
+ *     built anew the depth goes, and may come again as another one.
  *   - The table is some hundreds of milliseconds behind the poses (publish.snapshot_interval_ms), and may be read while
  *     it is written: where a map was moved as a whole map_epoch tells records of before and after apart.
  *   - It holds colours of a patient's colon: whoever may read the poses may read them. At the end of a procedure they

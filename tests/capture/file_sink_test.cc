@@ -3,11 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fcntl.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -17,6 +21,30 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
+
+// As file systems do that cannot exchange two names or refuse one that is taken (FAT, NFS).
+bool knows_flags_of_rename = true;
+
+struct PlainFileSystem {
+  PlainFileSystem() { knows_flags_of_rename = false; }
+  ~PlainFileSystem() { knows_flags_of_rename = true; }
+};
+
+}  // namespace
+}  // namespace haustra
+
+// In place of the C library's.
+extern "C" int renameat2(int old_folder, const char* old_name, int new_folder, const char* new_name,
+                         unsigned int flags) noexcept {
+  if (flags != 0 && !haustra::knows_flags_of_rename) {
+    errno = EINVAL;
+    return -1;
+  }
+  return static_cast<int>(::syscall(SYS_renameat2, old_folder, old_name, new_folder, new_name, flags));
+}
+
+namespace haustra {
+namespace {
 
 class FileSinkTest : public ::testing::Test {
  protected:
@@ -35,6 +63,7 @@ class FileSinkTest : public ::testing::Test {
     text << stream.rdbuf();
     return text.str();
   }
+  void KillOften();
   std::ptrdiff_t num_files() const { return std::distance(fs::directory_iterator(folder_), fs::directory_iterator()); }
 
   fs::path folder_;
@@ -148,6 +177,26 @@ TEST_F(FileSinkTest, WhatItReplacesIsWipedWhenItIsToBe) {
   EXPECT_EQ(num_files(), 2);
 }
 
+TEST_F(FileSinkTest, WhatItReplacesIsWipedWhereNamesCannotBeExchanged) {
+  RecordProperty("req", "DATA-001");
+  const PlainFileSystem plain;
+  const std::string secret(100000, 's'), seen = (folder_ / "seen").string();
+  for (const bool is_there : {false, true}) {
+    if (is_there) {
+      std::ofstream(path()) << secret;
+      fs::create_hard_link(path(), seen);
+    }
+    Result<FileSink> sink = FileSink::Create(path(), FormerFile::kWiped);
+    ASSERT_TRUE(sink.ok());
+    ASSERT_TRUE(sink->Write("new").ok());
+    const Status status = sink->Commit();
+    ASSERT_TRUE(status.ok()) << status.ToString();
+    EXPECT_EQ(Read(path()), "new");
+  }
+  EXPECT_EQ(Read(seen), std::string(secret.size(), '\0'));
+  EXPECT_EQ(num_files(), 2);
+}
+
 TEST_F(FileSinkTest, WhatIsNotCommittedIsWipedWhenItIsToBe) {
   RecordProperty("req", "DATA-001");
   const std::string secret(100000, 's');
@@ -194,9 +243,28 @@ TEST_F(FileSinkTest, AnotherNameMayBeChosenInTheEnd) {
   EXPECT_EQ(num_files(), 2);
 }
 
+TEST_F(FileSinkTest, WhatIsThereStaysWhereTheSystemCannotRefuseAName) {
+  RecordProperty("req", "DATA-001");
+  const PlainFileSystem plain;
+  std::ofstream(path()) << "old";
+  Result<FileSink> sink = FileSink::Create(path(), FormerFile::kStays);
+  ASSERT_TRUE(sink.ok());
+  ASSERT_TRUE(sink->Write("new").ok());
+  EXPECT_THAT(sink->Commit().message(), HasSubstr("File exists"));
+  EXPECT_EQ(Read(path()), "old");
+  EXPECT_EQ(num_files(), 1);
+  Result<FileSink> second = FileSink::Create(path(), FormerFile::kStays);
+  ASSERT_TRUE(second.ok());
+  ASSERT_TRUE(second->Write("new").ok());
+  const std::string other = (folder_ / "map-2.ply").string();
+  const Status status = second->CommitAs(other);
+  ASSERT_TRUE(status.ok()) << status.ToString();
+  EXPECT_EQ(Read(other), "new");
+  EXPECT_EQ(num_files(), 2);
+}
+
 // A child writes one file after the other under one name until it is killed, at another moment each time.
-TEST_F(FileSinkTest, KillAtAnyMomentLeavesAWholeFile) {
-  RecordProperty("req", "DMN-005");
+void FileSinkTest::KillOften() {
   const std::string first(150000, 'a'), second(90000, 'b');
   std::ofstream(path()) << first;
   int num_seen_temporary = 0;
@@ -224,6 +292,17 @@ TEST_F(FileSinkTest, KillAtAnyMomentLeavesAWholeFile) {
     }
   }
   EXPECT_GT(num_seen_temporary, 0) << "no kill came in the middle";
+}
+
+TEST_F(FileSinkTest, KillAtAnyMomentLeavesAWholeFile) {
+  RecordProperty("req", "DMN-005");
+  KillOften();
+}
+
+TEST_F(FileSinkTest, KillAtAnyMomentLeavesAWholeFileWhereNamesCannotBeExchanged) {
+  RecordProperty("req", "DMN-005");
+  const PlainFileSystem plain;
+  KillOften();
 }
 
 // A link with the name of the next temporary file, to something else.

@@ -39,7 +39,7 @@ window.EventSource = class {
 window.poseAt = (t_s, map = 0) => ({frame: 25 * t_s, t_s, published_ms: 9, state: 'tracking', reason: 'none', is_predicted: false,
   map, epoch: 0, features: 500, inliers: 100, position: [0, 0, t_s], orientation: [0, 0, 0, 1],
   marks: [{id: 1, state: 'in_front', distance: 1}]});
-window.mapOf = id => ({map: id, epoch: 0, num_points: 2, num_keyframes: 2, num_maps: 1, points: btoa('\\0'.repeat(24)),
+window.mapOf = id => ({map: id, procedure: 3, epoch: 0, num_points: 2, num_keyframes: 2, num_maps: 1, points: btoa('\\0'.repeat(24)),
   keyframes: btoa('\\0'.repeat(24)), marks: [{id: 1, label: 'polyp', map: id, position: [0, 0, 1]}]});
 window.wallOf = (id, t_s) => ({map: id, epoch: 0, t_s, keyframes: 2, depths: 2, triangles: 0, refused_blocks: 0, scope: 0.5,
   lumen: {found: true, passed_radii: 4}, wall_coverage: 0.5, seen_poorly: 0.25, picture: 'iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGNgYPgPAAEDAQAIicLsAAAAAElFTkSuQmCC'});
@@ -48,7 +48,7 @@ window.wallOf = (id, t_s) => ({map: id, epoch: 0, t_s, keyframes: 2, depths: 2, 
 ASKED_FOR = """
 window.asked = [];
 window.fetch = async request => { asked.push(decodeURIComponent(request)); return {ok: true, text: async () => 'done'}; };
-window.pictureOf = frame => ({frame, width: 40, height: 20, step: 4, num_matched: 0, points: [], marks: [],
+window.pictureOf = frame => ({frame, procedure: 3, width: 40, height: 20, step: 4, num_matched: 0, points: [], marks: [],
   jpeg: document.createElement('canvas').toDataURL('image/jpeg').split(',')[1]});
 """
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
@@ -340,7 +340,7 @@ class PageTest(unittest.TestCase):
             # The middle of pixel 10, 5 of 40x20 that are every fourth one of the frame.
             page.value(CLICK_PICTURE % (10.5 / 40, 5.5 / 20))
             words = page.value("asked")[0].split()
-            self.assertEqual([words[0], *words[3:]], ["do?request=mark", "mark-1", "7"])
+            self.assertEqual([words[0], *words[3:]], ["do?request=mark", "mark-1", "7", "3"])
             # The mouse stands on whole pixels of the screen, which are half as large as those of the frame.
             self.assertAlmostEqual(float(words[1]), 40, delta=0.6)
             self.assertAlmostEqual(float(words[2]), 20, delta=0.6)
@@ -349,19 +349,19 @@ class PageTest(unittest.TestCase):
             # A label of one's own; names that are taken are not proposed; Escape leaves it.
             page.value("document.getElementById('marking-label').value = ' fold.2 '; " + begin)
             page.value(CLICK_PICTURE % (0, 0))
-            self.assertEqual(page.value("asked[1]"), "do?request=mark 0.0 0.0 fold.2 9")
+            self.assertEqual(page.value("asked[1]"), "do?request=mark 0.0 0.0 fold.2 9 3")
             page.value("tell('map', {...mapOf(0), marks: [{id: 1, label: 'mark-1', map: 0, position: [0, 0, 1]}]}); " + begin)
             page.value("document.dispatchEvent(new KeyboardEvent('keydown', {key: 'Escape'}))")
             page.value(CLICK_PICTURE % (0.5, 0.5))
             self.assertEqual(page.value("asked.length"), 2)
             page.value(begin)
             page.value(CLICK_PICTURE % (0, 0))
-            self.assertEqual(page.value("asked[2]"), "do?request=mark 0.0 0.0 mark-2 9")
+            self.assertEqual(page.value("asked[2]"), "do?request=mark 0.0 0.0 mark-2 9 3")
             # One click removes nothing, and the row stays the same while poses come.
             page.value("document.querySelector('#marks .remove').click(); tell('poses', [poseAt(2)])")
             self.assertEqual(page.value("asked.length"), 3)
             page.value("document.querySelector('#marks .remove').click()")
-            self.assertEqual(page.value("asked[3]"), "do?request=unmark mark-1")
+            self.assertEqual(page.value("asked[3]"), "do?request=unmark mark-1 3")
             # Of a procedure that has ended nothing can be pointed at.
             page.value("tell('fresh', {}); " + begin)
             self.assertFalse(page.value("haustra.marking.isAiming()"))

@@ -17,7 +17,7 @@ void FuzzControlProtocol(std::span<const std::uint8_t> bytes) {
     const Result<ControlRequest> again = ParseControlRequest(ToText(*request));
     HAUSTRA_CHECK(again.ok() && again->command == request->command && again->name == request->name &&
                   again->keep == request->keep && again->x_px == request->x_px && again->y_px == request->y_px &&
-                  again->frame_index == request->frame_index);
+                  again->frame_index == request->frame_index && again->procedure == request->procedure);
   } else {
     const std::string message = request.status().message();
     HAUSTRA_CHECK(!message.empty() && message.size() < 400);

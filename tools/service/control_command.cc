@@ -53,8 +53,8 @@ void AddControlCommand(CLI::App& app, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("control", "One request to a running haustrad");
   command
       ->add_option("request", arguments->words,
-                   "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME, mark X Y LABEL [FRAME], marks, "
-                   "unmark LABEL")
+                   "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME, mark X Y LABEL "
+                   "[FRAME [PROCEDURE]], marks, unmark LABEL [PROCEDURE]")
       ->required();
   command->add_option("--folder", arguments->folder, "Runtime folder of the daemon")->capture_default_str();
   command->add_option("--timeout", arguments->timeout_s, "Seconds to wait for the answer")

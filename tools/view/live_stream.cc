@@ -193,6 +193,7 @@ void LiveStream::TellMap(std::string* news) {
   next_map_ns_ = now_ns + kMapInterval_ns;
   Say("map",
       {{"map", MapId(snapshot_->map_id)},
+       {"procedure", snapshot_->procedure},
        {"epoch", snapshot_->map_epoch},
        {"num_points", snapshot_->num_map_points},
        {"num_keyframes", snapshot_->num_map_keyframes},
@@ -228,11 +229,9 @@ void LiveStream::TellPicture(std::string* news) {
   const ImageView image{picture_->pixels, width, height, width * channels,
                         channels == 1 ? PixelFormat::kGrey8 : PixelFormat::kBgr8};
   if (!capture::internal::EncodeJpeg(image, kJpegQuality, &jpeg).ok()) return;
-  Json json = {{"frame", picture_->frame_index},
-               {"width", width},
-               {"height", height},
-               {"step", picture_->step},
-               {"jpeg", report::ToBase64(jpeg)}};
+  Json json = {
+      {"frame", picture_->frame_index}, {"procedure", picture_->procedure}, {"width", width}, {"height", height},
+      {"step", picture_->step},         {"jpeg", report::ToBase64(jpeg)}};
   json["num_matched"] = answer == HAUSTRA_OK ? matches_->num_matched : 0;
   json["points"] = Json::array();
   for (std::uint32_t i = 0; answer == HAUSTRA_OK && i < matches_->num_points; ++i) {

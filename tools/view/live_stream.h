@@ -7,12 +7,12 @@
 //            position and orientation (map_from_cam, absent without a pose), features, inliers, and where its map has
 //            marks: marks (live_marks.h)
 //   events   array, in order: frame, t_s, event, map, other_map, keyframes, points
-//   map      the active map, at most once a second: map, epoch, num_points, num_keyframes, num_maps, and as columns
-//            (column.h) points and keyframes (float32 x y z, the oldest keyframe first); marks of all maps
+//   map      the active map, at most once a second: map, procedure, epoch, num_points, num_keyframes, num_maps, and as
+//            columns (column.h) points and keyframes (float32 x y z, the oldest keyframe first); marks of all maps
 //            (live_marks.h)
-//   picture  where haustrad publishes it (publish.view): frame, width, height, step (it holds every step-th pixel of
-//            the frame), jpeg (base64), num_matched, points (x, y in pixels of the picture, one after the other), marks
-//            that may be drawn (live_marks.h); as soon as its frame was answered
+//   picture  where haustrad publishes it (publish.view): frame, procedure, width, height, step (it holds every step-th
+//            pixel of the frame), jpeg (base64), num_matched, points (x, y in pixels of the picture, one after the
+//            other), marks that may be drawn (live_marks.h); as soon as its frame was answered
 //   wall     where it publishes depth (publish.depth): what live_surface.h says; an empty object: nothing (any more).
 //            Its mesh is the resource wall.ply
 // Times count from any moment, lengths are map units.

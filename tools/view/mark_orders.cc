@@ -19,6 +19,7 @@ Result<std::string> PassMarkOrder(const std::string& folder, std::string_view re
     return InvalidArgument("only marks can be set and removed here");
   }
   if (sets && !parsed.frame_index) return InvalidArgument("a mark needs the number of its frame");
+  if (!parsed.procedure) return InvalidArgument("the number of the procedure is missing");
   HAUSTRA_ASSIGN(ControlClient client, ControlClient::Connect(folder + "/" + std::string(kControlSocket)));
   return client.Ask(parsed, kLimit);
 }

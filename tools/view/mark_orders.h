@@ -8,9 +8,9 @@
 
 namespace haustra::view {
 
-// request: "mark X Y LABEL FRAME" or "unmark LABEL" of control_protocol.h; nothing else is passed on. folder: where
-// haustrad keeps its files. The answer of haustrad, a text for people. kInvalidArgument: another request, or a mark
-// without its frame: by now the newest one shows another place. Errors of ControlClient.
+// request: "mark X Y LABEL FRAME PROCEDURE" or "unmark LABEL PROCEDURE" of control_protocol.h; nothing else is passed
+// on. folder: where haustrad keeps its files. The answer of haustrad, a text for people. kInvalidArgument: another
+// request, or one without its frame or its procedure: by now there may be another one. Errors of ControlClient.
 Result<std::string> PassMarkOrder(const std::string& folder, std::string_view request);
 
 }  // namespace haustra::view

@@ -263,9 +263,9 @@ int ScriptedCamera::Answer(unsigned long request, void* argument) {
       next_picture_ = now + period();
       return 0;
     case VIDIOC_STREAMOFF: is_streaming_ = false; return 0;
-    case VIDIOC_SUBSCRIBE_EVENT: return 0;
+    case VIDIOC_SUBSCRIBE_EVENT: subscribed_input_ = static_cast<v4l2_event_subscription*>(argument)->id; return 0;
     case VIDIOC_DQEVENT: {
-      if (!has_source_change) return -ENOENT;
+      if (!has_source_change || !IsSubscribed()) return -ENOENT;
       has_source_change = false;
       static_cast<v4l2_event*>(argument)->type = V4L2_EVENT_SOURCE_CHANGE;
       return 0;
@@ -304,7 +304,7 @@ int ScriptedCamera::Poll(int fd, short, Duration timeout, short* found) {
       *found = POLLERR | POLLHUP;
       return 1;
     }
-    if (has_source_change) *found |= POLLPRI;
+    if (has_source_change && IsSubscribed()) *found |= POLLPRI;
     if (!filled_.empty()) *found |= POLLIN;
     if (*found != 0) return 1;
     if (now >= end) return 0;

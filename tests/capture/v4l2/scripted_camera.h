@@ -4,11 +4,13 @@
 
 #include <linux/videodev2.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -120,6 +122,8 @@ class ScriptedCamera final : public DeviceIo {
   void MoveTo(TimePoint then);
   void TakePicture(TimePoint stamp);
   void Paint(std::uint32_t sequence, std::uint8_t* to) const;
+  // To the event of the input that is set.
+  bool IsSubscribed() const { return subscribed_input_ == static_cast<std::uint32_t>(std::max(0, set_input)); }
   Duration period() const { return Duration(static_cast<std::int64_t>(1e9 / rate_hz_)); }
 
   bool is_open_ = false;
@@ -136,6 +140,7 @@ class ScriptedCamera final : public DeviceIo {
   std::deque<std::uint32_t> queued_;
   std::deque<Filled> filled_;
   std::uint32_t num_taken_ = 0;
+  std::optional<std::uint32_t> subscribed_input_;
   TimePoint next_picture_;
 };
 

@@ -352,6 +352,31 @@ TEST(V4l2Source, OfFieldsThatComeOneByOneTheOthersAreLeftOut) {
   EXPECT_EQ(source->counters().num_left_out, 1u);
 }
 
+// By now its size is known, and a driver that is asked for the whole picture answers with a field.
+TEST(V4l2Source, ACameraOfFieldsThatComeOneByOneComesBack) {
+  ScriptedCamera camera;
+  camera.field = V4L2_FIELD_ALTERNATE;
+  camera.modes.front().height_px = 24;
+  camera.modes.front().rates_hz = {50};
+  V4l2Options options = Options();
+  options.field = FieldChoice::kBottom;
+  SequenceOptions sequence;
+  sequence.halve = true;
+  for (const int height_px : {0, 48}) {
+    options.width_px = height_px > 0 ? 64 : 0;
+    options.height_px = height_px;
+    const auto source = MustOpen(camera, options, sequence);
+    ASSERT_NE(source, nullptr);
+    ASSERT_TRUE(source->Next(kNoDeadline).ok());
+    camera.is_present = false;
+    EXPECT_FALSE(source->Next(kNoDeadline).ok());
+    camera.is_present = true;
+    const Result<Frame> frame = source->Next(kNoDeadline);
+    ASSERT_TRUE(frame.ok()) << frame.status().ToString();
+    EXPECT_EQ(frame->image.height, 24);
+  }
+}
+
 // Pixels.
 
 TEST(V4l2Source, PicturesAreGivenOutWhereTheCameraWroteThem) {
@@ -504,6 +529,17 @@ TEST(V4l2Source, EveryNthIsTakenOfACameraThatDoesNotSayItsRate) {
   }
 }
 
+// Each frame that is left out is reported: a million of them would keep the reader busy for a while.
+TEST(V4l2Source, ADamagedCountOfACameraThatDoesNotSayItsRateDoesNotRunAway) {
+  capture::internal::FrameCounter counter;
+  counter.Restart(0.0, 25.0, 1);
+  const TimePoint begin(seconds(100));
+  EXPECT_EQ(counter.Count(0, begin).index, 0u);
+  EXPECT_LE(counter.Count(1u << 30, begin + milliseconds(40)).index, 10u);
+  // What was lost while nothing came for a second still counts.
+  EXPECT_EQ(counter.Count((1u << 30) + 26, begin + milliseconds(1040)).num_lost, 25u);
+}
+
 TEST(V4l2Source, FastCamerasAreThinnedOutTo25Hz) {
   ScriptedCamera camera;
   camera.modes.front().rates_hz = {50};
@@ -601,6 +637,28 @@ TEST(V4l2Source, AStampAheadOfTheClockCostsOnePictureAtMost) {
   EXPECT_EQ(source->counters().num_unstamped, 1u);
 }
 
+// A driver that has lost the time of its device. The stream goes on, and so must the frames.
+TEST(V4l2Source, StampsThatGoBackForGoodCostAFewPictures) {
+  ScriptedCamera camera;
+  for (std::uint32_t i = 60; i < 110; ++i) camera.faults[i].stamp_shift = -seconds(2);
+  const auto source = MustOpen(camera);
+  TimePoint before;
+  int num_missed = 0, num_refused = 0;
+  for (int i = 0; i < 120; ++i) {
+    const Result<Frame> frame = source->Next(kNoDeadline);
+    num_missed += !frame.ok();
+    if (!frame.ok()) continue;
+    EXPECT_GT(frame->timestamp, before) << frame->index;
+    EXPECT_LE(frame->timestamp, camera.now);
+    EXPECT_EQ(frame->refused_stamp.has_value(), frame->index >= 60 && frame->index < 110) << frame->index;
+    num_refused += frame->refused_stamp.has_value();
+    before = frame->timestamp;
+  }
+  EXPECT_LE(num_missed, 5);
+  EXPECT_GE(num_refused, 45);
+  EXPECT_EQ(source->counters().num_lost, 0u);
+}
+
 TEST(V4l2Source, StampsOfAnotherClockAfterAReplugStopNothing) {
   for (const Duration shift : {-Duration(seconds(500)), Duration(std::chrono::hours(1))}) {
     ScriptedCamera camera;
@@ -696,6 +754,19 @@ TEST(V4l2Source, FatalErrorsOfTheStreamAreSurvived) {
 TEST(V4l2Source, WhenTheSignalChangesTheStreamIsBegunAgain) {
   ScriptedCamera camera;
   const auto source = MustOpen(camera);
+  EXPECT_EQ(Indices(*source, 1), (std::vector<int>{0}));
+  camera.has_source_change = true;
+  EXPECT_EQ(Indices(*source, 3), (std::vector<int>{-1, 1, 2}));
+  EXPECT_EQ(camera.num_streams, 2);
+}
+
+// The event bears the number of the input.
+TEST(V4l2Source, WhenTheSignalOfAChosenInputChangesTheStreamIsBegunAgain) {
+  ScriptedCamera camera;
+  camera.inputs = {"Composite", "HDMI"};
+  V4l2Options options = Options();
+  options.input = "HDMI";
+  const auto source = MustOpen(camera, options);
   EXPECT_EQ(Indices(*source, 1), (std::vector<int>{0}));
   camera.has_source_change = true;
   EXPECT_EQ(Indices(*source, 3), (std::vector<int>{-1, 1, 2}));

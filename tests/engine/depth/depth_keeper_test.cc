@@ -58,6 +58,11 @@ class DepthKeeperTest : public ::testing::Test {
     while (keeper_->Step()) {
     }
   }
+  // The map of the keyframes is built anew, by the reframing of this number.
+  void Turn(std::uint64_t number) {
+    const MapHandle map = atlas_.keyframe(KeyframeOf(0)).map;
+    for (const KeyframeHandle keyframe : atlas_.map(map).keyframes) atlas_.keyframe(keyframe).turned_at = number;
+  }
   KeyframeHandle KeyframeOf(int i) const { return colon_.frames()[i].keyframe; }
   // Answers with a wall at `range` everywhere.
   void Answer(double range) {
@@ -174,6 +179,51 @@ TEST_F(DepthKeeperTest, TheUnitOfTheDepthIsThatOfTheKeyframeThen) {
   DepthMap depth = kept->depth;
   depth.ScaleRanges(atlas_.KeyframeScale(KeyframeOf(0)) / kept->scale);
   EXPECT_NEAR(depth.range_mu(17), 6.0, 5e-3);
+}
+
+TEST_F(DepthKeeperTest, TheDepthOfAMapThatWasTurnedIsForgottenAndSearchedAgain) {
+  Begin();
+  for (std::uint32_t i = 0; i < 3; ++i) HandAndWork(i);
+  Answer(2.0);
+  ASSERT_NE(keeper_->DepthOf(KeyframeOf(0)), nullptr);
+  Turn(1);
+  EXPECT_EQ(keeper_->DepthOf(KeyframeOf(0)), nullptr);
+  EXPECT_EQ(keeper_->num_keyframes(), 0u);
+  Work();
+  ASSERT_NE(mailbox_->Asked(), nullptr) << "its picture is there";
+  EXPECT_EQ(mailbox_->Asked()->keyframe, KeyframeOf(0));
+  Answer(3.0);
+  ASSERT_NE(keeper_->DepthOf(KeyframeOf(0)), nullptr);
+  EXPECT_NEAR(keeper_->DepthOf(KeyframeOf(0))->depth.range_mu(17), 3.0, 1e-2);
+  EXPECT_EQ(mailbox_->Asked(), nullptr) << "once";
+}
+
+TEST_F(DepthKeeperTest, ASearchWhoseMapIsTurnedMeanwhileIsAskedAgain) {
+  Begin();
+  for (std::uint32_t i = 0; i < 3; ++i) HandAndWork(i);
+  ASSERT_NE(mailbox_->Asked(), nullptr);
+  Turn(1);
+  Answer(2.0);
+  EXPECT_EQ(keeper_->DepthOf(KeyframeOf(0)), nullptr);
+  ASSERT_NE(mailbox_->Asked(), nullptr);
+  EXPECT_EQ(mailbox_->Asked()->keyframe, KeyframeOf(0));
+  EXPECT_EQ(keeper_->counters().num_searches, 1u);
+  EXPECT_EQ(keeper_->counters().num_depths, 0u);
+  Answer(3.0);
+  EXPECT_NE(keeper_->DepthOf(KeyframeOf(0)), nullptr);
+  EXPECT_EQ(keeper_->counters().num_in_vain, 0u);
+}
+
+// What knew too little may know enough of the other shape; it is counted once.
+TEST_F(DepthKeeperTest, AThinKeyframeIsTriedAgainWhenItsMapIsTurned) {
+  colon_.config().depth.newer_keyframes = 0;
+  Begin();
+  HandAndWork(0);
+  ASSERT_EQ(keeper_->counters().num_too_little, 1u);
+  Turn(1);
+  ASSERT_TRUE(keeper_->Step());
+  EXPECT_FALSE(keeper_->Step());
+  EXPECT_EQ(keeper_->counters().num_too_little, 1u);
 }
 
 TEST_F(DepthKeeperTest, AStoppedSearchIsAskedAgainAndAFailedOneIsNot) {

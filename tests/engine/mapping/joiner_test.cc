@@ -40,7 +40,7 @@ class JoinerTest : public testing::Test {
   }
 
   // The recogniser says yes; the first slice of what follows.
-  void BeginJoin(int max_milliseconds) {
+  void BeginJoin(int max_milliseconds, bool is_turned_meanwhile = false) {
     join_.colon.config().merging.max_milliseconds = max_milliseconds;
     MakeParts();
     PlaceTask* task = places_->Free();
@@ -51,6 +51,7 @@ class JoinerTest : public testing::Test {
     task->area = {Counts(), plan.keyframe_a, plan.keyframe_b, plan.anchor_a, plan.anchor_b, plan.b_from_a,
                   1.0,      plan.points};
     places_->Ask();
+    if (is_turned_meanwhile) ++state_->counters.num_reliefs_turned;
     places_->Answer();
     EXPECT_TRUE(joiner_->TakeAnswer());
   }
@@ -168,6 +169,23 @@ TEST_F(JoinerTest, JoinWhoseMapTrackingLeavesBeforeTheFirstMoveIsToldAsOutdated)
   ASSERT_TRUE(joiner_->is_joining());
   ASSERT_EQ(state_->counters.num_reframings, 0u);
   GoTo(join_.plan.keyframe_b);
+  ExpectNotJoined(EndJoin(), CommonAreaVerdict::kOutdated);
+}
+
+// The plan, and the graph that was captured for it, are of its former shape.
+TEST_F(JoinerTest, JoinWhoseMapIsBuiltAnewBeforeTheFirstMoveIsToldAsOutdated) {
+  MakeTwoMaps(12, 10, 0.2, Sim3{}, Sim3{}, &join_);
+  join_.colon.config().merging.slice_milliseconds = 1;
+  BeginJoin(10000);
+  ASSERT_TRUE(joiner_->is_joining());
+  ++state_->counters.num_reliefs_turned;
+  ExpectNotJoined(EndJoin(), CommonAreaVerdict::kOutdated);
+}
+
+TEST_F(JoinerTest, AnswerAboutAMapThatWasBuiltAnewMeanwhileIsOutdated) {
+  MakeTwoMaps(12, 10, 0.2, Sim3{}, Sim3{}, &join_);
+  BeginJoin(10000, true);
+  EXPECT_FALSE(joiner_->is_joining());
   ExpectNotJoined(EndJoin(), CommonAreaVerdict::kOutdated);
 }
 

@@ -59,7 +59,16 @@ TEST_F(MarkKeeperTest, ALostFrameDoesNotHideANewerOne) {
   ASSERT_TRUE(link_.answers.TryPop(&heard));
   Answer(kKeptAnswers + 1);
   EXPECT_THAT(WhyRefused(kNewestFrame), HasSubstr("frame 513 has no measured pose"));
-  EXPECT_THAT(WhyRefused(kKeptAnswers), HasSubstr("is not one of the last"));
+  EXPECT_THAT(WhyRefused(kKeptAnswers), HasSubstr("is not known: mapping was busy for too long"));
+}
+
+TEST_F(MarkKeeperTest, AFrameThatWasDroppedIsSaidToBe) {
+  for (const std::uint32_t frame : {7u, 9u, 12u}) Answer(frame);
+  for (const std::uint32_t frame : {8u, 10u, 11u}) {
+    EXPECT_EQ(WhyRefused(frame), "frame " + std::to_string(frame) + " was not tracked: it was dropped or damaged");
+  }
+  EXPECT_THAT(WhyRefused(6), HasSubstr("frame 6 is not one of the last"));
+  EXPECT_THAT(WhyRefused(13), HasSubstr("frame 13 is not one of the last"));
 }
 
 // Whether the last session's frames were heard or still lie in the ring, and whether the ring has lost some.
@@ -134,6 +143,68 @@ TEST_F(MarkOfYoungMapTest, GoesToTheWallWhenTheMapIsTurned) {
   state_.turned = state_.active;
   keeper_.Refine();
   EXPECT_NEAR(Distance(), 1.0, 0.1);
+}
+
+// More of them than are measured in turn, and all of them before their keyframe goes: from another one the ray to a
+// place that is no wall leads elsewhere.
+TEST_F(MarkOfYoungMapTest, AllGoToTheWallBeforeTheirKeyframeIsCulled) {
+  SetMark(0.6);
+  const Mark first = state_.atlas.marks().At(mark_);
+  const PlacedMark place = state_.atlas.PlaceOf(first);
+  constexpr int kNumMarks = 6;
+  std::vector<MarkHandle> marks{mark_};
+  for (int i = 1; i < kNumMarks; ++i) {
+    Mark mark;
+    mark.label = MarkLabel::From("polyp-" + std::to_string(i)).value();
+    marks.push_back(state_.atlas.AddMark(mark, first.keyframe, place));
+  }
+  keeper_.MapWasTurned();
+  const Eigen::Vector3d eye = state_.atlas.keyframe(first.keyframe).cam_from_map.InverseTranslation();
+  state_.atlas.RemoveKeyframe(first.keyframe, colon_.frames()[1].keyframe);
+  for (const MarkHandle mark : marks) {
+    const PlacedMark now = state_.atlas.PlaceOf(state_.atlas.marks().At(mark));
+    EXPECT_NEAR((now.position - eye).norm() / wall_distance_, 1.0, 0.1) << mark.index;
+  }
+}
+
+// What is built anew loses points, and the next cull may come first.
+TEST_F(MarkOfYoungMapTest, GoesToTheWallThatNeighboursSeeWhenItsKeyframeLostThePoints) {
+  SetMark(0.6);
+  const KeyframeHandle handle = colon_.frames().front().keyframe;
+  const Keyframe& keyframe = state_.atlas.keyframe(handle);
+  const Eigen::Vector2d place(0.3 * colon_.camera().width_px(), 0.5 * colon_.camera().height_px());
+  for (int i = 0; i < keyframe.features.num; ++i) {
+    const bool is_near = (keyframe.features.pixel(i) - place).norm() < 0.2 * colon_.camera().width_px();
+    if (keyframe.points[i] && is_near) state_.atlas.RemoveObservation(keyframe.points[i], handle);
+  }
+  keeper_.MapWasTurned();
+  EXPECT_NEAR(Distance(), 1.0, 0.1);
+}
+
+// Where such a frame stood is known of the former shape only.
+TEST_F(MarkOfYoungMapTest, NoFrameIsMarkedThatWasTrackedBeforeTheMapWasTurned) {
+  const KeyframeHandle handle = colon_.frames()[2].keyframe;
+  const Eigen::Vector2d pixel(0.3 * colon_.camera().width_px(), 0.5 * colon_.camera().height_px());
+  const auto answer = [&](std::uint32_t frame_index, std::uint64_t map_epoch) {
+    AnsweredFrame answered;
+    answered.frame_index = frame_index;
+    answered.map_epoch = map_epoch;
+    answered.reference_keyframe = state_.atlas.keyframe(handle).id;
+    link_.Answer(answered);
+  };
+  answer(3, 0);
+  const Result<MarkId> before = keeper_.Set({3, pixel, MarkLabel::From("before").value()});
+  EXPECT_TRUE(before.ok()) << before.status().ToString();
+  state_.atlas.keyframe(handle).turned_at = 1;
+  answer(4, 0);
+  answer(5, 1);
+  for (const std::uint32_t frame : {3u, 4u}) {
+    const Status refused = keeper_.Set({frame, pixel, MarkLabel::From("late").value()}).status();
+    EXPECT_EQ(refused.code(), StatusCode::kFailedPrecondition);
+    EXPECT_THAT(refused.message(), HasSubstr("its map has taken another shape since"));
+  }
+  const Result<MarkId> after = keeper_.Set({5, pixel, MarkLabel::From("after").value()});
+  EXPECT_TRUE(after.ok()) << after.status().ToString();
 }
 
 // A fold may have come between.

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <signal.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -25,8 +26,9 @@ using std::chrono::seconds;
 std::string Message(std::string_view packet) { return ParseControlRequest(packet).status().message(); }
 
 TEST(ControlProtocol, RequestsAreReadAndWrittenAlike) {
-  for (const char* text : {"status", "metrics", "begin", "begin room-3.case_7", "resume", "end", "end keep", "end wipe",
-                           "save 2026-11-21"}) {
+  for (const char* text :
+       {"status", "metrics", "begin", "begin room-3.case_7", "resume", "end", "end keep", "end wipe", "save 2026-11-21",
+        "mark 1 2 a", "mark 1 2 a 7", "mark 1 2 a 7 3", "unmark a", "unmark a 3"}) {
     const Result<ControlRequest> request = ParseControlRequest(text);
     ASSERT_TRUE(request.ok()) << text << ": " << request.status().ToString();
     EXPECT_EQ(ToText(*request), text);
@@ -36,7 +38,10 @@ TEST(ControlProtocol, RequestsAreReadAndWrittenAlike) {
   EXPECT_EQ(mark.y_px, -3.0);
   EXPECT_EQ(mark.name, "polyp_1");
   EXPECT_EQ(mark.frame_index, 77u);
+  EXPECT_EQ(mark.procedure, std::nullopt);
   EXPECT_EQ(ParseControlRequest("mark 1 2 a")->frame_index, std::nullopt);
+  EXPECT_EQ(ParseControlRequest("mark 1 2 a 7 3")->procedure, 3u);
+  EXPECT_EQ(ParseControlRequest("unmark a 18446744073709551615")->procedure, 18446744073709551615u);
   EXPECT_EQ(ParseControlRequest("begin case7\n")->name, "case7");
   EXPECT_EQ(ParseControlRequest("end keep")->keep, true);
   EXPECT_EQ(ParseControlRequest("end")->keep, std::nullopt);
@@ -49,9 +54,9 @@ TEST(ControlProtocol, WhatIsWrongIsSaid) {
   EXPECT_NE(Message("end maybe").find("'maybe' is neither keep nor wipe"), std::string::npos);
   EXPECT_NE(Message("status now").find("takes no argument"), std::string::npos);
   EXPECT_NE(Message("begin ").find("ends in a space"), std::string::npos);
-  EXPECT_EQ(Message("mark"), "mark: X is missing; mark X Y LABEL [FRAME]");
-  EXPECT_EQ(Message("mark 1"), "mark: Y is missing; mark X Y LABEL [FRAME]");
-  EXPECT_EQ(Message("mark 1 2"), "mark: LABEL is missing; mark X Y LABEL [FRAME]");
+  EXPECT_EQ(Message("mark"), "mark: X is missing; mark X Y LABEL [FRAME [PROCEDURE]]");
+  EXPECT_EQ(Message("mark 1"), "mark: Y is missing; mark X Y LABEL [FRAME [PROCEDURE]]");
+  EXPECT_EQ(Message("mark 1 2"), "mark: LABEL is missing; mark X Y LABEL [FRAME [PROCEDURE]]");
   EXPECT_EQ(Message("save"), "save: NAME is missing");
   EXPECT_EQ(Message("unmark"), "unmark: LABEL is missing");
   EXPECT_NE(Message("mark 1 nan a").find("'nan' is no pixel"), std::string::npos);
@@ -59,6 +64,10 @@ TEST(ControlProtocol, WhatIsWrongIsSaid) {
   EXPECT_NE(Message("mark 1 2 " + std::string(32, 'a')).find("is not a label"), std::string::npos);
   EXPECT_NE(Message("mark 1 2 a b").find("'b' is no frame number"), std::string::npos);
   EXPECT_NE(Message("mark 1 2 a -1").find("'-1' is no frame number"), std::string::npos);
+  EXPECT_NE(Message("mark 1 2 a 7 b").find("'b' is no number of a procedure"), std::string::npos);
+  EXPECT_NE(Message("mark 1 2 a 7 3 4").find("'3 4' is no number of a procedure"), std::string::npos);
+  EXPECT_NE(Message("unmark a -1").find("'-1' is no number of a procedure"), std::string::npos);
+  EXPECT_NE(Message("mark 1 2 a ").find("ends in a space"), std::string::npos);
   EXPECT_NE(Message("unmark a/b").find("is not a label"), std::string::npos);
   EXPECT_NE(Message("marks all").find("takes no argument"), std::string::npos);
   EXPECT_NE(Message(std::string("begin a\0b", 9)).find("not printable"), std::string::npos);
@@ -191,6 +200,28 @@ TEST_F(ControlSocket, AnswerMayComeLaterWhileOthersAreServed) {
   EXPECT_EQ(*Connect().Ask("metrics", kLimit), "did metrics");
   answer_now_ = true;
   asking.join();
+  ASSERT_TRUE(saved.ok()) << saved.status().ToString();
+  EXPECT_EQ(*saved, "saved");
+}
+
+// As when the client is stopped and goes on (Ctrl-Z, fg). What was asked for would be dropped with it.
+TEST_F(ControlSocket, ASignalDoesNotEndTheWaitForTheAnswer) {
+  Start({});
+  struct sigaction heard {};
+  struct sigaction before {};
+  heard.sa_handler = [](int) {};
+  ASSERT_EQ(sigaction(SIGUSR2, &heard, &before), 0);
+  ControlClient saver = Connect();
+  Result<std::string> saved = Unavailable("not yet");
+  std::thread asking([&] { saved = saver.Ask("save a", kLimit); });
+  WaitFor([&] { return waiting_ != 0; });
+  for (int i = 0; i < 20; ++i) {
+    pthread_kill(asking.native_handle(), SIGUSR2);
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  answer_now_ = true;
+  asking.join();
+  sigaction(SIGUSR2, &before, nullptr);
   ASSERT_TRUE(saved.ok()) << saved.status().ToString();
   EXPECT_EQ(*saved, "saved");
 }

@@ -796,6 +796,30 @@ TEST_F(DaemonDevice, RequestOfAClientThatHasGoneIsNotCarriedOut) {
   EXPECT_EQ(Ask("begin case-3"), "procedure 2\n");
 }
 
+// Frames are numbered anew in each, so an order that comes late would be done to another patient.
+TEST_F(DaemonDevice, OrdersOfMarksAreForTheProcedureThatTheyMean) {
+  RecordProperty("req", "DATA-002");
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Ask("begin case-1"), "procedure 1\n");
+  EXPECT_EQ(Ask("unmark polyp 1"), "error: there is no mark 'polyp'");
+  script_->is_making_held = true;
+  std::thread end([&] { EXPECT_EQ(Ask("end wipe"), "wiped\n"); });
+  EXPECT_TRUE(Until([&] { return script_->num_devices == 2; }));
+  // They wait for the end, and the next procedure begins before the last one's turn comes.
+  std::string late;
+  std::thread begin([&] { EXPECT_EQ(Ask("begin case-2"), "procedure 2\n"); });
+  std::this_thread::sleep_for(milliseconds(200));
+  std::thread unmark([&] { late = Ask("unmark polyp"); });
+  std::this_thread::sleep_for(milliseconds(200));
+  script_->is_making_held = false;
+  for (std::thread* client : {&end, &begin, &unmark}) client->join();
+  const std::string refusal = "error: meant for procedure 1, but it is procedure 2 that is open now: nothing was done";
+  EXPECT_EQ(late, refusal);
+  EXPECT_EQ(Ask("mark 100 100 polyp 0 1"), refusal);
+  EXPECT_EQ(Ask("unmark polyp 1"), refusal);
+  EXPECT_EQ(Ask("unmark polyp 2"), "error: there is no mark 'polyp'");
+}
+
 TEST_F(DaemonDevice, IsWarmBeforeTheFirstProcedureBegins) {
   RecordProperty("req", "DMN-004");
   ASSERT_NO_FATAL_FAILURE(Start());

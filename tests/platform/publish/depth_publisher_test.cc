@@ -6,6 +6,7 @@
 
 #include <map>
 #include <memory>
+#include <vector>
 
 #include "engine/surface/depth_matcher.h"
 #include "platform/clock/system_clock.h"
@@ -120,6 +121,26 @@ TEST_F(DepthPublisherTest, TheTableFollowsTheAtlas) {
   const std::uint64_t changes = haustra_depth_num_changes(&table_);
   EXPECT_FALSE(publisher.Publish(engine));
   EXPECT_EQ(haustra_depth_num_changes(&table_), changes);
+  // As when a young map is built anew: what is known of its wall is of another shape.
+  Atlas& atlas = const_cast<Atlas&>(engine.atlas());
+  std::vector<KeyframeHandle> keyframes;
+  atlas.keyframes().ForEach([&](KeyframeHandle handle, const Keyframe&) { keyframes.push_back(handle); });
+  for (const KeyframeHandle keyframe : keyframes) atlas.keyframe(keyframe).turned_at = 7;
+  while (publisher.Publish(engine)) {
+  }
+  ExpectTableIs(engine);
+  EXPECT_EQ(num_depths_, 0);
+  engine.FinishDepth(test::kNeverStop);
+  while (publisher.Publish(engine)) {
+  }
+  ExpectTableIs(engine);
+  EXPECT_GT(num_depths_, 0) << "of those whose pictures are there";
+  // Turned and searched again between two looks.
+  for (const KeyframeHandle keyframe : keyframes) atlas.keyframe(keyframe).turned_at = 8;
+  engine.FinishDepth(test::kNeverStop);
+  while (publisher.Publish(engine)) {
+  }
+  ExpectTableIs(engine);
 }
 
 }  // namespace

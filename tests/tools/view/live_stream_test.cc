@@ -119,6 +119,7 @@ TEST_F(LiveStreamTest, EventsAndTheMapAreTold) {
   writer->PublishEvent(event);
   const auto snapshot = std::make_unique<haustra_snapshot>();
   snapshot->map_id = 0;
+  snapshot->procedure = 3;
   snapshot->num_points = snapshot->num_map_points = 2;
   snapshot->num_keyframes = snapshot->num_map_keyframes = 1;
   snapshot->num_maps = 1;
@@ -132,6 +133,7 @@ TEST_F(LiveStreamTest, EventsAndTheMapAreTold) {
   EXPECT_EQ(events[0]["other_map"], 1);
   const nlohmann::json map = Messages(news, "map").at(0);
   EXPECT_EQ(map["num_points"], 2);
+  EXPECT_EQ(map["procedure"], 3);
   EXPECT_EQ(map["points"].get<std::string>().size(), 32u) << "24 bytes in base64";
   // The same map is not told twice, and a newer one not at once.
   writer->PublishSnapshot(*snapshot);
@@ -149,6 +151,7 @@ TEST_F(LiveStreamTest, APictureIsToldWithItsMatchesOnceItsFrameIsAnswered) {
   (*view)->PublishMatches(7, 1, std::vector<haustra_match>{{100.0F, 50.0F}, {719.0F, 539.0F}}, 2);
   const nlohmann::json picture = Messages(stream.Next(), "picture").at(0);
   EXPECT_EQ(picture["frame"], 7);
+  EXPECT_EQ(picture["procedure"], 1);
   EXPECT_EQ(picture["width"], 360);
   EXPECT_EQ(picture["height"], 270);
   EXPECT_EQ(picture["num_matched"], 2);

@@ -49,7 +49,7 @@
     const of = mark => sightings.get(mark.id) || {state: 'not_known', distance: null};
     const rows = (map ? map.marks : []).map(mark => ({...mark, ...of(mark)}));
     showMarks(rows);
-    marking.onMarks(rows);
+    marking.onMarks(rows, map && map.procedure);
     scene.setPins(rows.filter(mark => mark.map === map.map));
   };
 

@@ -6,9 +6,10 @@ window.haustra = window.haustra || {};
   const {byId} = haustra;
   // So long a removal waits for its second click.
   const MAX_DOUBT_MS = 5000;
-  let shown = null;  // the picture on the canvas: frame, step, width, height
+  let shown = null;  // the picture on the canvas: frame, procedure, step, width, height
   let is_aiming = false;
   let labels = new Set();
+  let listed = null;  // the procedure whose marks these are
 
   const say = (text, is_error = false) => {
     byId('marking-answer').textContent = text;
@@ -44,13 +45,13 @@ window.haustra = window.haustra || {};
 
   const setMark = async event => {
     if (!is_aiming) return;
-    const {frame, step, width, height} = shown, box = byId('picture').getBoundingClientRect();
+    const {frame, procedure, step, width, height} = shown, box = byId('picture').getBoundingClientRect();
     // Centres of pixels are whole numbers.
     const inFrame = (offset, length, pixels) => (Math.max(0, offset / length * pixels - 0.5) * step).toFixed(1);
     const x = inFrame(event.clientX - box.left, box.width, width), y = inFrame(event.clientY - box.top, box.height, height);
     const label = byId('marking-label').value.trim() || freeLabel();
     aim(false);
-    if (await ask(`mark ${x} ${y} ${label} ${frame}`)) byId('marking-label').value = '';
+    if (await ask(`mark ${x} ${y} ${label} ${frame} ${procedure}`)) byId('marking-label').value = '';
   };
 
   // Removes a mark with the second click of two: one could be a slip.
@@ -72,7 +73,7 @@ window.haustra = window.haustra || {};
     button.addEventListener('click', () => {
       if (doubt !== null) {
         settle();
-        ask('unmark ' + label);
+        ask(`unmark ${label} ${listed}`);
         return;
       }
       name('remove?', 'Really remove');
@@ -84,7 +85,10 @@ window.haustra = window.haustra || {};
   haustra.marking = {
     isAiming: () => is_aiming,
     onPicture: picture => { shown = picture; },
-    onMarks: marks => { labels = new Set(marks.map(mark => mark.label)); },
+    onMarks: (marks, procedure) => {
+      labels = new Set(marks.map(mark => mark.label));
+      listed = procedure;
+    },
     // The procedure has ended: nothing of it may be pointed at.
     forget: () => {
       shown = null;

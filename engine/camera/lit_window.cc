@@ -26,18 +26,21 @@ int LitValue(const ImageView& image, int x, int y) {
 }
 
 void LitWindow::Observe(const ImageView& image, TimePoint time) {
-  if (!has_time_ || time < since_ || time - since_ >= kMemory) {
+  // The first picture as a whole, so that nothing waits for the window.
+  const int step = num_pictures_ == 0 ? 1 : kTurns;
+  const bool is_over = time < since_ || time - since_ >= kMemory;
+  if (num_pictures_ == 0 || (is_over && num_pictures_ - first_picture_ >= kTurns)) {
     older_ = recent_;
     recent_ = {};
     since_ = time;
-    has_time_ = true;
+    first_picture_ = num_pictures_;
   }
-  const Cells lit = LitCells(image);
+  const auto first_row = static_cast<int>(num_pictures_++ % static_cast<std::uint64_t>(step));
   Cells ever;
-  for (int y = 0; y < kSide; ++y) {
-    recent_[y] |= lit[y];
-    ever[y] = recent_[y] | older_[y];
-  }
+  for (int y = first_row; y < kSide; y += step) recent_[y] |= LitCells(image, y, ~recent_[y]);
+  for (int y = 0; y < kSide; ++y) ever[y] = recent_[y] | older_[y];
+  if (ever == ever_) return;
+  ever_ = ever;
   const Cells window = LargestArea(Open(ever));
   int num = 0;
   for (const std::uint64_t row : window) {
@@ -46,19 +49,18 @@ void LitWindow::Observe(const ImageView& image, TimePoint time) {
   if (num > 0) share_ = std::max(kMinShare, static_cast<double>(num) / (kSide * kSide));
 }
 
-LitWindow::Cells LitWindow::LitCells(const ImageView& image) {
+std::uint64_t LitWindow::LitCells(const ImageView& image, int row_of_cells, std::uint64_t asked) {
   constexpr int kPerSide = kSide * kSamples;
-  Cells lit{};
-  for (int y = 0; y < kSide; ++y) {
-    for (int x = 0; x < kSide; ++x) {
-      int sum = 0;
-      for (int k = 0; k < kSamples * kSamples; ++k) {
-        const int column = kSamples * x + k % kSamples, row = kSamples * y + k / kSamples;
-        sum += LitValue(image, (2 * column + 1) * image.width / (2 * kPerSide),
-                        (2 * row + 1) * image.height / (2 * kPerSide));
-      }
-      if (sum >= kLitThreshold * kSamples * kSamples) lit[y] |= std::uint64_t{1} << x;
+  std::uint64_t lit = 0;
+  for (std::uint64_t left = asked; left != 0; left &= left - 1) {
+    const int x = std::countr_zero(left);
+    int sum = 0;
+    for (int k = 0; k < kSamples * kSamples; ++k) {
+      const int column = kSamples * x + k % kSamples, row = kSamples * row_of_cells + k / kSamples;
+      sum += LitValue(image, (2 * column + 1) * image.width / (2 * kPerSide),
+                      (2 * row + 1) * image.height / (2 * kPerSide));
     }
+    if (sum >= kLitThreshold * kSamples * kSamples) lit |= std::uint64_t{1} << x;
   }
   return lit;
 }

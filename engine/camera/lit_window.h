@@ -1,7 +1,8 @@
 // How much of the picture the scope's window fills, learnt from what the light falls on. A tower's picture is often a
 // third window and two thirds dark surround with letters and a second, small picture in it. Where no mask says so, the
 // surround is what has not been lit for two to four seconds: a test card or a menu before the scope is plugged in is
-// forgotten after that time. thread-bound(its owner); rt-safe, some 16 000 pixels are read of each picture.
+// forgotten after that time. thread-bound(its owner); rt-safe. Of each picture but the first a quarter of the rows is
+// looked at in turn, at most 4096 pixels.
 #pragma once
 
 #include <array>
@@ -29,19 +30,23 @@ class LitWindow {
 
   // The smallest window that is believed: the first view of a dark lumen shows a part of it only.
   static constexpr double kMinShare = 0.15;
+  // Pictures until all rows have been looked at.
+  static constexpr int kTurns = 4;
 
  private:
   static constexpr int kSide = 64;  // cells in a row and in a column, a bit each
   using Cells = std::array<std::uint64_t, kSide>;
 
-  static Cells LitCells(const ImageView& image);
+  // Of one row those that are asked about.
+  static std::uint64_t LitCells(const ImageView& image, int row_of_cells, std::uint64_t asked);
   // Without what is less than three cells wide or high, such as letters.
   static Cells Open(const Cells& cells);
   static Cells LargestArea(Cells cells);
 
   Cells recent_{}, older_{};  // lit since `since_`, and in the time before
+  Cells ever_{};              // both, when the share was last found
   TimePoint since_;
-  bool has_time_ = false;
+  std::uint64_t num_pictures_ = 0, first_picture_ = 0;  // all; those before `since_`
   double share_ = 1.0;
 };
 

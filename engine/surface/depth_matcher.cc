@@ -20,6 +20,7 @@ constexpr double kFirstDepthStep = 0.08;  // relative, of the first iteration; h
 constexpr double kFirstSlantStep = 0.5;   // of the plane's part across the ray, relative to its part along
 constexpr double kSeedPull = 0.05;        // cost of being far from the seeds' plane
 constexpr double kSeedReach = 0.15;       // relative distance that costs all of it
+constexpr int kSurroundGrey = 24;         // black of a video is 16, and compression adds to it
 constexpr double kSharpPeak = 0.10;       // rise of the cost a pixel beside a peak that is beyond doubt
 
 // Evenly spread in [-1, 1), the same on every machine: SplitMix64 (Steele, Lea, Flood 2014) of what it is for.
@@ -41,6 +42,7 @@ DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const Dept
       height_(camera.height_px() / options.step_px),
       seed_grid_(width_, height_) {
   HAUSTRA_CHECK(options.Validate().ok());
+  has_mask_ = !mask.is_empty();
   const std::size_t num_cells = std::size_t(width_) * height_;
   const int side = 2 * options.window_radius + 1;
   num_samples_ = side * side;
@@ -456,8 +458,29 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
     }
     first_[i] = plane;
   }
-  if (solver_ != nullptr) return SearchElsewhere(reference.grey, map);
-  return Search(reference.grey, map);
+  HAUSTRA_TRY(solver_ != nullptr ? SearchElsewhere(reference.grey, map) : Search(reference.grey, map));
+  if (!has_mask_) EraseSurround(reference.grey, map);
+  return Status::Ok();
+}
+
+void DepthMatcher::EraseSurround(ImageView grey, DepthMap* map) const {
+  // False at the first cell that is lit.
+  const auto erase = [&](int x, int y) {
+    const Cell& cell = cells_[std::size_t(y) * width_ + x];
+    const std::uint8_t* row = grey.row(static_cast<int>(cell.centre_y)) + static_cast<int>(cell.centre_x);
+    const std::uint8_t* below = row + grey.pitch_bytes;
+    if (row[0] + row[1] + below[0] + below[1] >= 4 * kSurroundGrey) return false;
+    map->Erase(y * width_ + x);
+    return true;
+  };
+  for (int y = 0; y < height_; ++y) {
+    for (int x = 0; x < width_ && erase(x, y); ++x) continue;
+    for (int x = width_ - 1; x >= 0 && erase(x, y); --x) continue;
+  }
+  for (int x = 0; x < width_; ++x) {
+    for (int y = 0; y < height_ && erase(x, y); ++y) continue;
+    for (int y = height_ - 1; y >= 0 && erase(x, y); --y) continue;
+  }
 }
 
 }  // namespace haustra

@@ -39,7 +39,7 @@ class DepthMatcher {
   static constexpr std::size_t kMinSeeds = 8;
 
   // `camera`: of the pictures that are matched. `mask`: 255 where they show the scene, kGrey8 of the same size, copied;
-  // empty: everywhere. options.Validate() must be ok.
+  // empty: everywhere but in what is dark from the edge of the picture on. options.Validate() must be ok.
   DepthMatcher(const CameraModel& camera, ImageView mask, const DepthOptions& options);
 
   // Of the depth maps: the camera's size over step_px, rounded down.
@@ -88,6 +88,8 @@ class DepthMatcher {
     float data = 0.0f;  // cost of the pictures alone
   };
 
+  // Where no mask tells: what is dark from the edge of the picture on, along a row or a column.
+  void EraseSurround(ImageView grey, DepthMap* map) const;
   Status Search(ImageView reference, DepthMap* map);
   Status SearchElsewhere(ImageView reference, DepthMap* map);
   void PrepareWindows(ImageView grey);
@@ -108,6 +110,7 @@ class DepthMatcher {
   int width_ = 0, height_ = 0;
   SeedGrid seed_grid_;
   int num_samples_ = 0;
+  bool has_mask_ = false;
   std::vector<std::uint8_t> is_scene_;  // of the matched picture, 1 where the mask shows it
   std::vector<Cell> cells_;
   std::vector<Estimate> estimates_;

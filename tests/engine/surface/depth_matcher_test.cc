@@ -71,6 +71,41 @@ TEST_F(DepthMatcherTest, WithoutParallaxThereIsNoDepth) {
   for (int cell = 0; cell < depth_.num_cells(); ++cell) ASSERT_FALSE(depth_.has_depth(cell));
 }
 
+// A tower's picture, and nobody says where the scope's window is. A dark lumen in it is no surround.
+TEST_F(DepthMatcherTest, ADarkSurroundHasNoDepth) {
+  Use(SmallPinhole(), PlaneWall(Eigen::Vector3d::UnitZ(), 2.0), 0.15);
+  const int width = scene_->camera().width_px(), height = scene_->camera().height_px();
+  // Pixels from the edge of the window inwards.
+  const auto inwards = [&](double x, double y) {
+    return std::min({x - width / 4, y - height / 4, width - width / 4 - 1 - x, height - height / 4 - 1 - y});
+  };
+  for (Picture& picture : scene_->pictures()) {
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const bool is_lumen = std::hypot(x - width / 2.0, y - height / 2.0) < height / 12.0;
+        // Compressed: not the same everywhere.
+        if (inwards(x, y) < 0 || is_lumen) {
+          picture.pixels[static_cast<std::size_t>(y) * width + x] = static_cast<std::uint8_t>(14 + (x / 3 + y / 5) % 6);
+        }
+      }
+    }
+  }
+  ASSERT_TRUE(scene_->matcher().Match(scene_->View(0), scene_->Sources(), scene_->Seeds(), &depth_).ok());
+  const int step = DepthOptions().step_px;
+  int num_answered = 0, num_in_window = 0;
+  for (int cell = 0; cell < depth_.num_cells(); ++cell) {
+    const double x = CellCentrePx(cell % depth_.width(), step), y = CellCentrePx(cell / depth_.width(), step);
+    if (inwards(x, y) <= -2) {
+      ASSERT_FALSE(depth_.has_depth(cell)) << x << ", " << y;
+    }
+    if (inwards(x, y) >= 2) {
+      ++num_in_window;
+      num_answered += depth_.has_depth(cell) ? 1 : 0;
+    }
+  }
+  EXPECT_GT(num_answered, 0.95 * num_in_window);
+}
+
 TEST_F(DepthMatcherTest, AWallWithoutTextureIsNotTrusted) {
   Use(SmallPinhole(), PlaneWall(Eigen::Vector3d::UnitZ(), 2.0), 0.15);
   for (Picture& picture : scene_->pictures())

@@ -17,12 +17,14 @@ namespace haustra {
 // luma, and red, which tissue has most of. Other formats have their luma.
 int LitValue(const ImageView& image, int x, int y);
 
-// Below it: the surround, also where it was compressed.
+// From here on no compressed surround, and below kDarkThreshold surround if it reaches to the edge of the picture: the
+// black of a video is 16, and compression adds to it. What lies between may be either.
 inline constexpr int kLitThreshold = 40;
+inline constexpr int kDarkThreshold = 24;
 
 class LitWindow {
  public:
-  // Any pixel format.
+  // Any pixel format and size, not empty.
   void Observe(const ImageView& image, TimePoint time);
   // Part of the picture's area, [kMinShare, 1]: the largest lit area, whose rows are filled between their ends, as the
   // lumen is dark. 1 as long as nothing was lit.

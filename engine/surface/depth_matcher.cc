@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "engine/camera/lit_window.h"
 #include "hal/core/check.h"
 
 namespace haustra {
@@ -20,7 +21,6 @@ constexpr double kFirstDepthStep = 0.08;  // relative, of the first iteration; h
 constexpr double kFirstSlantStep = 0.5;   // of the plane's part across the ray, relative to its part along
 constexpr double kSeedPull = 0.05;        // cost of being far from the seeds' plane
 constexpr double kSeedReach = 0.15;       // relative distance that costs all of it
-constexpr int kSurroundGrey = 24;         // black of a video is 16, and compression adds to it
 constexpr double kSharpPeak = 0.10;       // rise of the cost a pixel beside a peak that is beyond doubt
 
 // Evenly spread in [-1, 1), the same on every machine: SplitMix64 (Steele, Lea, Flood 2014) of what it is for.
@@ -469,7 +469,7 @@ void DepthMatcher::EraseSurround(ImageView grey, DepthMap* map) const {
     const Cell& cell = cells_[std::size_t(y) * width_ + x];
     const std::uint8_t* row = grey.row(static_cast<int>(cell.centre_y)) + static_cast<int>(cell.centre_x);
     const std::uint8_t* below = row + grey.pitch_bytes;
-    if (row[0] + row[1] + below[0] + below[1] >= 4 * kSurroundGrey) return false;
+    if (row[0] + row[1] + below[0] + below[1] >= 4 * kDarkThreshold) return false;
     map->Erase(y * width_ + x);
     return true;
   };

@@ -7,44 +7,20 @@
 #include <signal.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
-#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+
+#include "tests/capture/plain_file_system.h"
 
 namespace haustra {
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-// As file systems do that cannot exchange two names or refuse one that is taken (FAT, NFS).
-bool knows_flags_of_rename = true;
-
-struct PlainFileSystem {
-  PlainFileSystem() { knows_flags_of_rename = false; }
-  ~PlainFileSystem() { knows_flags_of_rename = true; }
-};
-
-}  // namespace
-}  // namespace haustra
-
-// In place of the C library's.
-extern "C" int renameat2(int old_folder, const char* old_name, int new_folder, const char* new_name,
-                         unsigned int flags) noexcept {
-  if (flags != 0 && !haustra::knows_flags_of_rename) {
-    errno = EINVAL;
-    return -1;
-  }
-  return static_cast<int>(::syscall(SYS_renameat2, old_folder, old_name, new_folder, new_name, flags));
-}
-
-namespace haustra {
-namespace {
 
 class FileSinkTest : public ::testing::Test {
  protected:

@@ -335,16 +335,23 @@ TEST(V4l2Source, WithoutDeinterlacingAPictureStaysWhereTheCameraWroteIt) {
   ASSERT_TRUE(source->Next(kNoDeadline).ok());
 }
 
-TEST(V4l2Source, OfFieldsThatComeOneByOneTheOthersAreLeftOut) {
+// A camera of 50 fields of 24 rows a second, of which the lower ones are asked for.
+struct FieldByField {
+  FieldByField() {
+    camera.field = V4L2_FIELD_ALTERNATE;
+    camera.modes.front().height_px = 24;
+    camera.modes.front().rates_hz = {50};
+    options.field = FieldChoice::kBottom;
+    sequence.halve = true;
+  }
   ScriptedCamera camera;
-  camera.field = V4L2_FIELD_ALTERNATE;
-  camera.modes.front().height_px = 24;
-  camera.modes.front().rates_hz = {50};
   V4l2Options options = Options();
-  options.field = FieldChoice::kBottom;
   SequenceOptions sequence;
-  sequence.halve = true;
-  const auto source = MustOpen(camera, options, sequence);
+};
+
+TEST(V4l2Source, OfFieldsThatComeOneByOneTheOthersAreLeftOut) {
+  FieldByField given;
+  const auto source = MustOpen(given.camera, given.options, given.sequence);
   const Result<Frame> frame = source->Next(kNoDeadline);
   ASSERT_TRUE(frame.ok()) << frame.status().ToString();
   EXPECT_EQ(frame->image.height, 24);
@@ -354,23 +361,16 @@ TEST(V4l2Source, OfFieldsThatComeOneByOneTheOthersAreLeftOut) {
 
 // By now its size is known, and a driver that is asked for the whole picture answers with a field.
 TEST(V4l2Source, ACameraOfFieldsThatComeOneByOneComesBack) {
-  ScriptedCamera camera;
-  camera.field = V4L2_FIELD_ALTERNATE;
-  camera.modes.front().height_px = 24;
-  camera.modes.front().rates_hz = {50};
-  V4l2Options options = Options();
-  options.field = FieldChoice::kBottom;
-  SequenceOptions sequence;
-  sequence.halve = true;
+  FieldByField given;
   for (const int height_px : {0, 48}) {
-    options.width_px = height_px > 0 ? 64 : 0;
-    options.height_px = height_px;
-    const auto source = MustOpen(camera, options, sequence);
+    given.options.width_px = height_px > 0 ? 64 : 0;
+    given.options.height_px = height_px;
+    const auto source = MustOpen(given.camera, given.options, given.sequence);
     ASSERT_NE(source, nullptr);
     ASSERT_TRUE(source->Next(kNoDeadline).ok());
-    camera.is_present = false;
+    given.camera.is_present = false;
     EXPECT_FALSE(source->Next(kNoDeadline).ok());
-    camera.is_present = true;
+    given.camera.is_present = true;
     const Result<Frame> frame = source->Next(kNoDeadline);
     ASSERT_TRUE(frame.ok()) << frame.status().ToString();
     EXPECT_EQ(frame->image.height, 24);

@@ -1,15 +1,14 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <atomic>
-#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <optional>
 #include <set>
 #include <sstream>
 #include <string>
@@ -30,25 +29,7 @@
 #include "platform/daemon/status_text.h"
 #include "platform/daemon/supervised_source.h"
 #include "platform/exit_codes.h"
-
-namespace haustra {
-namespace {
-
-// As file systems do that cannot refuse a name that is taken (FAT, NFS).
-std::atomic<bool> knows_rename_flags{true};
-
-}  // namespace
-}  // namespace haustra
-
-// In place of the C library's.
-extern "C" int renameat2(int old_folder, const char* old_name, int new_folder, const char* new_name,
-                         unsigned int flags) noexcept {
-  if (flags != 0 && !haustra::knows_rename_flags) {
-    errno = EINVAL;
-    return -1;
-  }
-  return static_cast<int>(::syscall(SYS_renameat2, old_folder, old_name, new_folder, new_name, flags));
-}
+#include "tests/capture/plain_file_system.h"
 
 namespace haustra {
 namespace {
@@ -358,15 +339,15 @@ TEST(ProcedureStore, LeftoversOfACrashAreRemoved) {
 
 TEST(ProcedureStore, CheckpointIsKeptUnderANameThatIsFree) {
   RecordProperty("req", "DMN-005");
-  for (const bool knows : {true, false}) {
+  for (const bool is_plain : {false, true}) {
     const StateFolder folder;
     const auto store = OpenStore(folder);
     Write(folder / "saved/case-1.atlas", "saved before");
     fs::create_symlink("nowhere", folder / "saved/case-1-2.atlas");
     Write(store->checkpoint_path(), "maps");
-    knows_rename_flags = knows;
+    std::optional<PlainFileSystem> plain;
+    if (is_plain) plain.emplace();
     const Result<std::string> name = store->KeepCheckpoint("case-1");
-    knows_rename_flags = true;
     ASSERT_TRUE(name.ok()) << name.status().ToString();
     EXPECT_EQ(*name, "case-1-3");
     EXPECT_EQ(Read(folder / "saved/case-1.atlas"), "saved before");

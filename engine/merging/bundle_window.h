@@ -41,6 +41,8 @@ class BundleWindow {
   Result<BundleSummary> Solve(const BundleOptions& options) { return adjuster_.Adjust(camera_, options, &problem_); }
   // Passes over what has gone since the window was closed.
   void WriteBack(Atlas* atlas);
+  // Overrules the solver before it: where the i-th point of the problem is.
+  void PlacePoint(std::size_t i, const Eigen::Vector3d& position) { problem_.points[i].position = position; }
 
   // Those that were added, in their order.
   std::span<const KeyframeHandle> moving() const { return {poses_.data(), num_moving_}; }

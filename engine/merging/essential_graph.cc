@@ -182,14 +182,15 @@ void EssentialGraph::Apply(const Placed& placed, Atlas* atlas) const {
   // it: to see that again from all observers would take as long as the map is large.
   atlas->points().ForEach([&](MapPointHandle handle, const MapPoint& point) {
     int node = num_nodes();
-    bool has_fixed = false;
+    bool is_held = false;
     for (const Observation& observation : point.observations) {
       const int i = NodeIndexOf(observation.keyframe);
       if (i < 0) return;
-      has_fixed = has_fixed || (nodes_[i].is_fixed && !slots_[observation.keyframe.index].is_adopted);
+      is_held = is_held || (nodes_[i].is_fixed && !slots_[observation.keyframe.index].is_adopted);
       node = std::min(node, i);
     }
-    if (point.first_keyframe_id < first_adopted_ ? has_fixed : placed.point && placed.point(handle)) return;
+    is_held = is_held && point.first_keyframe_id < first_adopted_;
+    if (placed.point ? placed.point(handle) : is_held) return;
     if (node == num_nodes()) return;
     MapPoint& moved = atlas->point(handle);
     moved.position = corrections[node] * point.position;

@@ -55,13 +55,14 @@ class EssentialGraph {
   // Goes on where it was stopped. Unless it converges all corrections stay as they were set.
   Result<PoseGraphSummary> Solve(const std::function<bool()>& should_stop);
 
-  // What came since Begin and is in its place already. Default: nothing.
+  // What is in its place already. Who sees a point when the graph is applied does not say whether it was placed with
+  // them: it may have been found in a keyframe since, or in one more.
   struct Placed {
-    std::function<bool(KeyframeHandle)> keyframe;
-    std::function<bool(MapPointHandle)> point;
+    std::function<bool(KeyframeHandle)> keyframe;  // of those adopted; empty: none
+    std::function<bool(MapPointHandle)> point;     // empty: points as old as the graph that a fixed keyframe sees
   };
   // Moves all keyframes from where they are now, but for those of fixed nodes that are as old as the graph, and the
-  // points that only keyframes of the graph see, but for old ones that a fixed keyframe sees.
+  // points that only keyframes of the graph see.
   void Apply(const Placed& placed, Atlas* atlas) const;
 
   int num_nodes() const { return static_cast<int>(nodes_.size()); }

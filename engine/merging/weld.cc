@@ -28,6 +28,7 @@ void Weld::Begin(const Sides& sides, const Atlas& atlas) {
   for (std::size_t i = 0; i < keyframes().size(); ++i)
     poses_before_.push_back(window_.problem().poses[i].cam_from_world);
   summary_ = BundleSummary{};
+  ListSingleViews();
   distance_before_ = MedianDistance();
   moving_scale_ = 1.0;
 }
@@ -49,8 +50,25 @@ void Weld::Solve(const std::function<bool()>& should_stop) {
   if (distance_before_ > 0.0 && distance > 0.0) moving_scale_ = distance / distance_before_;
 }
 
+void Weld::ListSingleViews() {
+  const BundleProblem& problem = window_.problem();
+  num_views_.assign(problem.points.size(), 0);
+  for (const BundleObservation& observation : problem.observations) ++num_views_[observation.point_idx];
+  single_views_.clear();
+  for (const BundleObservation& observation : problem.observations) {
+    const auto point = static_cast<std::size_t>(observation.point_idx);
+    if (num_views_[point] != 1) continue;
+    single_views_.push_back({point, static_cast<std::size_t>(observation.pose_idx), problem.points[point].position});
+  }
+}
+
 void Weld::WriteBack(Atlas* atlas) {
-  if (summary_.state != SolveState::kNone) window_.WriteBack(atlas);
+  if (summary_.state == SolveState::kNone) return;
+  for (const SingleView& view : single_views_) {
+    const Sim3 correction = Correction(view.keyframe, view.keyframe < num_moving_ ? moving_scale_ : 1.0);
+    window_.PlacePoint(view.point, correction * view.position_before);
+  }
+  window_.WriteBack(atlas);
 }
 
 Sim3 Weld::Correction(std::size_t i, double growth) const {
@@ -58,12 +76,13 @@ Sim3 Weld::Correction(std::size_t i, double growth) const {
   return (unit * Sim3(window_.problem().poses[i].cam_from_world)).Inverse() * Sim3(poses_before_[i]);
 }
 
-// Between the cameras of the moving side and what they see, in the problem as it stands.
+// Between the cameras of the moving side and what they and others see, in the problem as it stands.
 double Weld::MedianDistance() const {
   const BundleProblem& problem = window_.problem();
   std::vector<double> distances;
   for (const BundleObservation& observation : problem.observations) {
     if (observation.pose_idx >= static_cast<std::int32_t>(num_moving_)) continue;
+    if (num_views_[observation.point_idx] == 1) continue;
     const Eigen::Vector3d centre = problem.poses[observation.pose_idx].cam_from_world.InverseTranslation();
     distances.push_back((problem.points[observation.point_idx].position - centre).norm());
   }

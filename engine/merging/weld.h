@@ -1,8 +1,9 @@
 // Bundle adjustment over a seam: the keyframes on both sides of a merge or loop and all points they see move, a ring of
 // older keyframes around them holds the gauge, or the reference side where that is too small (bundle_window.h). Begin
 // copies the seam, Solve works on the copy as often as it takes, WriteBack puts it back: between these keyframes and
-// points may come and go, but none may be moved. thread-bound(mapping); allocates, bounded by the sizes of windows and
-// ring.
+// points may come and go, but none may be moved. A point that one keyframe of the weld alone sees goes along with it:
+// one view says nothing of how far away it is, and those that say it are not welded.
+// thread-bound(mapping); allocates, bounded by the sizes of windows and ring.
 #pragma once
 
 #include <functional>
@@ -53,11 +54,21 @@ class Weld {
   Sim3 Correction(std::size_t i, double growth) const;
 
  private:
+  // A point that one of keyframes() sees, and no other keyframe of the weld.
+  struct SingleView {
+    std::size_t point = 0;  // in the problem
+    std::size_t keyframe = 0;
+    Eigen::Vector3d position_before = Eigen::Vector3d::Zero();
+  };
+
+  void ListSingleViews();
   double MedianDistance() const;
 
   const MergingConfig& options_;
   BundleWindow window_;
   std::vector<SE3> poses_before_;  // of the keyframes that move
+  std::vector<SingleView> single_views_;
+  std::vector<int> num_views_;  // by point of the problem
   BundleSummary summary_;
   std::size_t num_moving_ = 0;
   double distance_before_ = 0.0;

@@ -230,5 +230,123 @@ INSTANTIATE_TEST_SUITE_P(Of, JoinSlices,
                                          Case{"MapMovesInGroups", 26, 10}),
                          [](const auto& tested) { return tested.param.name; });
 
+// Two maps whose younger one moves and is welded; the older one's frame is the truth for both. What its keyframes
+// beyond the seam see follows the weld.
+class PointsBesideTheSeam : public testing::Test {
+ protected:
+  PointsBesideTheSeam() {
+    MakeTwoMaps(26, 24, 0.2, kFirstFromWorld, kSecondFromWorld, &join_);
+    // Off by so much that whoever is left behind, or moved twice, shows it.
+    join_.plan.b_from_a.translation += kFirstFromWorld.scale * Eigen::Vector3d(0.06, -0.04, 0.05);
+  }
+  // Keyframe of the map that moves, counted from the one of the plan.
+  const SyntheticColon::Frame& FrameOf(int i) const { return join_.frame(join_.frame_a + i); }
+  bool IsWelding() const { return join_.outcome().num_weld_keyframes > 0; }
+  // Points of a keyframe that so many of those at the seam see.
+  std::vector<MapPointHandle> PointsOfFollower(int i, int num_at_seam) const {
+    std::vector<MapPointHandle> points;
+    const Keyframe& keyframe = join_.atlas.keyframe(FrameOf(i).keyframe);
+    for (int f = 0; f < keyframe.features.num; ++f) {
+      if (keyframe.points[f] && NumAtSeam(keyframe.points[f]) == num_at_seam) points.push_back(keyframe.points[f]);
+    }
+    return points;
+  }
+  int NumAtSeam(MapPointHandle point) const {
+    int num = 0;
+    for (int i = -2; i < kNumAtSeam; ++i) {
+      num += join_.atlas.FeatureOf(join_.atlas.point(point), FrameOf(i).keyframe) >= 0;
+    }
+    return num;
+  }
+  // The largest distance of a point from its truth, in units of the tube.
+  double WorstError(std::span<const MapPointHandle> points) const {
+    double worst = 0.0;
+    for (const MapPointHandle handle : points) {
+      const MapPoint* point = join_.atlas.GetPoint(handle);
+      if (point == nullptr) continue;
+      const Eigen::Vector3d truth = kFirstFromWorld * join_.colon.LandmarkOf(*point).position;
+      worst = std::max(worst, (point->position - truth).norm() / kFirstFromWorld.scale);
+    }
+    return worst;
+  }
+
+  // Of the map that moves: the plan's keyframe has its window around it, two before and the others after it.
+  static constexpr int kNumAtSeam = 6;
+  static constexpr double kMaxError = 0.04;
+  SlicedJoin join_;
+};
+
+// Between two slices mapping finds a point of what follows at the seam: the weld, which works on a copy, knows nothing
+// of it.
+TEST_F(PointsBesideTheSeam, OneThatIsSeenFromTheSeamLaterFollows) {
+  struct Sight {
+    MapPointHandle point;
+    KeyframeHandle keyframe;
+    std::int32_t feature = -1;
+  };
+  std::vector<Sight> sights;
+  std::vector<MapPointHandle> points;
+  // Taken out of all keyframes at the seam, to be found in one of them later.
+  const Keyframe& follower = join_.atlas.keyframe(FrameOf(kNumAtSeam + 2).keyframe);
+  for (int f = 0; f < follower.features.num && points.size() < 20; ++f) {
+    const MapPointHandle point = follower.points[f];
+    if (!point || NumAtSeam(point) == 0) continue;
+    if (static_cast<int>(join_.atlas.point(point).observations.size()) < NumAtSeam(point) + 3) continue;
+    Sight sight;
+    for (int i = -2; i < kNumAtSeam; ++i) {
+      const std::int32_t feature = join_.atlas.FeatureOf(join_.atlas.point(point), FrameOf(i).keyframe);
+      if (feature < 0) continue;
+      sight = {point, FrameOf(i).keyframe, feature};
+      ASSERT_TRUE(join_.atlas.RemoveObservation(point, sight.keyframe));
+    }
+    join_.atlas.UpdatePoint(point);
+    sights.push_back(sight);
+    points.push_back(point);
+  }
+  ASSERT_GE(points.size(), 10u);
+  join_.Begin();
+  bool is_found = false;
+  while (join_.Step()) {
+    if (is_found || !IsWelding()) continue;
+    is_found = true;
+    for (const Sight& sight : sights) join_.atlas.AddObservation(sight.point, sight.keyframe, sight.feature);
+  }
+  ASSERT_TRUE(is_found);
+  EXPECT_LT(WorstError(points), kMaxError);
+}
+
+// In the weld one view says nothing of how far away a point is; the keyframe that has it does.
+TEST_F(PointsBesideTheSeam, OneThatASingleKeyframeOfTheWeldSeesGoesWithIt) {
+  std::vector<MapPointHandle> points;
+  for (int i = 1; i < 6; ++i) {
+    for (const MapPointHandle point : PointsOfFollower(kNumAtSeam + i, 1)) points.push_back(point);
+  }
+  ASSERT_GE(points.size(), 20u);
+  join_.Begin();
+  while (join_.Step()) continue;
+  EXPECT_LT(WorstError(points), kMaxError);
+}
+
+// A keyframe that comes before the seam is copied is welded, and with it what else only keyframes see that follow.
+TEST_F(PointsBesideTheSeam, OneThatANewKeyframeBringsIntoTheWeldIsMovedOnce) {
+  join_.Begin();
+  int added = -1;
+  std::vector<MapPointHandle> points;
+  while (join_.Step()) {
+    if (added >= 0 || !join_.outcome().has_moved) continue;
+    const int edge = join_.frame_a + kNumAtSeam - 1;
+    added = join_.InsertBeside(edge, 0.7);
+    for (int i = kNumAtSeam; i < kNumAtSeam + 8; ++i) {
+      join_.colon.Link(&join_.atlas, added, join_.frame_a + i, join_.MapFromWorldAt(edge));
+    }
+    const KeyframeHandle keyframe = join_.frame(added).keyframe;
+    for (const MapPointHandle point : PointsOfFollower(kNumAtSeam + 4, 0)) {
+      if (join_.atlas.FeatureOf(join_.atlas.point(point), keyframe) >= 0) points.push_back(point);
+    }
+  }
+  ASSERT_GE(points.size(), 5u);
+  EXPECT_LT(WorstError(points), kMaxError);
+}
+
 }  // namespace
 }  // namespace haustra::test

@@ -1,6 +1,7 @@
 // A file that is there as a whole or not at all: bytes go to a temporary file beside it, Commit renames it into place.
 // A reader, or a crash in the middle, never meets half a file, and an older file stays until the new one is complete.
-// Any number of writers of one name do not meet: the last to commit wins, or the first where a file stays.
+// Any number of writers of one name do not meet: the last to commit wins, or the first where a file stays (of several
+// processes: rename.h).
 #pragma once
 
 #include <cstdint>

@@ -30,6 +30,7 @@ class SceneRegion {
   // Learns from one picture more; nothing where there is a mask. Tracking thread.
   void Observe(const ImageView& image, TimePoint time);
 
+  bool has_mask() const { return has_mask_; }
   // Of the pixel that is nearest; without a mask everywhere in the image.
   bool Shows(const Eigen::Vector2d& pixel) const;
   // Part of the image's area, (0, 1].

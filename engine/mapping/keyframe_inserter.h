@@ -37,9 +37,9 @@ class KeyframeInserter {
   // All of them outlive it.
   KeyframeInserter(MappingState& state, Parts parts);
 
-  // The new keyframe, which is the newest one then. Invalid: its map is no longer the active one or has been moved too
-  // often since, or the pool is full (counted). Takes over the feature set in any case; that of a refused keyframe goes
-  // at once: no snapshot has ever named it.
+  // The new keyframe, which is the newest one then. Invalid: its map is no longer the active one, was built anew since
+  // or moved too often, or the pool is full (counted). Takes over the feature set in any case; that of a refused
+  // keyframe goes at once: no snapshot has ever named it.
   KeyframeHandle Insert(const KeyframeProposal& proposal);
   // A keyframe for which the pool had no room, here or elsewhere; or a founding's `wanted` ones.
   void CountRefused(KeyframeId wanted = 1);

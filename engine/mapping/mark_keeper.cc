@@ -106,6 +106,9 @@ Result<MarkId> MarkKeeper::Set(const MarkRequest& request) {
   if (frame->reference_keyframe == kNoId) {
     return FailedPrecondition(name + " has no measured pose: the scope was lost, or its pose predicted");
   }
+  if (frame->surround.Holds(request.pixel)) {
+    return InvalidArgument(name + ": the pixel lies in the dark surround of the picture");
+  }
   ResolvedPose pose;
   const KeyframeHandle keyframe = atlas.FindById(frame->reference_keyframe);
   if (!keyframe ||

@@ -60,9 +60,14 @@ void SnapshotPublisher::Reframe(const Reframing& reframing) {
 
 bool SnapshotPublisher::FollowReframings(std::uint64_t num_heard, MapId* map_id, SE3* cam_from_map) const {
   if (num_reframings_ - num_heard > kMaxReframings) return false;
+  MapId now_in = *map_id;
+  SE3 pose = *cam_from_map;
   for (std::uint64_t i = num_heard; i < num_reframings_; ++i) {
-    reframings_[i % kMaxReframings].Carry(map_id, cam_from_map);
+    const Reframing& reframing = reframings_[i % kMaxReframings];
+    if (reframing.Carry(&now_in, &pose) && !reframing.keeps_shape) return false;
   }
+  *map_id = now_in;
+  *cam_from_map = pose;
   return true;
 }
 

@@ -46,7 +46,8 @@ class SnapshotPublisher {
   void AnnounceNotFound() { Tell(version_, FrameNotFound{}); }
 
   // Takes a pose in map `map_id`, which has been through the first `num_heard` reframings, to where it is now. False,
-  // with nothing touched: too much has happened since (kMaxReframings).
+  // with nothing touched: too much has happened since (kMaxReframings), or its map was built anew, and the pose is of
+  // the former shape.
   [[nodiscard]] bool FollowReframings(std::uint64_t num_heard, MapId* map_id, SE3* cam_from_map) const;
   // Announced so far.
   std::uint64_t num_found() const { return num_found_; }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "engine/camera/dark_surround.h"
 #include "engine/camera/lit_window.h"
 #include "hal/core/check.h"
 
@@ -464,23 +465,14 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
 }
 
 void DepthMatcher::EraseSurround(ImageView grey, DepthMap* map) const {
-  // False at the first cell that is lit.
-  const auto erase = [&](int x, int y) {
+  GoInFromEdges(width_, height_, [&](int x, int y) {
     const Cell& cell = cells_[std::size_t(y) * width_ + x];
     const std::uint8_t* row = grey.row(static_cast<int>(cell.centre_y)) + static_cast<int>(cell.centre_x);
     const std::uint8_t* below = row + grey.pitch_bytes;
     if (row[0] + row[1] + below[0] + below[1] >= 4 * kDarkThreshold) return false;
     map->Erase(y * width_ + x);
     return true;
-  };
-  for (int y = 0; y < height_; ++y) {
-    for (int x = 0; x < width_ && erase(x, y); ++x) continue;
-    for (int x = width_ - 1; x >= 0 && erase(x, y); --x) continue;
-  }
-  for (int x = 0; x < width_; ++x) {
-    for (int y = 0; y < height_ && erase(x, y); ++y) continue;
-    for (int y = height_ - 1; y >= 0 && erase(x, y); --y) continue;
-  }
+  });
 }
 
 }  // namespace haustra

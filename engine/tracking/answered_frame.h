@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "engine/atlas/handles.h"
+#include "engine/camera/dark_surround.h"
 #include "engine/geometry/se3.h"
 #include "hal/core/time.h"
 
@@ -22,6 +23,7 @@ struct AnsweredFrame {
   KeyframeId reference_keyframe = kNoId;  // kNoId: no pose was measured
   SE3 cam_from_reference;
   double reference_scale = 1.0;
+  DarkSurround surround;  // of its picture, where a pose was measured and no mask says what shows the scene
 };
 
 }  // namespace haustra

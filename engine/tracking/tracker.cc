@@ -126,11 +126,11 @@ FrameResult Tracker::Track(const Frame& frame, TimePoint deadline) {
   budget_.EndFrame();
   result.rung = budget_.rung();
   result.times = budget_.times();
-  TellMapper(result);
+  TellMapper(result, frame.image);
   return result;
 }
 
-void Tracker::TellMapper(const FrameResult& result) {
+void Tracker::TellMapper(const FrameResult& result, const ImageView& image) {
   AnsweredFrame answered;
   answered.frame_index = result.frame_index;
   answered.timestamp = result.timestamp;
@@ -139,6 +139,7 @@ void Tracker::TellMapper(const FrameResult& result) {
     answered.reference_keyframe = result.reference_keyframe;
     answered.cam_from_reference = result.cam_from_reference;
     answered.reference_scale = result.reference_scale;
+    if (!scene_.has_mask()) answered.surround = DarkSurround(image);
   }
   link_.Answer(answered);
 }

@@ -107,7 +107,7 @@ class Tracker {
   bool IsHeldByMap() const;
   bool IsDeniedByFlow(MapId map_id, bool is_tracked) const;
   void AnchorChain(const FrameResult& result);
-  void TellMapper(const FrameResult& result);
+  void TellMapper(const FrameResult& result, const ImageView& image);
   void ForgetLastFrame();
   void DropFrame();
   void SetLost();

@@ -15,7 +15,8 @@
 //                      removes one
 //
 // PROCEDURE is the number of the procedure that is meant, as the pose ring has it: when another one is open by then the
-// request is refused. Without it that is the one that was open when the request came.
+// request is refused. No other procedure has that number, nor after a restart of the service. Without it that is the
+// one that was open when the request came.
 //
 // Labels and names: 1 to 64 letters, digits, '.', '_' or '-', the first a letter or digit, so that a name can never
 // be a path; those of marks 1 to 31. reentrant.

@@ -95,6 +95,9 @@ int Daemon::SetUp() {
     return FailStart(control.status(), kExitConfig);
   }
 
+  const Result<std::uint64_t> run = DrawRun();
+  if (!run.ok()) return FailStart(run.status(), kExitSystem);
+  run_ = *run;
   Result<std::unique_ptr<ProcedureStore>> store = ProcedureStore::Open(state_folder);
   if (!store.ok()) {
     return FailStart(store.status(), store.code() == StatusCode::kFailedPrecondition ? kExitBusy : kExitIo);
@@ -111,7 +114,9 @@ int Daemon::SetUp() {
     if (!view.ok()) return FailStart(view.status(), kExitIo);
     view_ = std::move(*view);
   } else {
-    ViewRingWriter::RemoveFormer(view_path);
+    if (const Status removed = ViewRingWriter::RemoveFormer(view_path); !removed.ok()) {
+      return FailStart(removed, kExitIo);
+    }
   }
   if (config_.publish.depth) {
     Result<std::unique_ptr<DepthTableWriter>> depth = DepthTableWriter::Create(
@@ -119,7 +124,9 @@ int Daemon::SetUp() {
     if (!depth.ok()) return FailStart(depth.status(), kExitIo);
     depth_ = std::move(*depth);
   } else {
-    DepthTableWriter::RemoveFormer(depth_path);
+    if (const Status removed = DepthTableWriter::RemoveFormer(depth_path); !removed.ok()) {
+      return FailStart(removed, kExitIo);
+    }
   }
 
   if (const std::optional<ProcedureRecord>& record = store_->interrupted()) {
@@ -277,7 +284,7 @@ void Daemon::Enter(ServicePhase phase) {
     has_signs_ = false;
     next_checkpoint_ = clock_.Now() + seconds(config_.checkpoint.interval_s);
     Log(LogLevel::kInfo, is_resumed_ ? "procedure_resumed" : "procedure_begun",
-        {{"procedure", std::to_string(number_)}, {"label", label_}});
+        {{"procedure", std::to_string(number())}, {"label", label_}});
   }
 }
 
@@ -400,7 +407,7 @@ std::optional<Result<std::string>> Daemon::Handle(ControlServer::ClientId client
       {{"what", ToText(request)}, {"uid", std::to_string(peer.uid)}, {"pid", std::to_string(peer.pid)}});
   // Without those of clients that have gone there are no more than clients, and those have a limit.
   std::erase_if(held_, [this](const Held& held) { return !IsWanted(held); });
-  held_.push_back({client, request, request.procedure.value_or(number_)});
+  held_.push_back({client, request, request.procedure.value_or(number())});
   return std::nullopt;
 }
 
@@ -437,9 +444,9 @@ Status Daemon::Refusal(const Held& held) const {
     case ControlCommand::kUnmark:
       if (!is_open()) return FailedPrecondition("no procedure is open");
       // Frames are numbered anew, and it may be another patient's.
-      if (request.command != ControlCommand::kMarks && held.procedure != number_) {
+      if (request.command != ControlCommand::kMarks && held.procedure != number()) {
         return FailedPrecondition("meant for procedure " + std::to_string(held.procedure) + ", but it is procedure " +
-                                  std::to_string(number_) + " that is open now: nothing was done");
+                                  std::to_string(number()) + " that is open now: nothing was done");
       }
       if (state_.phase != ServicePhase::kRunning) return Unavailable("nothing is tracked now");
       return Status::Ok();

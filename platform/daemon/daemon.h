@@ -27,6 +27,7 @@
 #include "platform/daemon/daemon_config.h"
 #include "platform/daemon/file_worker.h"
 #include "platform/daemon/procedure_counts.h"
+#include "platform/daemon/procedure_number.h"
 #include "platform/daemon/procedure_store.h"
 #include "platform/daemon/service_notifier.h"
 #include "platform/daemon/service_state.h"
@@ -142,6 +143,8 @@ class Daemon {
   haustra_service Service() const;
   // A stop that was ordered is not forgotten by what is written after it.
   RecordedState state_to_record() const { return is_to_end_ ? RecordedState::kStopped : RecordedState::kRunning; }
+  // Of the newest procedure.
+  std::uint64_t number() const { return ProcedureNumber(run_, num_procedures_); }
   std::string name_to_keep() const { return label_.empty() ? "procedure" : label_; }
   bool is_open() const { return state_.procedure == ProcedurePhase::kOpen; }
   bool is_interrupted() const { return state_.procedure == ProcedurePhase::kInterrupted; }
@@ -190,8 +193,9 @@ class Daemon {
   std::string kept_as_;
   std::string kept_from_;  // the checkpoint, where maps that are newer could not be kept; empty: nothing is missing
 
-  std::string label_;  // of the open or interrupted procedure
-  std::uint64_t number_ = 0;
+  std::string label_;                 // of the open or interrupted procedure
+  std::uint64_t run_ = 0;             // of the service (procedure_number.h)
+  std::uint64_t num_procedures_ = 0;  // that it has begun
   bool is_resumed_ = false;
   ProcedureCounts earlier_;    // of the workers that have gone
   std::string trouble_;        // what somebody should look at; empty: nothing

@@ -262,9 +262,10 @@ void Daemon::BeginWorker() {
   last_checkpoint_.reset();
   is_checkpoint_under_way_ = false;
   checkpoint_changes_ = 0;
-  ring_->SetProcedure(++number_);
-  ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_BEGUN, number_));
-  SendToWorker({.command = WorkerCommand::kBegin, .number = number_});
+  ++num_procedures_;
+  ring_->SetProcedure(number());
+  ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_BEGUN, number()));
+  SendToWorker({.command = WorkerCommand::kBegin, .number = number()});
 }
 
 void Daemon::KeepMaps() {
@@ -305,10 +306,10 @@ void Daemon::Wipe() {
       ring_->Wipe();
       if (view_ != nullptr) view_->Wipe();
       if (depth_ != nullptr) depth_->Wipe();
-      ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number_));
+      ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_ENDED, number()));
       if (!wiped.ok()) Log(LogLevel::kError, "procedure_not_wiped", {{"label", label_}, {"what", wiped.message()}});
       Log(LogLevel::kInfo, "procedure_ended",
-          {{"procedure", std::to_string(number_)},
+          {{"procedure", std::to_string(number())},
            {"label", label_},
            {"kept_as", asked_.keep.value_or(false) ? kept_as_ : ""},
            {"kept_from", asked_.keep.value_or(false) ? kept_from_ : ""}});
@@ -347,7 +348,7 @@ void Daemon::Answer(bool is_done) {
       answer = Unavailable(trouble_ + "; nothing was wiped: end again, or `end wipe`");
     }
   } else if (is_done) {
-    answer = "procedure " + std::to_string(number_) + "\n";
+    answer = "procedure " + std::to_string(number()) + "\n";
   } else {
     answer = failure_.ok() ? Unavailable("no worker could do it") : failure_;
     if (!asker_) {

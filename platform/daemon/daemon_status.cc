@@ -33,12 +33,12 @@ std::string Daemon::OneLine() const {
     text = "stopped: data not kept yet";
   } else if (is_open() && state_.phase == ServicePhase::kRunning) {
     const haustra_service service = Service();
-    text = "procedure " + std::to_string(number_) +
+    text = "procedure " + std::to_string(number()) +
            (service == HAUSTRA_SERVICE_NO_SIGNAL     ? ": waiting for signal"
             : service == HAUSTRA_SERVICE_SOURCE_OVER ? ": the recording is over"
                                                      : ": running");
   } else if (is_open()) {
-    text = "procedure " + std::to_string(number_) + ": " + std::string(ToString(state_.phase));
+    text = "procedure " + std::to_string(number()) + ": " + std::string(ToString(state_.phase));
   } else if (state_.phase == ServicePhase::kReady) {
     text = is_interrupted() ? "idle: an interrupted procedure waits" : "idle: no procedure";
   } else {
@@ -56,7 +56,7 @@ std::string Daemon::StatusText(TimePoint now) const {
   status.is_stopped = state_.phase == ServicePhase::kStopped;
   status.is_open = is_open();
   status.is_busy = !TakesRequests(state_.phase) || !held_.empty();
-  status.procedure = number_;
+  status.procedure = number();
   status.label = label_;
   status.is_interrupted = is_interrupted();
   status.uptime = now - started_;
@@ -76,7 +76,7 @@ std::string Daemon::MetricsText(TimePoint now) const {
   ServiceMetrics metrics;
   metrics.service = Service();
   metrics.uptime = now - started_;
-  metrics.procedures = number_;
+  metrics.procedures = num_procedures_;
   metrics.is_open = is_open();
   if (last_checkpoint_) metrics.checkpoint_age = now - *last_checkpoint_;
   for (const ControlServer* server : {lookout_.get(), control_.get()}) {

@@ -19,21 +19,9 @@ void WipeRecords(void* memory, std::size_t file_bytes) {
   for (std::size_t i = 0; i < (file_bytes - sizeof(haustra_depth_header)) / 8; ++i) StoreWord(words + i, 0);
 }
 
-// Readers of a daemon that died still hold its file, and what it showed was a patient's.
-void WipeFormerTable(const std::string& path) {
-  haustra_depth_table former;
-  if (haustra_depth_open(&former, path.c_str()) != HAUSTRA_OK) return;
-  const std::size_t file_bytes = former.file_bytes;
-  haustra_depth_close(&former);
-  ChangeFormerFile(path, file_bytes, [file_bytes](void* memory) { WipeRecords(memory, file_bytes); });
-}
-
 }  // namespace
 
-void DepthTableWriter::RemoveFormer(const std::string& path) {
-  WipeFormerTable(path);
-  ::unlink(path.c_str());
-}
+Status DepthTableWriter::RemoveFormer(const std::string& path) { return RemoveFormerFile(path); }
 
 DepthTableWriter::DepthTableWriter(std::string path, int descriptor, void* memory, std::uint32_t num_slots)
     : path_(std::move(path)), descriptor_(descriptor), num_slots_(num_slots) {
@@ -60,7 +48,6 @@ Result<std::unique_ptr<DepthTableWriter>> DepthTableWriter::Create(const std::st
     header.keyframe_slot_bytes = sizeof(haustra_depth_keyframe_slot);
     header.depth_slot_bytes = sizeof(haustra_depth_slot);
     header.magic = HAUSTRA_DEPTH_MAGIC;
-    WipeFormerTable(path);
   };
   HAUSTRA_ASSIGN(const SharedFile file, CreateSharedFile(path, mode, group, file_bytes, prepare));
   return std::unique_ptr<DepthTableWriter>(new DepthTableWriter(path, file.descriptor, file.memory, num_slots));

@@ -23,8 +23,8 @@ class DepthTableWriter {
   // kUnavailable: cannot be made.
   static Result<std::unique_ptr<DepthTableWriter>> Create(const std::string& path, mode_t mode, gid_t group,
                                                           std::uint32_t num_slots);
-  // Wipes and removes what a dead daemon left, where no file is to be.
-  static void RemoveFormer(const std::string& path);
+  // Wipes and removes what a dead daemon left, where no file is to be. kUnavailable: it cannot be.
+  static Status RemoveFormer(const std::string& path);
   // The same file in another process. `descriptor` stays the caller's. kDataLoss: not such a file; kUnavailable: cannot
   // be mapped.
   static Result<std::unique_ptr<DepthTableWriter>> Attach(int descriptor);

@@ -134,7 +134,7 @@ struct haustra_pose {
   int64_t published_ns; /* when this answer was published */
   int64_t source_ns;    /* time stamp that the source gave the frame, on the source's own clock */
   uint64_t frame_index; /* of the source; gaps are frames that were dropped or lost */
-  uint64_t procedure;   /* number of the procedure, counts from 1 over the life of the file */
+  uint64_t procedure;   /* number of the procedure; no other one has it, nor after a restart of the service */
   /* Changes with every move of a map (loop closed, maps merged). Poses compare only when map_id and map_epoch agree. */
   uint64_t map_epoch;
   uint32_t map_id; /* HAUSTRA_NO_MAP without one */
@@ -243,7 +243,7 @@ struct haustra_ring_header {
   uint64_t writer_pid;
   /* From here on atomic words that change. */
   uint64_t service;      /* enum haustra_service */
-  uint64_t procedure;    /* number of the newest procedure */
+  uint64_t procedure;    /* number of the newest procedure; 0: none yet */
   int64_t alive_ns;      /* when the service last said that it is there; it does so every 100 ms */
   uint64_t newest_event; /* sequence; 0: none yet */
   uint64_t newest_snapshot;

@@ -12,19 +12,11 @@
 namespace haustra {
 namespace {
 
-// Readers of a daemon that died still hold its file.
-void CloseFormerFile(const std::string& path) {
-  haustra_ring former;
-  if (haustra_ring_open(&former, path.c_str()) != HAUSTRA_OK) return;
-  haustra_ring_close(&former);
-  ChangeFormerFile(path, sizeof(haustra_ring_file), [](void* memory) {
-    auto* file = static_cast<haustra_ring_file*>(memory);
-    StoreWord(&file->header.service, HAUSTRA_SERVICE_CLOSED);
-    // What it showed was a patient's.
-    WipeSlots(file->poses);
-    WipeSlots(file->events);
-    WipeSlots(file->snapshots);
-  });
+bool IsPoseRing(const std::string& path) {
+  haustra_ring ring;
+  const bool is_ring = haustra_ring_open(&ring, path.c_str()) == HAUSTRA_OK;
+  haustra_ring_close(&ring);
+  return is_ring;
 }
 
 }  // namespace
@@ -45,9 +37,12 @@ Result<std::unique_ptr<PoseRingWriter>> PoseRingWriter::Create(const std::string
     header.service = HAUSTRA_SERVICE_STARTING;
     header.alive_ns = haustra_now_ns();
     header.magic = HAUSTRA_RING_MAGIC;
-    CloseFormerFile(path);
   };
-  HAUSTRA_ASSIGN(const SharedFile file, CreateSharedFile(path, mode, group, sizeof(haustra_ring_file), prepare));
+  // Readers of a daemon that died still hold its file.
+  const auto close = [is_ring = IsPoseRing(path)](void* memory) {
+    if (is_ring) StoreWord(&static_cast<haustra_ring_file*>(memory)->header.service, HAUSTRA_SERVICE_CLOSED);
+  };
+  HAUSTRA_ASSIGN(const SharedFile file, CreateSharedFile(path, mode, group, sizeof(haustra_ring_file), prepare, close));
   return std::unique_ptr<PoseRingWriter>(
       new PoseRingWriter(path, file.descriptor, static_cast<haustra_ring_file*>(file.memory)));
 }

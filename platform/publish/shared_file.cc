@@ -5,9 +5,13 @@
 #include <sys/stat.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
+#include <cstring>
 #include <system_error>
 #include <utility>
+
+#include "platform/publish/slot_writer.h"
 
 namespace haustra {
 namespace {
@@ -30,7 +34,8 @@ void* MapShared(int descriptor, std::size_t num_bytes) {
 }  // namespace
 
 Result<SharedFile> CreateSharedFile(const std::string& path, mode_t mode, gid_t group, std::size_t num_bytes,
-                                    const std::function<void(void* memory)>& prepare) {
+                                    const std::function<void(void* memory)>& prepare,
+                                    const std::function<void(void* memory)>& close_former) {
   const std::string temporary_path = path + ".new";
   ::unlink(temporary_path.c_str());
   OwnedDescriptor file{::open(temporary_path.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600)};
@@ -51,10 +56,12 @@ Result<SharedFile> CreateSharedFile(const std::string& path, mode_t mode, gid_t 
   void* memory = MapShared(file.value, num_bytes);
   if (memory == nullptr) return fail(errno);
   prepare(memory);
-  if (std::rename(temporary_path.c_str(), path.c_str()) != 0) {
-    const int error = errno;
+  Status status = WipeFormerFile(path, close_former);
+  if (status.ok() && std::rename(temporary_path.c_str(), path.c_str()) != 0) status = fail(errno);
+  if (!status.ok()) {
     ::munmap(memory, num_bytes);
-    return fail(error);
+    ::unlink(temporary_path.c_str());
+    return status;
   }
   return SharedFile{std::exchange(file.value, -1), memory};
 }
@@ -69,13 +76,32 @@ Result<void*> AttachSharedFile(int descriptor, std::size_t num_bytes, const std:
   return memory;
 }
 
-void ChangeFormerFile(const std::string& path, std::size_t num_bytes, const std::function<void(void* memory)>& change) {
+Status WipeFormerFile(const std::string& path, const std::function<void(void* memory)>& close_former) {
+  struct stat info {};
+  if (::lstat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode) || info.st_size == 0) return Status::Ok();
+  const auto num_bytes = static_cast<std::size_t>(info.st_size);
+  const auto fail = [&](const std::string& why) {
+    return Unavailable(path + ": what a former run left cannot be overwritten: " + why);
+  };
   const OwnedDescriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)};
-  if (file.value < 0) return;
+  if (file.value < 0) return fail(ErrorText(errno));
   const Result<void*> memory = AttachSharedFile(file.value, num_bytes, path);
-  if (!memory.ok()) return;
-  change(*memory);
+  if (!memory.ok()) return fail(memory.status().message());
+  // Word by word, as its records were written: a reader in the middle of one finds that it is gone.
+  auto* words = static_cast<std::uint64_t*>(*memory);
+  for (std::size_t i = 0; i < num_bytes / 8; ++i) StoreWord(words + i, 0);
+  std::memset(words + num_bytes / 8, 0, num_bytes % 8);
+  if (close_former) close_former(*memory);
   ::munmap(*memory, num_bytes);
+  return Status::Ok();
+}
+
+Status RemoveFormerFile(const std::string& path) {
+  HAUSTRA_TRY(WipeFormerFile(path));
+  if (::unlink(path.c_str()) != 0 && errno != ENOENT) {
+    return Unavailable(path + ": what a former run left cannot be removed: " + ErrorText(errno));
+  }
+  return Status::Ok();
 }
 
 }  // namespace haustra

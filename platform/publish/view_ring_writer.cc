@@ -18,15 +18,6 @@ void WipeRecords(haustra_view_file* file) {
   WipeSlots(file->matches);
 }
 
-// Readers of a daemon that died still hold its file, and what it showed was a patient's.
-void WipeFormerFile(const std::string& path) {
-  haustra_view former;
-  if (haustra_view_open(&former, path.c_str()) != HAUSTRA_OK) return;
-  haustra_view_close(&former);
-  ChangeFormerFile(path, sizeof(haustra_view_file),
-                   [](void* memory) { WipeRecords(static_cast<haustra_view_file*>(memory)); });
-}
-
 std::uint8_t Clamped(int value) { return static_cast<std::uint8_t>(std::clamp(value, 0, 255)); }
 
 // Full range; 16 bits after the point.
@@ -58,10 +49,7 @@ void StorePixel(const ImageView& image, int x, int y, std::uint8_t* to) {
 
 }  // namespace
 
-void ViewRingWriter::RemoveFormer(const std::string& path) {
-  WipeFormerFile(path);
-  ::unlink(path.c_str());
-}
+Status ViewRingWriter::RemoveFormer(const std::string& path) { return RemoveFormerFile(path); }
 
 ViewRingWriter::ViewRingWriter(std::string path, int descriptor, haustra_view_file* file)
     : path_(std::move(path)), descriptor_(descriptor), file_(file), picture_(std::make_unique<haustra_picture>()) {}
@@ -77,7 +65,6 @@ Result<std::unique_ptr<ViewRingWriter>> ViewRingWriter::Create(const std::string
     header.matches_slot_bytes = sizeof(haustra_matches_slot);
     header.num_matches_slots = HAUSTRA_MATCHES_SLOTS;
     header.magic = HAUSTRA_VIEW_MAGIC;
-    WipeFormerFile(path);
   };
   HAUSTRA_ASSIGN(const SharedFile file, CreateSharedFile(path, mode, group, sizeof(haustra_view_file), prepare));
   return std::unique_ptr<ViewRingWriter>(

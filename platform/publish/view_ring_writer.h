@@ -24,8 +24,8 @@ class ViewRingWriter {
   // dead daemon left the contents are wiped. `group`: -1 leaves the caller's. kNotFound: no such folder; kUnavailable:
   // cannot be made.
   static Result<std::unique_ptr<ViewRingWriter>> Create(const std::string& path, mode_t mode, gid_t group);
-  // Wipes and removes what a dead daemon left, where no file is to be.
-  static void RemoveFormer(const std::string& path);
+  // Wipes and removes what a dead daemon left, where no file is to be. kUnavailable: it cannot be.
+  static Status RemoveFormer(const std::string& path);
   // The same file in another process. `descriptor` stays the caller's. kDataLoss: not such a file; kUnavailable: cannot
   // be mapped.
   static Result<std::unique_ptr<ViewRingWriter>> Attach(int descriptor);

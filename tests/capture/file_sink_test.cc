@@ -281,6 +281,32 @@ TEST_F(FileSinkTest, KillAtAnyMomentLeavesAWholeFileWhereNamesCannotBeExchanged)
   KillOften();
 }
 
+// Before every call that gives or takes a name. Where nothing was before, nothing may be there, too, but no half of it.
+TEST_F(FileSinkTest, CrashBeforeAnyStepLeavesTheFormerFileOrTheNewOne) {
+  RecordProperty("req", "DMN-005");
+  for (const FormerFile former : {FormerFile::kFreed, FormerFile::kWiped, FormerFile::kStays}) {
+    const bool is_there = former != FormerFile::kStays;
+    for (int step = 1, ends = 1; ends != 0; ++step) {
+      SCOPED_TRACE("kind " + std::to_string(static_cast<int>(former)) + ", step " + std::to_string(step));
+      fs::remove_all(folder_);
+      fs::create_directories(folder_);
+      if (is_there) std::ofstream(path()) << "old";
+      ends = PlainFileSystem::EndsBeforeStep(step, [&] {
+        Result<FileSink> sink = FileSink::Create(path(), former);
+        if (sink.ok() && sink->Write("new").ok()) (void)sink->Commit();
+      });
+      const bool is_left = fs::exists(path());
+      const std::string left = Read(path());
+      if (ends == 0 || left == "new") {
+        EXPECT_EQ(left, "new");
+      } else {
+        EXPECT_EQ(is_left, is_there);
+        EXPECT_EQ(left, is_there ? "old" : "");
+      }
+    }
+  }
+}
+
 // A link with the name of the next temporary file, to something else.
 TEST_F(FileSinkTest, WhatLiesInTheWayIsLeftAlone) {
   const std::string other = (folder_ / "other").string();

@@ -1,6 +1,10 @@
 #include "tools/surface/map_coverage.h"
 
+#include <algorithm>
+#include <cstdint>
+
 #include "engine/camera/camera_model.h"
+#include "engine/camera/dark_surround.h"
 #include "engine/coverage/lumen_finder.h"
 #include "engine/coverage/wall_observer.h"
 
@@ -24,6 +28,29 @@ std::vector<WallPatch> PatchesOf(const MapSurface& surface, const CameraModel& c
     }
   }
   return patches;
+}
+
+// Where no mask tells, what of the picture shows the scene: all but what no keyframe has a depth of, from the edge on.
+// A dark surround has none (DepthMatcher).
+std::vector<std::uint8_t> LearnMask(const MapSurface& surface, const CameraModel& camera) {
+  const int step = surface.step_px, width = camera.width_px(), height = camera.height_px();
+  std::vector<std::uint8_t> mask(static_cast<std::size_t>(width) * height, 255);
+  if (surface.depths.empty()) return mask;
+  const int columns = surface.depths.front().depth.width(), rows = surface.depths.front().depth.height();
+  std::vector<std::uint8_t> has_depth(static_cast<std::size_t>(columns) * rows, 0);
+  for (const KeyframeDepth& each : surface.depths) {
+    for (int i = 0; i < each.depth.num_cells(); ++i) has_depth[i] |= each.depth.has_depth(i) ? 1 : 0;
+  }
+  GoInFromEdges(columns, rows, [&](int x, int y) {
+    if (has_depth[static_cast<std::size_t>(y) * columns + x] != 0) return false;
+    // What is left of the picture beyond the last cells goes with them.
+    const int right = x + 1 == columns ? width : (x + 1) * step, below = y + 1 == rows ? height : (y + 1) * step;
+    for (int row = y * step; row < below; ++row) {
+      std::fill_n(&mask[static_cast<std::size_t>(row) * width + x * step], right - x * step, std::uint8_t{0});
+    }
+    return true;
+  });
+  return mask;
 }
 
 }  // namespace
@@ -57,6 +84,11 @@ Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& sur
   HAUSTRA_TRY(lumen.status());
   WallGrid& grid = coverage.wall.emplace(*lumen);
   grid.SetWall(patches, options.max_hole_cells);
+  std::vector<std::uint8_t> learnt;
+  if (mask.is_empty()) {
+    learnt = LearnMask(surface, camera);
+    mask = {learnt.data(), camera.width_px(), camera.height_px(), camera.width_px(), PixelFormat::kGrey8};
+  }
   const WallObserver observer(camera, mask, options);
   for (const LookingFrame& frame : frames) {
     if (IsStopped(stop)) return Status(StatusCode::kCancelled, "stopped");

@@ -36,8 +36,9 @@ struct MapCoverage {
 std::vector<LookingFrame> FramesOf(const evaluate::RunOutput& run, int map_id);
 
 // frames: in order of time. Every frame counts, not only keyframes: these are chosen for what the map needs, and skip
-// most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere. stop: as in SurfaceOptions,
-// looked at once a frame. kInvalidArgument: options, camera; kCancelled: stopped.
+// most of what was looked at. mask: 255 where pictures show the scene; empty: everywhere but where no keyframe has a
+// depth, from the edge of the picture on, as in a dark surround. stop: as in SurfaceOptions, looked at once a frame.
+// kInvalidArgument: options, camera; kCancelled: stopped.
 Result<MapCoverage> MakeMapCoverage(const SurfaceMap& map, const MapSurface& surface,
                                     std::span<const LookingFrame> frames, ImageView mask, const std::atomic<bool>* stop,
                                     const CoverageOptions& options);

@@ -207,6 +207,28 @@ TEST_F(MarkOfYoungMapTest, NoFrameIsMarkedThatWasTrackedBeforeTheMapWasTurned) {
   EXPECT_TRUE(after.ok()) << after.status().ToString();
 }
 
+// Another frame's may be lit there: the window of a scope that is plugged in anew, or a menu.
+TEST_F(MarkOfYoungMapTest, IsNotSetInTheDarkSurroundOfItsPicture) {
+  const int width = colon_.camera().width_px(), height = colon_.camera().height_px();
+  std::vector<std::uint8_t> pixels(static_cast<std::size_t>(width) * height, 90);
+  const auto answer = [&](std::uint32_t frame_index) {
+    AnsweredFrame answered;
+    answered.frame_index = frame_index;
+    answered.reference_keyframe = state_.atlas.keyframe(colon_.frames()[2].keyframe).id;
+    answered.surround = DarkSurround({pixels.data(), width, height, width, PixelFormat::kGrey8});
+    link_.Answer(answered);
+  };
+  answer(3);
+  for (int y = 0; y < height; ++y) std::fill_n(&pixels[static_cast<std::size_t>(y) * width], width / 2, 16);
+  answer(4);
+  const Eigen::Vector2d pixel(0.3 * width, 0.5 * height);
+  const Status refused = keeper_.Set({4, pixel, MarkLabel::From("dark").value()}).status();
+  EXPECT_EQ(refused.code(), StatusCode::kInvalidArgument);
+  EXPECT_EQ(refused.message(), "frame 4: the pixel lies in the dark surround of the picture");
+  const Result<MarkId> lit = keeper_.Set({3, pixel, MarkLabel::From("lit").value()});
+  EXPECT_TRUE(lit.ok()) << lit.status().ToString();
+}
+
 // A fold may have come between.
 TEST_F(MarkOfYoungMapTest, StaysWhereItIsWhenTheMapIsNot) {
   SetMark(0.6);

@@ -117,6 +117,20 @@ TEST_F(SnapshotPublisherTest, PoseThatMissedMoreReframingsThanAreOnRecordIsRefus
   EXPECT_LT((recent.InverseTranslation() - centre).norm(), 1e-12);
 }
 
+// What was known of it is of the former shape. Other maps have theirs still.
+TEST_F(SnapshotPublisherTest, PoseInAMapThatWasBuiltAnewIsRefused) {
+  publisher_.Reframe({4, 5, Sim3()});
+  publisher_.Reframe({5, 5, Sim3(), false});
+  const SE3 pose = colon_.frames()[1].cam_from_world;
+  SE3 stale = pose, recent = pose, elsewhere = pose;
+  MapId map_of_stale = 4, map_of_recent = 5, map_elsewhere = 9;
+  EXPECT_FALSE(publisher_.FollowReframings(0, &map_of_stale, &stale));
+  EXPECT_EQ(map_of_stale, 4u);
+  EXPECT_EQ(stale.translation, pose.translation);
+  EXPECT_TRUE(publisher_.FollowReframings(2, &map_of_recent, &recent));
+  EXPECT_TRUE(publisher_.FollowReframings(0, &map_elsewhere, &elsewhere));
+}
+
 // Not before the tracker has used a snapshot that is younger than the set's retirement.
 TEST_F(SnapshotPublisherTest, FeatureSetStaysWhileASnapshotMayNameIt) {
   const FeatureSetHandle set = colon_.device().CreateFeatureSet().value();

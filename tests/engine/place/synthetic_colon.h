@@ -48,15 +48,17 @@ class SyntheticColon {
                   config_.memory.max_keyframe_ids, kMaxFeatures, config_.memory.max_marks});
   }
 
+  void AddLandmark(const Eigen::Vector3d& position) {
+    const auto id = static_cast<std::uint32_t>(landmarks_.size()) + 1;
+    landmarks_.push_back({position, rng_.Uniform(3.0, 8.0), {id, id}});
+  }
   // Landmarks between z = begin and end. Returns the index of the first.
   int AddWall(double begin, double end, int num_landmarks) {
     const int first = static_cast<int>(landmarks_.size());
     for (int i = 0; i < num_landmarks; ++i) {
       const double around = rng_.Uniform(0.0, 2.0 * std::numbers::pi), z = rng_.Uniform(begin, end);
       const double radius = 1.0 + 0.15 * std::sin(4.0 * z) + 0.1 * std::cos(2.0 * around + z);
-      const auto id = static_cast<std::uint32_t>(landmarks_.size()) + 1;
-      landmarks_.push_back(
-          {{radius * std::cos(around), radius * std::sin(around), z}, rng_.Uniform(3.0, 8.0), {id, id}});
+      AddLandmark({radius * std::cos(around), radius * std::sin(around), z});
     }
     return first;
   }
@@ -89,12 +91,16 @@ class SyntheticColon {
     return SE3(wobble.rotation, -(wobble.rotation * centre));
   }
 
-  // One keyframe of the map, without points. `drifted_from_world` says where the map believes the world to be.
-  KeyframeHandle AddKeyframe(Atlas* atlas, MapHandle map, const SE3& cam_from_world, const Sim3& drifted_from_world) {
-    FrameFeatures features(kMaxFeatures);
+  // What a camera sees, and of each feature the landmark. The feature set is the caller's.
+  struct Sight {
+    FrameFeatures features{kMaxFeatures};
+    std::vector<int> landmarks;
+  };
+  Sight Look(const SE3& cam_from_world) {
+    Sight sight;
+    FrameFeatures& features = sight.features;
     std::vector<Keypoint> keypoints;
     std::vector<std::uint8_t> descriptors;
-    std::vector<int> seen;
     for (std::size_t i = 0; i < landmarks_.size() && keypoints.size() < kMaxFeatures; ++i) {
       const Eigen::Vector3d in_cam = cam_from_world * landmarks_[i].position;
       Eigen::Vector2d pixel;
@@ -110,7 +116,7 @@ class SyntheticColon {
       keypoints.push_back(keypoint);
       const auto bytes = EncodeAppearance(landmarks_[i].appearance);
       descriptors.insert(descriptors.end(), bytes.begin(), bytes.end());
-      seen.push_back(static_cast<int>(i));
+      sight.landmarks.push_back(static_cast<int>(i));
     }
     features.num = static_cast<std::int32_t>(keypoints.size());
     std::copy(keypoints.begin(), keypoints.end(), features.keypoints.begin());
@@ -122,11 +128,17 @@ class SyntheticColon {
     }
     features.set = device_.CreateFeatureSet().value();
     EXPECT_TRUE(device_.WriteFeatures(features.set, keypoints, descriptors).ok());
+    return sight;
+  }
+
+  // One keyframe of the map, without points. `drifted_from_world` says where the map believes the world to be.
+  KeyframeHandle AddKeyframe(Atlas* atlas, MapHandle map, const SE3& cam_from_world, const Sim3& drifted_from_world) {
+    const Sight sight = Look(cam_from_world);
     const auto frame = static_cast<std::uint32_t>(frames_.size());
     const KeyframeHandle handle =
-        atlas->AddKeyframe(map, frame, TimePoint{}, TransformPose(cam_from_world, drifted_from_world), features);
+        atlas->AddKeyframe(map, frame, TimePoint{}, TransformPose(cam_from_world, drifted_from_world), sight.features);
     EXPECT_TRUE(handle.is_valid());
-    frames_.push_back({handle, cam_from_world, drifted_from_world, seen});
+    frames_.push_back({handle, cam_from_world, drifted_from_world, sight.landmarks});
     return handle;
   }
 

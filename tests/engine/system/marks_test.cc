@@ -45,6 +45,8 @@ class MarkedProcedure {
     return {radius * std::cos(around), radius * std::sin(around), z};
   }
 
+  // In all further pictures it is black beyond this distance from the middle.
+  void DarkenBeyond(double radius_px) { window_radius_px_ = radius_px; }
   // All further frames, each looked at before the next is made.
   void Move(double from, double to, int num_frames) {
     for (int i = 0; i < num_frames; ++i) Show(ViewFrom(from + (to - from) * i / (num_frames - 1)));
@@ -124,11 +126,24 @@ class MarkedProcedure {
     truth_.push_back(cam_from_world.value_or(SE3{}));
     device_.SetFrame(index, cam_from_world ? See(*cam_from_world) : std::vector<ScriptedFeature>{});
     source_.AddFrame(TimePoint(std::chrono::milliseconds(40) * index));
-    results_.push_back(engine_.Track(source_.Next(kNoDeadline).value(), kNoDeadline));
+    const Frame frame = source_.Next(kNoDeadline).value();
+    Darken(frame.image);
+    results_.push_back(engine_.Track(frame, kNoDeadline));
     sightings_.push_back(engine_.mark_sightings());
     while (engine_.BackgroundStep()) continue;
     for (MapEvent event; engine_.map_events().TryPop(&event);) events_.push_back(event.kind);
     ASSERT_EQ(CheckInvariants(engine_.atlas()).ToString(), "ok") << "frame " << index;
+  }
+
+  // But for the first row, by which the device knows the frame.
+  void Darken(const ImageView& image) {
+    const Eigen::Vector2d middle(0.5 * image.width, 0.5 * image.height);
+    for (int y = 1; y < image.height; ++y) {
+      auto* row = const_cast<std::uint8_t*>(image.row(y));
+      for (int x = 0; x < image.width; ++x) {
+        if ((Eigen::Vector2d(x, y) - middle).norm() > window_radius_px_) row[x] = 16;
+      }
+    }
   }
 
   std::vector<ScriptedFeature> See(const SE3& cam_from_world) {
@@ -156,6 +171,7 @@ class MarkedProcedure {
   ScriptedFrameSource source_;
   Engine engine_;
   Rng noise_{23};
+  double window_radius_px_ = 1e9;
   std::vector<Landmark> landmarks_;
   std::vector<SE3> truth_;
   std::vector<FrameResult> results_;
@@ -303,6 +319,30 @@ TEST(Marks, AreNotSetAndNotShownInTheBorderAroundTheScene) {
   }
   EXPECT_GE(num_within, 5);
   EXPECT_GE(num_behind_border, 3);
+}
+
+// A tower's picture, and nobody says where the window is. Points are found beyond its edge, as above.
+TEST(Marks, AreNotSetInADarkSurroundThatNoMaskTells) {
+  RecordProperty("req", "MRK-003");
+  MarkedProcedure procedure;
+  const CameraModel camera = ColonCamera();
+  const Eigen::Vector2d centre(0.5 * camera.width_px(), 0.5 * camera.height_px());
+  const double radius = 0.4 * camera.height_px();
+  procedure.DarkenBeyond(radius);
+  procedure.Move(0.0, 2.0, 50);
+  for (int i = 0; i < 8; ++i) {
+    const double around = 2.0 * std::numbers::pi * i / 8;
+    const Eigen::Vector2d direction(std::cos(around), std::sin(around));
+    const auto set = [&](double from_centre, const char* label) {
+      const Eigen::Vector2d pixel = centre + from_centre * direction;
+      return procedure.engine().SetMark({49, pixel, MarkLabel::From(label + std::to_string(i)).value()});
+    };
+    const Result<MarkId> beyond = set(radius + 16.0, "beyond");
+    EXPECT_EQ(beyond.code(), StatusCode::kInvalidArgument) << i;
+    EXPECT_THAT(beyond.status().message(), HasSubstr("dark surround")) << i;
+    const Result<MarkId> within = set(radius - 16.0, "within");
+    EXPECT_TRUE(within.ok()) << within.status().ToString();
+  }
 }
 
 // A map of two keyframes would be dropped when it is lost.

@@ -18,6 +18,7 @@
 #include "platform/clock/system_clock.h"
 #include "platform/control/control_client.h"
 #include "platform/daemon/daemon.h"
+#include "platform/daemon/procedure_number.h"
 #include "platform/daemon/worker.h"
 #include "platform/exit_codes.h"
 #include "platform/publish/depth_table_writer.h"
@@ -108,13 +109,17 @@ class DaemonDevice : public testing::Test {
   // A procedure with a map and a checkpoint.
   void BeginAndMap() {
     ASSERT_NO_FATAL_FAILURE(Start());
-    ASSERT_EQ(Ask("begin case-1"), "procedure 1\n");
+    ASSERT_EQ(Begin("case-1"), 1u);
     ASSERT_TRUE(Until([&] { return !StatusValue("checkpoint_age_s").empty(); })) << Ask("status");
   }
   void Terminate() {
     if (!thread_.joinable()) return;
     if (!has_ended_) ::kill(::getpid(), SIGTERM);
     thread_.join();
+  }
+  static std::string RefusalOf(const std::string& meant, const std::string& open) {
+    return "error: meant for procedure " + meant + ", but it is procedure " + open +
+           " that is open now: nothing was done";
   }
   bool HasEnded() {
     return Until([&] { return has_ended_.load(); });
@@ -134,6 +139,16 @@ class DaemonDevice : public testing::Test {
     if (!client.ok()) return "error: " + client.status().message();
     const Result<std::string> reply = client->Ask(request, kHangLimit);
     return reply.ok() ? *reply : "error: " + reply.status().message();
+  }
+  // Which procedure of this run of the service it is; 0: none was begun.
+  std::uint64_t Begin(const std::string& label) const {
+    const std::string answer = Ask(label.empty() ? "begin" : "begin " + label);
+    const std::string head = "procedure ";
+    EXPECT_TRUE(answer.starts_with(head)) << answer;
+    return answer.starts_with(head) ? CountIn(answer.substr(head.size())) : 0;
+  }
+  static std::uint64_t CountIn(const std::string& number) {
+    return number.empty() ? 0 : std::stoull(number) % kProceduresPerRun;
   }
   std::string StatusValue(const std::string& key) const {
     const std::string text = "\n" + Ask("status");
@@ -237,7 +252,7 @@ TEST_F(DaemonDevice, RecordingWithPausesLongerThanTheWatchdogWaitsCostsNoWorker)
   config_.watchdog.capture_limit_ms = 1500;
   ASSERT_NO_FATAL_FAILURE(Start());
   script_->num_extractions = 0;
-  ASSERT_EQ(Ask("begin case-1"), "procedure 1\n");
+  ASSERT_EQ(Begin("case-1"), 1u);
   EXPECT_TRUE(Until([&] { return script_->num_extractions >= 2 || has_ended_; }));
   EXPECT_EQ(script_->num_devices, 1);
   EXPECT_FALSE(has_ended_);
@@ -248,7 +263,7 @@ TEST_F(DaemonDevice, LostDeviceCostsAWorkerAndTheProcedureGoesOn) {
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   const std::string first = StatusValue("worker");
   script_->is_lost = true;
-  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && CountIn(StatusValue("procedure")) == 2; }));
   EXPECT_EQ(script_->num_devices, 2);
   EXPECT_NE(StatusValue("worker"), first);
   EXPECT_EQ(StatusValue("label"), "case-1");
@@ -262,7 +277,7 @@ TEST_F(DaemonDevice, DeviceThatIsLostAgainEndsTheServiceAndTheCheckpointStands) 
   RecordProperty("req", "DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   script_->is_lost = true;
-  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && CountIn(StatusValue("procedure")) == 2; }));
   script_->is_lost = true;
   ASSERT_TRUE(HasEnded());
   EXPECT_EQ(exit_code_, kExitUnavailable);
@@ -275,7 +290,7 @@ TEST_F(DaemonDevice, DeviceThatHangsCostsAWorkerAndTheSecondOneEndsTheService) {
   RecordProperty("req", "DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   script_->is_silent = true;
-  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && CountIn(StatusValue("procedure")) == 2; }));
   EXPECT_EQ(StatusValue("last_fault"), "the vision device hangs");
   script_->is_silent = true;
   ASSERT_TRUE(HasEnded());
@@ -289,7 +304,7 @@ TEST_F(DaemonDevice, DriverThatHangsCostsAWorker) {
   config_.watchdog.tracking_limit_ms = 2000;
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   script_->is_stuck = true;
-  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && CountIn(StatusValue("procedure")) == 2; }));
   EXPECT_TRUE(StatusValue("last_fault").starts_with("tracking thread hangs")) << Ask("status");
   EXPECT_EQ(Ask("end wipe"), "wiped\n");
 }
@@ -303,7 +318,7 @@ TEST_F(DaemonDevice, EndComesThroughWhileADriverHangs) {
   EXPECT_EQ(Ask("end wipe"), "wiped\n");
   EXPECT_FALSE(Exists("checkpoint.atlas"));
   EXPECT_FALSE(Exists("procedure"));
-  EXPECT_EQ(Ask("begin case-2"), "procedure 2\n") << "the next patient has a worker that works";
+  EXPECT_EQ(Begin("case-2"), 2u) << "the next patient has a worker that works";
 }
 
 TEST_F(DaemonDevice, ProcedureThatCannotBeWipedKeepsTheNextOneOut) {
@@ -339,10 +354,10 @@ TEST_F(DaemonDevice, CheckpointOfAnotherProcedureIsOfNoUse) {
   // The next worker sees nothing: a map is the other's.
   script_->is_dark = true;
   ASSERT_EQ(Ask("end wipe"), "wiped\n");
-  ASSERT_EQ(Ask("begin case-2"), "procedure 2\n");
+  ASSERT_EQ(Begin("case-2"), 2u);
   fs::copy(folder_ + "/other", folder_ + "/checkpoint.atlas");
   script_->is_lost = true;
-  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "3"; }));
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && CountIn(StatusValue("procedure")) == 3; }));
   EXPECT_FALSE(Until([&] { return HasMaps(); }, seconds(3))) << Ask("status");
   // Nor is it kept under a name that is not its own.
   script_->is_stuck = true;
@@ -425,7 +440,7 @@ TEST_F(DaemonDevice, SaveInBetweenCostsNoCheckpoint) {
     config_source_.assignments.push_back("watchdog." + key + "_limit_ms=60000");
   }
   ASSERT_NO_FATAL_FAILURE(Start());
-  ASSERT_EQ(Ask("begin case-1"), "procedure 1\n");
+  ASSERT_EQ(Begin("case-1"), 1u);
   ASSERT_TRUE(Until([&] { return HasMaps(); })) << Ask("status");
   // From here on nothing can be seen, and the maps stay as they are.
   ASSERT_TRUE(Until([&] { return StatusValue("tracking") == "lost"; })) << Ask("status");
@@ -514,7 +529,7 @@ TEST_F(DaemonDevice, WorkerThatIsStoppedCostsAWorker) {
   config_.watchdog.worker_limit_ms = 3000;
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   ::kill(std::stoi(StatusValue("worker")), SIGSTOP);
-  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && CountIn(StatusValue("procedure")) == 2; }));
   EXPECT_EQ(StatusValue("last_fault"), "the worker gives no sign of life");
 }
 
@@ -580,7 +595,7 @@ TEST_F(DaemonDevice, WhyThereIsNoSignalIsInTheStatusAndOnceInTheLog) {
   config_.log.level = "info";
   testing::internal::CaptureStderr();
   Start();
-  EXPECT_EQ(Ask("begin"), "procedure 1\n");
+  EXPECT_EQ(Begin(""), 1u);
   EXPECT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
   script_->is_unplugged = true;
   EXPECT_TRUE(Until([&] { return StatusValue("service") == "no_signal"; })) << Ask("status");
@@ -601,7 +616,7 @@ TEST_F(DaemonDevice, TimesThatJumpAreInTheLogAndDoNotFillIt) {
   config_.log.level = "warning";
   testing::internal::CaptureStderr();
   Start();
-  EXPECT_EQ(Ask("begin"), "procedure 1\n");
+  EXPECT_EQ(Begin(""), 1u);
   EXPECT_TRUE(Until([&] { return script_->num_extractions > 30; })) << Ask("status");
   Terminate();
   const std::string log = testing::internal::GetCapturedStderr();
@@ -615,7 +630,7 @@ TEST_F(DaemonDevice, DamagedFramesDoNotFillTheLog) {
   config_.log.level = "warning";
   testing::internal::CaptureStderr();
   Start();
-  EXPECT_EQ(Ask("begin"), "procedure 1\n");
+  EXPECT_EQ(Begin(""), 1u);
   const auto num_damaged = [&] { return std::stoi("0" + StatusValue("frames_damaged")); };
   EXPECT_TRUE(Until([&] { return num_damaged() > 100; })) << Ask("status");
   const int num_all = num_damaged();
@@ -631,7 +646,7 @@ TEST_F(DaemonDevice, CameraThatIsSlowToComeBackCostsNoWorker) {
   script_->is_live = true;
   config_.watchdog.capture_limit_ms = 2000;
   ASSERT_NO_FATAL_FAILURE(Start());
-  ASSERT_EQ(Ask("begin"), "procedure 1\n");
+  ASSERT_EQ(Begin(""), 1u);
   ASSERT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
   script_->num_slow_calls = 4;
   EXPECT_TRUE(Until([&] { return script_->num_slow_calls == 0; }));
@@ -646,13 +661,13 @@ TEST_F(DaemonDevice, DriverThatNeverReturnsCostsAWorker) {
   config_.watchdog.capture_limit_ms = 2000;
   config_.watchdog.work_limit_ms = 6000;
   ASSERT_NO_FATAL_FAILURE(Start());
-  ASSERT_EQ(Ask("begin"), "procedure 1\n");
+  ASSERT_EQ(Begin(""), 1u);
   ASSERT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
   script_->has_stuck_call = true;
   EXPECT_TRUE(Until([&] { return StatusValue("worker_faults") == "1"; })) << Ask("status");
   script_->has_stuck_call = false;
   EXPECT_TRUE(StatusValue("last_fault").starts_with("capture thread hangs for ")) << Ask("status");
-  EXPECT_TRUE(Until([&] { return StatusValue("procedure") == "2" && StatusValue("service") == "running"; }));
+  EXPECT_TRUE(Until([&] { return CountIn(StatusValue("procedure")) == 2 && StatusValue("service") == "running"; }));
 }
 
 // The maps do not need the camera: all of them are kept, not only those of the last checkpoint.
@@ -674,7 +689,7 @@ TEST_F(DaemonDevice, StopSavesTheMapsWhileADriverCallOfTheCameraIsStuck) {
   script_->is_live = true;
   config_.checkpoint.interval_s = 0;
   ASSERT_NO_FATAL_FAILURE(Start());
-  ASSERT_EQ(Ask("begin"), "procedure 1\n");
+  ASSERT_EQ(Begin(""), 1u);
   ASSERT_TRUE(Until([&] { return HasMaps(); })) << Ask("status");
   script_->has_stuck_call = true;
   ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
@@ -726,7 +741,7 @@ TEST_F(DaemonDevice, CountersDoNotRunBackwardsAndGaugesAreOfTheOpenProcedure) {
   EXPECT_GE(Metric(after, checkpoints), Metric(before, checkpoints));
   EXPECT_GE(Metric(after, frames), Metric(before, frames));
   EXPECT_EQ(Metric(after, keyframes), 0.0);
-  ASSERT_EQ(Ask("begin case-2"), "procedure 2\n");
+  ASSERT_EQ(Begin("case-2"), 2u);
   const std::string next = Ask("metrics");
   EXPECT_GE(Metric(next, checkpoints), Metric(after, checkpoints));
   EXPECT_GE(Metric(next, frames), Metric(after, frames));
@@ -793,31 +808,47 @@ TEST_F(DaemonDevice, RequestOfAClientThatHasGoneIsNotCarriedOut) {
   EXPECT_EQ(StatusValue("state"), "idle");
   EXPECT_EQ(StatusValue("label"), "");
   EXPECT_FALSE(Exists("procedure"));
-  EXPECT_EQ(Ask("begin case-3"), "procedure 2\n");
+  EXPECT_EQ(Begin("case-3"), 2u);
 }
 
 // Frames are numbered anew in each, so an order that comes late would be done to another patient.
 TEST_F(DaemonDevice, OrdersOfMarksAreForTheProcedureThatTheyMean) {
   RecordProperty("req", "DATA-002");
   ASSERT_NO_FATAL_FAILURE(Start());
-  ASSERT_EQ(Ask("begin case-1"), "procedure 1\n");
-  EXPECT_EQ(Ask("unmark polyp 1"), "error: there is no mark 'polyp'");
+  ASSERT_EQ(Begin("case-1"), 1u);
+  const std::string first = StatusValue("procedure");
+  EXPECT_EQ(Ask("unmark polyp " + first), "error: there is no mark 'polyp'");
   script_->is_making_held = true;
   std::thread end([&] { EXPECT_EQ(Ask("end wipe"), "wiped\n"); });
   EXPECT_TRUE(Until([&] { return script_->num_devices == 2; }));
   // They wait for the end, and the next procedure begins before the last one's turn comes.
   std::string late;
-  std::thread begin([&] { EXPECT_EQ(Ask("begin case-2"), "procedure 2\n"); });
+  std::thread begin([&] { EXPECT_EQ(Begin("case-2"), 2u); });
   std::this_thread::sleep_for(milliseconds(200));
   std::thread unmark([&] { late = Ask("unmark polyp"); });
   std::this_thread::sleep_for(milliseconds(200));
   script_->is_making_held = false;
   for (std::thread* client : {&end, &begin, &unmark}) client->join();
-  const std::string refusal = "error: meant for procedure 1, but it is procedure 2 that is open now: nothing was done";
-  EXPECT_EQ(late, refusal);
-  EXPECT_EQ(Ask("mark 100 100 polyp 0 1"), refusal);
-  EXPECT_EQ(Ask("unmark polyp 1"), refusal);
-  EXPECT_EQ(Ask("unmark polyp 2"), "error: there is no mark 'polyp'");
+  const std::string second = StatusValue("procedure");
+  EXPECT_EQ(late, RefusalOf(first, second));
+  EXPECT_EQ(Ask("mark 100 100 polyp 0 " + first), RefusalOf(first, second));
+  EXPECT_EQ(Ask("unmark polyp " + first), RefusalOf(first, second));
+  EXPECT_EQ(Ask("unmark polyp " + second), "error: there is no mark 'polyp'");
+}
+
+// Whoever waits may connect again by himself, as `haustra view` does.
+TEST_F(DaemonDevice, OrderOfMarksThatOutlivesARestartIsRefused) {
+  RecordProperty("req", "DATA-002");
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Begin("case-1"), 1u);
+  const std::string first = StatusValue("procedure");
+  EXPECT_EQ(Ask("end wipe"), "wiped\n");
+  Terminate();
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Begin("case-2"), 1u);
+  const std::string second = StatusValue("procedure");
+  EXPECT_EQ(Ask("mark 100 100 polyp 0 " + first), RefusalOf(first, second));
+  EXPECT_EQ(Ask("unmark polyp " + first), RefusalOf(first, second));
 }
 
 TEST_F(DaemonDevice, IsWarmBeforeTheFirstProcedureBegins) {
@@ -863,7 +894,7 @@ TEST_F(DaemonDevice, InterruptedProcedureDoesNotGoOnAfterAStopInOrder) {
   RecordProperty("req", "DATA-003");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());
   script_->is_lost = true;
-  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && StatusValue("procedure") == "2"; }));
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running" && CountIn(StatusValue("procedure")) == 2; }));
   script_->is_lost = true;
   ASSERT_TRUE(HasEnded());
   thread_.join();
@@ -892,7 +923,7 @@ TEST_F(DaemonDevice, PoseBearsTheStampOfItsFrame) {
   RecordProperty("req", "TRK-002");
   script_->is_live = true;
   ASSERT_NO_FATAL_FAILURE(Start());
-  ASSERT_EQ(Ask("begin"), "procedure 1\n");
+  ASSERT_EQ(Begin(""), 1u);
   haustra_ring ring;
   ASSERT_EQ(haustra_ring_open(&ring, (folder_ + "/poses").c_str()), HAUSTRA_OK);
   haustra_pose pose{};

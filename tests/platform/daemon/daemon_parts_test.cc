@@ -357,6 +357,20 @@ TEST(ProcedureStore, CheckpointIsKeptUnderANameThatIsFree) {
   }
 }
 
+// Before every call that gives or takes a name: the maps are in one of the two places, and half a file is in none.
+TEST(ProcedureStore, CrashWhileACheckpointIsKeptLosesNoMaps) {
+  RecordProperty("req", "DMN-005");
+  for (int step = 1, ends = 1; ends != 0; ++step) {
+    SCOPED_TRACE(step);
+    const StateFolder folder;
+    const auto store = OpenStore(folder);
+    Write(store->checkpoint_path(), "maps");
+    ends = PlainFileSystem::EndsBeforeStep(step, [&] { (void)store->KeepCheckpoint("case-1"); });
+    EXPECT_NE(store->has_checkpoint(), store->has_saved("case-1"));
+    EXPECT_EQ(Read(store->has_saved("case-1") ? folder / "saved/case-1.atlas" : store->checkpoint_path()), "maps");
+  }
+}
+
 TEST(ProcedureStore, RecordThatCannotBeOpenedIsOneOfAnOpenProcedure) {
   RecordProperty("req", "DMN-005,DATA-003");
   for (const bool is_link : {true, false}) {

@@ -80,6 +80,34 @@ TEST(MapCoverage, OfATubeIsWhatItsGeometrySays) {
   EXPECT_LE(last.last_s, 2.4);
 }
 
+// No depth is found in a dark surround. The wall that it covers is known by the depth of other keyframes, and was not
+// looked at; what has no depth within the window, as the far end of the lumen, was.
+TEST(MapCoverage, ADarkSurroundThatNoMaskTellsShowsNoWall) {
+  RecordProperty("req", "COV-001");
+  TubeSurface tube;
+  const int width = tube.map.camera.width_px, height = tube.map.camera.height_px;
+  std::vector<std::uint8_t> window(static_cast<std::size_t>(width) * height, 0);
+  for (int y = 24; y < height - 24; ++y)
+    std::fill_n(&window[static_cast<std::size_t>(y) * width + 40], width - 80, 255);
+  for (KeyframeDepth& each : tube.surface.depths) {
+    for (int i = 0; i < each.depth.num_cells(); ++i) {
+      const int x = i % each.depth.width(), y = i / each.depth.width();
+      if (window[static_cast<std::size_t>(4 * y) * width + 4 * x] == 0) each.depth.Erase(i);
+    }
+  }
+  const auto cover = [&](ImageView mask) {
+    Result<MapCoverage> coverage =
+        MakeMapCoverage(tube.map, tube.surface, FramesOf(tube.run, tube.map.map_id), mask, nullptr, CoverageOptions());
+    EXPECT_TRUE(coverage.ok() && coverage->wall);
+    return *coverage;
+  };
+  const MapCoverage truth = cover({window.data(), width, height, width, PixelFormat::kGrey8});
+  const MapCoverage learnt = cover({});
+  EXPECT_NEAR(learnt.whole.well, truth.whole.well, 1e-9);
+  EXPECT_NEAR(learnt.whole.poorly, truth.whole.poorly, 1e-9);
+  EXPECT_GT(truth.whole.well, 0.3);
+}
+
 TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
   RecordProperty("req", "COV-003");
   // A wall at the side, seen by a camera that goes along it.

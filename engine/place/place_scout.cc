@@ -10,47 +10,15 @@ PlaceScout::PlaceScout(const EngineConfig& config, KeyframeRetrieval& retrieval)
     : config_(config),
       retrieval_(retrieval),
       copier_(config),
-      is_connected_(static_cast<std::size_t>(config.memory.max_keyframes), 0),
-      num_shared_(static_cast<std::size_t>(config.memory.max_keyframes), 0),
-      is_settled_(static_cast<std::size_t>(config.memory.max_map_points), 0) {}
+      is_connected_(static_cast<std::size_t>(config.memory.max_keyframes), 0) {}
 
-// The keyframe, all that share points with it, and their neighbours: no news can come from there.
+// The keyframe and those that covisibility ties to it: no news can come from there.
 void PlaceScout::MarkConnected(const Atlas& atlas, KeyframeHandle keyframe) {
   for (const KeyframeHandle handle : connected_) is_connected_[handle.index] = 0;
-  connected_.clear();
-  std::fill(is_settled_.begin(), is_settled_.end(), std::uint8_t{0});
-  Mark(keyframe);
-  atlas.FindCovisible(keyframe, 1, &covisible_);
-  for (const Covisible& neighbour : covisible_) Mark(neighbour.keyframe);
-  const std::size_t ring_end = connected_.size();
-  for (std::size_t i = 1; i < ring_end; ++i) MarkNeighbours(atlas, connected_[i]);
-}
-
-void PlaceScout::Mark(KeyframeHandle handle) {
-  is_connected_[handle.index] = 1;
-  connected_.push_back(handle);
-}
-
-// As Atlas::FindCovisible, of those that are not marked yet. What costs time is to fetch a point's observers, and most
-// points are seen by many of the ring: one whose observers are all marked is not fetched again.
-void PlaceScout::MarkNeighbours(const Atlas& atlas, KeyframeHandle handle) {
-  const Keyframe& keyframe = atlas.keyframe(handle);
-  met_.clear();
-  for (int i = 0; i < keyframe.features.num; ++i) {
-    const MapPointHandle point = keyframe.points[i];
-    if (!point || is_settled_[point.index] != 0) continue;
-    bool is_settled = true;
-    for (const Observation& observation : atlas.point(point).observations) {
-      if (is_connected_[observation.keyframe.index] != 0) continue;
-      is_settled = false;
-      if (num_shared_[observation.keyframe.index]++ == 0) met_.push_back(observation.keyframe);
-    }
-    is_settled_[point.index] = is_settled ? 1 : 0;
-  }
-  for (const KeyframeHandle other : met_) {
-    if (num_shared_[other.index] >= config_.mapping.min_shared_points) Mark(other);
-    num_shared_[other.index] = 0;
-  }
+  connected_.assign(1, keyframe);
+  atlas.FindCovisible(keyframe, config_.mapping.min_shared_points, &covisible_);
+  for (const Covisible& neighbour : covisible_) connected_.push_back(neighbour.keyframe);
+  for (const KeyframeHandle handle : connected_) is_connected_[handle.index] = 1;
 }
 
 bool PlaceScout::Begin(const Atlas& atlas, KeyframeHandle handle, PlaceTask* task) {

@@ -1,7 +1,8 @@
 // The mapper's part of place recognition: puts the question. First, what looks like a new keyframe among all keyframes
-// of all maps that are not connected with it? Then it copies what the recogniser needs to verify the best of those,
-// together with the rivals of each: other places of the same map, or of the keyframe's own, that may agree as well.
-// Reads the atlas only. thread-bound(mapping), deterministic.
+// of all maps that are not connected with it? Connected are those that share mapping.min_shared_points with it: where a
+// scope comes back to a wall that its map has already, what leads there is a chain of neighbours. Then it copies what
+// the recogniser needs to verify the best of those, together with the rivals of each: other places of the same map, or
+// of the keyframe's own, that may agree as well. Reads the atlas only. thread-bound(mapping), deterministic.
 #pragma once
 
 #include <cstdint>
@@ -27,8 +28,6 @@ class PlaceScout {
 
  private:
   void MarkConnected(const Atlas& atlas, KeyframeHandle keyframe);
-  void Mark(KeyframeHandle handle);
-  void MarkNeighbours(const Atlas& atlas, KeyframeHandle handle);
   bool CopyCandidates(const Atlas& atlas, PlaceTask* task);
   bool ReportFailure(const Atlas& atlas, PlaceTask* task);
   int Copy(const Atlas& atlas, std::size_t retrieved_idx, PlaceTask* task);
@@ -41,9 +40,6 @@ class PlaceScout {
   std::vector<int> candidate_of_;           // of what was retrieved: position in the task, -1: not copied
   std::vector<std::uint8_t> is_connected_;  // by keyframe slot
   std::vector<KeyframeHandle> connected_;
-  std::vector<KeyframeHandle> met_;
-  std::vector<int> num_shared_;           // by keyframe slot; zero between two uses
-  std::vector<std::uint8_t> is_settled_;  // by point slot: all its observers are connected
   std::vector<Covisible> covisible_;
 };
 

@@ -2,7 +2,7 @@
 """Clips as people record them: makes of one prepared clip what a tower, a recorder or an editor would have made of it, each
 a prepared clip that real_clips.py and `haustra run` read.
 
-    python3 tools/benchmarks/recordings.py CLIP --out OUT [--only surround,card]
+    python3 tools/benchmarks/recordings.py CLIP --out OUT [--only surround,card] [--turn 45]
 
 | kind | what |
 |---|---|
@@ -17,12 +17,15 @@ a prepared clip that real_clips.py and `haustra run` read.
 | soft | enlarged to twice its size |
 | gamma | lighter and darker by turns of two seconds |
 | coarse | through H.264 at a constant rate factor of 33 |
+| back | the last six tenths, 1.2 s of darkness, then the first six tenths, turned by --turn and a sixth darker |
 
 A clip is a folder with frames/, times.txt, calib.yaml of our own form, and reference.txt where there is one; reference.txt goes
-with those kinds that keep the times. Needs FFmpeg. Writes links to pictures that stay as they are.
+with those kinds that keep the times. What the kind `back` shows first it meets again: its sources.txt names the frame of each
+picture, and return_judge.py asks where it was found. Needs FFmpeg. Writes links to pictures that stay as they are.
 """
 
 import argparse
+import math
 import pathlib
 import re
 import shutil
@@ -31,6 +34,7 @@ import sys
 
 CARD_FRAMES = 125
 FREEZE_FROM, FREEZE_TO, FREEZE_EVERY = 60, 100, 150  # frames
+DARK_S = 1.2
 
 
 class Camera:
@@ -78,8 +82,8 @@ def even(value):
 class Recorder:
     """Makes the kinds of one clip, each in a folder of its own below `out`."""
 
-    def __init__(self, clip, out, ffmpeg="ffmpeg"):
-        self.clip, self.out, self.ffmpeg = clip, out, ffmpeg
+    def __init__(self, clip, out, ffmpeg="ffmpeg", turn=45):
+        self.clip, self.out, self.ffmpeg, self.turn = clip, out, ffmpeg, turn
         self.rate = f"{1 / clip.period:.6g}"
         camera = clip.camera
         self.big_width = even(2 * camera.width)
@@ -191,8 +195,43 @@ class Recorder:
         (folder / "pictures.txt").unlink()
         return self.finish(folder, self.clip.times, camera.text, True)
 
+    def turned(self):
+        """A filter that turns the picture about the principal point, clockwise; what comes in from outside is black."""
+        camera = self.clip.camera
+        sides = []
+        for axis, side in (("x", camera.width), ("y", camera.height)):
+            centre = camera.value(f"c{axis}") + 0.5
+            half = math.ceil(max(centre, side - centre))
+            sides.append((2 * half, round(half - centre)))
+        (width, left), (height, top) = sides
+        darker = ":".join(f"{channel}=val*5/6" for channel in "rgb")
+        return (f"format=gbrp,pad={width}:{height}:{left}:{top},rotate={self.turn}*PI/180,"
+                f"crop={camera.width}:{camera.height}:{left}:{top},lutrgb={darker}")
 
-KINDS = ["surround", "pip", "card", "clock", "twice", "telecine", "freeze", "half", "soft", "gamma", "coarse"]
+    def back(self):
+        clip, camera = self.clip, self.clip.camera
+        num = len(clip.frames)
+        begin, end = 2 * num // 5, 3 * num // 5
+        num_dark = round(DARK_S / clip.period)
+        folder = self.folder("back")
+        self.run("-f", "lavfi", "-i", f"color=black:size={camera.width}x{camera.height}", "-frames:v", 1,
+                 folder / "dark.png")
+        pictures = clip.frames[begin:] + [folder / "dark.png"] * num_dark
+        for i, picture in enumerate(pictures):
+            (folder / "frames" / f"{i:06d}{picture.suffix}").symlink_to(picture)
+        self.run(*self.pictures(folder), "-vf", self.turned(), "-vsync", "passthrough", "-frames:v", end, "-start_number",
+                 len(pictures), folder / "frames" / "%06d.png")
+        (folder / "pictures.txt").unlink()
+        sources = [(i, 0) for i in range(begin, num)] + [(-1, 0)] * num_dark + [(i, 1) for i in range(end)]
+        lines = "".join(f"{frame} {is_turned}\n" for frame, is_turned in sources)
+        (folder / "sources.txt").write_text(f"# frame of the clip or -1, 1: turned by {self.turn:g} degrees\n" + lines,
+                                            encoding="ascii")
+        times = [f"{i * clip.period:.6f}" for i in range(len(sources))]
+        return self.finish(folder, times, camera.text, False)
+
+
+KINDS = ["surround", "pip", "card", "clock", "twice", "telecine", "freeze", "half", "soft", "gamma", "coarse",
+         "back"]
 
 
 def main():
@@ -200,13 +239,14 @@ def main():
     parser.add_argument("clip", type=pathlib.Path)
     parser.add_argument("--out", type=pathlib.Path, required=True)
     parser.add_argument("--only", help="kinds, with commas between them; all")
+    parser.add_argument("--turn", type=float, default=45, help="of the kind back, degrees; 45")
     parser.add_argument("--ffmpeg", default="ffmpeg")
     arguments = parser.parse_args()
     kinds = arguments.only.split(",") if arguments.only else KINDS
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown:
         sys.exit(f"--only: no kind {', '.join(unknown)}; there are {', '.join(KINDS)}")
-    recorder = Recorder(Clip(arguments.clip), arguments.out.resolve(), arguments.ffmpeg)
+    recorder = Recorder(Clip(arguments.clip), arguments.out.resolve(), arguments.ffmpeg, arguments.turn)
     for kind in kinds:
         print(getattr(recorder, kind)())
 

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "engine/place/exhaustive_retrieval.h"
 #include "engine/place/place_scout.h"
 #include "tests/engine/place/synthetic_colon.h"
@@ -30,6 +33,29 @@ class PlaceRecogniserTest : public testing::Test {
     return task_.is_known;
   }
 
+  int FrameOf(KeyframeHandle keyframe) const {
+    const auto& frames = colon_.frames();
+    const auto is_it = [&](const SyntheticColon::Frame& frame) { return frame.keyframe == keyframe; };
+    return static_cast<int>(std::find_if(frames.begin(), frames.end(), is_it) - frames.begin());
+  }
+  // So many features of `frame` show points of `other` from now on.
+  void TakePointsOf(int other, int num, int frame) {
+    const SyntheticColon::Frame& from = colon_.frames()[other];
+    const SyntheticColon::Frame& to = colon_.frames()[frame];
+    for (std::size_t i = 0; i < to.landmarks.size() && num > 0; ++i) {
+      const auto seen = std::find(from.landmarks.begin(), from.landmarks.end(), to.landmarks[i]);
+      if (seen == from.landmarks.end()) continue;
+      const MapPointHandle point = atlas_.keyframe(from.keyframe).points[seen - from.landmarks.begin()];
+      if (!point) continue;
+      const MapPointHandle own = atlas_.keyframe(to.keyframe).points[i];
+      if (own) atlas_.RemoveObservation(own, to.keyframe);
+      atlas_.AddObservation(point, to.keyframe, static_cast<std::int32_t>(i));
+      atlas_.UpdatePoint(point);
+      --num;
+    }
+    ASSERT_EQ(num, 0);
+  }
+
   SyntheticColon colon_;
   Atlas atlas_;
   PlaceTask task_;
@@ -54,6 +80,26 @@ TEST_F(PlaceRecogniserTest, KeyframesThatAreConnectedAlreadyAreNoNews) {
   EXPECT_FALSE(Recognise(6));
   EXPECT_EQ(task_.report.num_candidates, 0);
   EXPECT_TRUE(task_.report.tried.empty());
+}
+
+// The scope was lost, was found again by one view, and mapped the wall a second time beside the first, with some drift.
+TEST_F(PlaceRecogniserTest, APlaceThatANeighbourIsTiedToIsAsked) {
+  colon_.AddWall(0.0, 7.0, 2500);
+  const auto [first, end] = colon_.AddMap(&atlas_, 1.6, 2.4, 8, Sim3{});
+  const MapHandle map = atlas_.keyframe(colon_.frames()[first].keyframe).map;
+  const Sim3 drifted_from_world{1.01, ExpSO3({0.02, -0.03, 0.04}), {0.04, -0.03, 0.05}};
+  for (int i = 0; i < 8; ++i) {
+    colon_.AddKeyframe(&atlas_, map, colon_.ViewFrom(1.6 + 0.1 * i), drifted_from_world);
+  }
+  const int before = first + 4, found = end + 2, asked = end + 5;
+  colon_.AddPoints(&atlas_, end, end + 8, 0.0, [](int, int) { return 1; });
+  TakePointsOf(before, 150, found);
+  std::vector<Covisible> covisible;
+  atlas_.FindCovisible(colon_.frames()[asked].keyframe, 1, &covisible);
+  for (const Covisible& neighbour : covisible) EXPECT_GE(FrameOf(neighbour.keyframe), end);
+  ASSERT_TRUE(Recognise(asked));
+  EXPECT_EQ(task_.area.counts.map_b, task_.area.counts.map_a);
+  EXPECT_LT(FrameOf(task_.area.keyframe_b), end);
 }
 
 TEST_F(PlaceRecogniserTest, PointsOfTheWiderGroupWithoutRoomAreLeftOutAndCounted) {

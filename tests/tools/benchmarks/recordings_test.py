@@ -49,18 +49,22 @@ class RecordingsTest(unittest.TestCase):
         (clip / "reference.txt").write_text("0.04 0 0 0 0 0 0 1\n")
         return clip
 
-    def make(self, kind):
-        command = [sys.executable, SCRIPT, self.clip, "--out", self.folder / "out", "--only", kind]
+    def make(self, kind, *options):
+        command = [sys.executable, SCRIPT, self.clip, "--out", self.folder / "out", "--only", kind, *options]
         done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 0, done.stderr)
         return self.folder / "out" / f"clip_{kind}"
 
-    def shown(self, made):
-        """(time, number of the frame of the clip) of each picture of a kind that is made of links."""
+    def grey(self, picture):
+        command = ["ffmpeg", "-v", "error", "-i", str(picture), "-f", "rawvideo", "-pix_fmt", "gray", "-"]
+        return subprocess.run(command, capture_output=True, check=True).stdout
+
+    def shown(self, made, num=None):
+        """(time, number of the frame of the clip) of the first pictures of a kind that are links; of all."""
         times = [float(line) for line in (made / "times.txt").read_text().split()]
         frames = sorted((made / "frames").iterdir())
         self.assertEqual(len(times), len(frames))
-        return [(time, int(frame.resolve().stem)) for time, frame in zip(times, frames)]
+        return [(time, int(frame.resolve().stem)) for time, frame in list(zip(times, frames))[:num]]
 
     def test_twice_shows_each_frame_twice_in_the_same_time(self):
         shown = self.shown(self.make("twice"))
@@ -113,13 +117,27 @@ class RecordingsTest(unittest.TestCase):
         self.assertEqual((camera.width, camera.height), (320, 180))
         left, top = int(camera.value("cx") - 79.5), int(camera.value("cy") - 59.5)
         self.assertEqual(len(list((made / "frames").iterdir())), 5)
-        raw = subprocess.run(["ffmpeg", "-v", "error", "-i", str(made / "frames" / "000003.png"), "-f", "rawvideo",
-                              "-pix_fmt", "gray", "-"], capture_output=True, check=True).stdout
+        raw = self.grey(made / "frames" / "000003.png")
         rows = [raw[320 * y:320 * (y + 1)] for y in range(180)]
         self.assertEqual(rows[top + 10][left:left + 3], bytes([250, 63, 63]))
         self.assertLess(rows[top + 10][left - 1], 20)
         self.assertLess(rows[top - 1][left + 5], 20)
         self.assertLess(rows[top + HEIGHT][left + 5], 20)
+
+    @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
+    def test_back_shows_what_it_began_with_again_and_turned(self):
+        self.clip = self.make_clip(50)
+        made = self.make("back", "--turn", 20)
+        rows = [line.split() for line in (made / "sources.txt").read_text().splitlines() if not line.startswith("#")]
+        expected = [(str(i), "0") for i in range(20, 50)] + [("-1", "0")] * 30 + [(str(i), "1") for i in range(30)]
+        self.assertEqual([tuple(row) for row in rows], expected)
+        self.assertEqual([frame for _, frame in self.shown(made, 30)], list(range(20, 50)))
+        self.assertFalse((made / "reference.txt").exists())
+        # Of the bright column at the left the point (0, 59.5) goes to (4.8, 32.3), of the principal point's picture.
+        raw = self.grey(made / "frames" / "000060.png")
+        self.assertGreater(raw[WIDTH * 32 + 5], 120)
+        self.assertLess(raw[WIDTH * 87 + 5], 80)
+        self.assertAlmostEqual(raw[WIDTH * 60 + 80], 60 * 5 / 6, delta=2)
 
     @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_every_kind_is_a_whole_clip(self):

@@ -28,8 +28,8 @@ class DarkSurround {
  public:
   // There is none.
   DarkSurround() = default;
-  // Of a picture of any format. Looks at four pixels a cell of kSide x kSide, of cells that are dark and the first
-  // that is not: 0.1 ms where most of the picture is dark, hardly anything where it is not.
+  // Of a picture of any format. Looks at four pixels a cell of kSide x kSide, of cells that are dark, and the first
+  // that is not.
   explicit DarkSurround(const ImageView& image);
 
   // To a cell, the side of the picture over kSide. False outside the picture.

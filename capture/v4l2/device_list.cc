@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "capture/v4l2/device_text.h"
 #include "capture/v4l2/v4l2_options.h"
 
 namespace haustra {
@@ -16,12 +17,6 @@ namespace {
 
 // A driver that never says "no more" must not keep us.
 constexpr std::uint32_t kMaxEntries = 256;
-
-template <std::size_t N>
-std::string Text(const __u8 (&bytes)[N]) {
-  const char* text = reinterpret_cast<const char*>(bytes);
-  return {text, strnlen(text, N)};
-}
 
 double Rate(const v4l2_fract& interval) {
   return interval.numerator > 0 ? static_cast<double>(interval.denominator) / interval.numerator : 0.0;
@@ -131,9 +126,9 @@ Result<V4l2DeviceInfo> Identify(const std::string& path, int fd, DeviceIo& io) {
   if ((has & V4L2_CAP_VIDEO_CAPTURE) == 0 || (has & V4L2_CAP_STREAMING) == 0) return NotFound(path + ": not a camera");
   V4l2DeviceInfo info;
   info.path = path;
-  info.name = Text(capability.card);
-  info.bus = Text(capability.bus_info);
-  info.driver = Text(capability.driver);
+  info.name = DeviceText(capability.card);
+  info.bus = DeviceText(capability.bus_info);
+  info.driver = DeviceText(capability.driver);
   return info;
 }
 
@@ -165,7 +160,7 @@ std::vector<V4l2DeviceInfo> ListV4l2Devices(DeviceIo& io, std::vector<std::strin
       v4l2_input input{};
       input.index = i;
       if (io.Ioctl(fd, VIDIOC_ENUMINPUT, &input) < 0) break;
-      info.inputs.push_back(Text(input.name));
+      info.inputs.push_back(DeviceText(input.name));
     }
     info.formats = ListFormats(fd, io);
     devices.push_back(info);

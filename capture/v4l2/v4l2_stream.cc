@@ -15,6 +15,7 @@
 
 #include "capture/number.h"
 #include "capture/v4l2/device_list.h"
+#include "capture/v4l2/device_text.h"
 
 namespace haustra::capture::internal {
 namespace {
@@ -93,8 +94,7 @@ Status V4l2Stream::OpenDevice() {
     if (error == -ENOTTY) return InvalidArgument(path_ + ": not a video device");
     return Failed("VIDIOC_QUERYCAP", error);
   }
-  const char* card = reinterpret_cast<const char*>(capability.card);
-  name_.assign(card, strnlen(card, sizeof(capability.card)));
+  name_ = DeviceText(capability.card);
   const __u32 has =
       (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? capability.device_caps : capability.capabilities;
   if ((has & V4L2_CAP_VIDEO_CAPTURE) == 0) {
@@ -114,8 +114,7 @@ Status V4l2Stream::ChooseInput() {
     v4l2_input input{};
     input.index = i;
     if (io_.Ioctl(fd_, VIDIOC_ENUMINPUT, &input) < 0) break;
-    const char* text = reinterpret_cast<const char*>(input.name);
-    const std::string name(text, strnlen(text, sizeof(input.name)));
+    const std::string name = DeviceText(input.name);
     if (name == options_.input || (number.ok() && *number == static_cast<std::int64_t>(i))) {
       int index = static_cast<int>(i);
       const int error = io_.Ioctl(fd_, VIDIOC_S_INPUT, &index);
@@ -139,8 +138,8 @@ Status V4l2Stream::FollowSignal() {
     // Not every receiver can look; then what is set counts.
     if (error == -ENOTTY || error == -ENODATA) return Status::Ok();
     if (error == -ENOLINK || error == -ENOLCK || error == -ERANGE) {
-      return Unavailable(path_ + ": no signal on input '" + reinterpret_cast<const char*>(input.name) + "' (" +
-                         std::strerror(-error) + ")");
+      return Unavailable(path_ + ": no signal on input '" + DeviceText(input.name) + "' (" + std::strerror(-error) +
+                         ")");
     }
     return Failed("VIDIOC_QUERY_DV_TIMINGS", error);
   }

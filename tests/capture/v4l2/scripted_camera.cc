@@ -14,10 +14,11 @@ namespace {
 
 v4l2_fract Interval(double rate_hz) { return {1000, static_cast<__u32>(std::lround(rate_hz * 1000.0))}; }
 
+// A field that the text fills has no zero at its end.
 template <std::size_t N>
 void Put(const std::string& text, __u8 (&to)[N]) {
   std::memset(to, 0, N);
-  std::memcpy(to, text.data(), std::min(text.size(), N - 1));
+  std::memcpy(to, text.data(), std::min(text.size(), N));
 }
 
 bool IsPaired(std::uint32_t fourcc) { return fourcc == V4L2_PIX_FMT_YUYV || fourcc == V4L2_PIX_FMT_UYVY; }
@@ -114,6 +115,7 @@ int ScriptedCamera::Answer(unsigned long request, void* argument) {
       auto* input = static_cast<v4l2_input*>(argument);
       if (input->index >= inputs.size()) return -EINVAL;
       Put(inputs[input->index], input->name);
+      input->type = V4L2_INPUT_TYPE_CAMERA;
       input->capabilities = has_timings ? V4L2_IN_CAP_DV_TIMINGS : 0;
       return 0;
     }

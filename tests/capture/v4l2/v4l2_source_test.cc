@@ -237,6 +237,15 @@ TEST(V4l2Source, AReceiverFollowsItsSignalAndSaysWhenThereIsNone) {
   EXPECT_THAT(MustOpen(camera)->Describe(), HasSubstr("at 50 Hz"));
 }
 
+TEST(V4l2Source, ANameThatFillsItsFieldEndsThere) {
+  ScriptedCamera camera;
+  const std::string name(sizeof(v4l2_input::name), 'x');
+  camera.inputs = {name};
+  camera.has_timings = true;
+  camera.timings_error = -ENOLINK;
+  EXPECT_THAT(Open(camera).status().message(), HasSubstr("no signal on input '" + name + "' ("));
+}
+
 // Interlaced pictures.
 
 TEST(V4l2Source, InterlacedPicturesAreRefusedWithAWayOut) {

@@ -87,6 +87,10 @@ Status Merger::Begin(const MergePlan& plan, const Atlas& atlas) {
   const int min_shared = config_.mapping.min_shared_points;
   CollectGroup(atlas, plan.keyframe_a, options_.window_keyframes, min_shared, &covisible_, &window_a_);
   CollectGroup(atlas, plan.keyframe_b, options_.window_keyframes, min_shared, &covisible_, &window_b_);
+  if (is_bent()) {
+    stage_ = Stage::kMove;
+    return Status::Ok();
+  }
   std::vector<KeyframeHandle> singles = a_stays_ ? window_b_ : window_a_;
   if (outcome_.is_loop) singles.insert(singles.end(), window_b_.begin(), window_b_.end());
   graph_.Begin(atlas, atlas.map(map_).keyframes, singles);
@@ -144,7 +148,9 @@ Status Merger::DoNext(const JoinLimits& limits, Atlas* atlas) {
       break;
     case Stage::kSolve: HAUSTRA_TRY(Solve(limits)); break;
     case Stage::kMove:
-      if (outcome_.is_loop) {
+      if (is_bent()) {
+        if (!HasBothKeyframes(plan_, *atlas)) return FailedPrecondition("loop: a keyframe of the plan is gone");
+      } else if (outcome_.is_loop) {
         graph_.Adopt(*atlas, map_, true);
         graph_.Apply({}, atlas);
       } else {

@@ -6,9 +6,10 @@
 //   3. guided search of the points of each side in the other, refinement on all that is found; twice
 //   4. acceptance: enough inliers, few outliers, enough of what should be visible found, spread over both images,
 //      plausible scale and view, small uncertainty, and the consent of K_a's neighbours
-// When both keyframes lie in one map the same proof closes a loop, and the correction must be one that drift can
-// explain. Reads copies, never the
-// atlas (place_excerpt.h); every rejection leaves its reason and its counts. thread-bound(merging), deterministic.
+// When both keyframes lie in one map the same proof closes a loop. The wall must be there twice, and the correction be
+// one that drift can explain. Where the map has bent and no similarity is found, it is enough that matches lie where
+// the poses say, but for offsets that change slowly (smooth_offsets.h). Reads copies, never the atlas
+// (place_excerpt.h); every rejection leaves its reason and its counts. thread-bound(merging), deterministic.
 #pragma once
 
 #include <array>
@@ -40,6 +41,7 @@ enum class CommonAreaVerdict : std::uint8_t {
   kFewPoints,         // one of the keyframes carries too few map points
   kDeviceFailed,      // the vision device did not answer
   kFewMatches,        // the descriptors agree in too few places
+  kMappedOnce,        // inside one map: most of what matches is one point already
   kNoSimilarity,      // no similarity explains enough of the matches, or two do so alike
   kLowMatchShare,     // the walls look alike, but most matches contradict the similarity
   kFewInliers,        // guided search finds too little more
@@ -74,6 +76,7 @@ struct CommonAreaCounts {
   int num_points_a = 0;
   int num_points_b = 0;
   int num_matches = 0;
+  int num_one = 0;  // inside one map: beside these, matches of what is one point already
   int num_ransac_inliers = 0;
   int num_agreeing = 0;  // of the matches, after refinement
   int num_guided = 0;
@@ -88,6 +91,7 @@ struct CommonAreaCounts {
   double scale_sigma = 0.0;
   double position_sigma = 0.0;  // over the median depth
   double drift_share = 0.0;     // inside one map
+  bool is_bent = false;         // accepted without a similarity: b_from_a is the identity
 };
 
 // Where a keyframe stood, and the unit of its map (Atlas::KeyframeScale).
@@ -132,14 +136,19 @@ class CommonAreaVerifier {
   };
 
   CommonAreaVerdict Run(const Sides& sides, Rng& rng, CommonArea* out);
+  CommonAreaVerdict ProveSimilarity(const Sides& sides, Rng& rng, CommonArea* out);
+  bool ProveBent(const Sides& sides, CommonArea* out);
   CommonAreaVerdict FindSimilarity(const Sides& sides, Rng& rng, CommonAreaCounts* counts, Sim3OptimizerResult* result);
-  CommonAreaVerdict MatchGroup(const Sides& sides);
+  CommonAreaVerdict MatchGroup(const Sides& sides, int* num_one);
   CommonAreaVerdict SearchBothWays(const Sides& sides, const Sim3& b_from_a, int* num_visible);
-  void KeepOneToOne(const Sides& sides);
+  // Returns how many were one point already.
+  int KeepOneToOne(const Sides& sides);
   // `initial` by value: it may be that of `result`.
   bool Refine(const Sides& sides, Sim3 initial, Sim3OptimizerResult* result);
   void KeepInliers();
   void FillMatches(const Sides& sides);
+  std::vector<CommonPoint> CommonPoints(const Sides& sides) const;
+  double MedianDepth(const Sides& sides, const Eigen::Vector3d& centre_in_b) const;
   double Spread(const Sides& sides) const;
   CommonAreaVerdict CheckView(const Sides& sides, const Sim3OptimizerResult& result, CommonArea* out) const;
   CommonAreaVerdict CheckNeighbours(const Sides& sides, CommonArea* out);

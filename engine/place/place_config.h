@@ -53,10 +53,23 @@ struct CommonAreaConfig {
   double max_drift_share = 0.25;  // inside one map: what a loop corrects over the length of the way round [0.01, 1]
   double max_drift_scale = 1.6;   // the same for the scale, as a ratio [1, 10]
   double max_drift_deg = 30.0;    // the same for the rotation [1, 180]
+  // Inside one map a wall is mapped once or twice: matches that are two points, over those that are one point already.
+  // Where tissue gave and came back by itself it was 0.1 to 0.2, where the wall was there twice 1 and more
+  // (decisions/2026-11-29-a-map-that-has-bent.md) [0, 100].
+  double min_doubled = 1.0;
+  // Where no similarity tells what a map has drifted by, since it has bent (smooth_offsets.h):
+  double max_bent_offset = 0.05;  // between where the poses say and where it is seen, over the focal length [0.001, 1]
+  double max_bent_roughness = 4.0;  // offset against those around it, over the noise [0.1, 100]
+  double min_bent_share = 0.4;      // of the matches within max_bent_offset that agree with those around them [0, 1]
+  double min_bent_doubled = 0.5;    // min_doubled, of those that agree [0, 100]
+  int min_bent_points = 40;         // [6, 8000]
 };
 
 struct RecognitionConfig {
-  int max_candidates = 3;    // verified for one keyframe [1, 20]
+  int max_candidates = 3;  // verified for one keyframe [1, 20]
+  // Keyframes that share this share of the new one's points show nothing that its own neighbours do not know. The
+  // others may hold its wall a second time, though they share points with it [0, 1].
+  double max_shared_share = 0.2;
   double rival_share = 0.5;  // a rival place needs this share of the votes of the best to be heard [0, 1]
   // Two verified places of one map agree within it (place/rival_poses.h) [0.01, 10].
   double rival_agreement = 0.3;

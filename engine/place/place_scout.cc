@@ -16,7 +16,9 @@ PlaceScout::PlaceScout(const EngineConfig& config, KeyframeRetrieval& retrieval)
 void PlaceScout::MarkConnected(const Atlas& atlas, KeyframeHandle keyframe) {
   for (const KeyframeHandle handle : connected_) is_connected_[handle.index] = 0;
   connected_.assign(1, keyframe);
-  atlas.FindCovisible(keyframe, config_.mapping.min_shared_points, &covisible_);
+  const double shared_share = config_.place.recognition.max_shared_share;
+  const int min_shared = static_cast<int>(shared_share * atlas.keyframe(keyframe).num_points);
+  atlas.FindCovisible(keyframe, std::max(config_.mapping.min_shared_points, min_shared), &covisible_);
   for (const Covisible& neighbour : covisible_) connected_.push_back(neighbour.keyframe);
   for (const KeyframeHandle handle : connected_) is_connected_[handle.index] = 1;
 }

@@ -20,6 +20,7 @@ constexpr std::pair<std::string_view, std::string_view> kExplanations[] = {
     {"few_points", "one of the keyframes carries too few map points to prove anything"},
     {"device_failed", "the vision device did not answer"},
     {"few_matches", "the descriptors agree in too few places"},
+    {"mapped_once", "most of what the two keyframes show in common is one point already"},
     {"no_similarity", "no similarity (rotation, translation, scale) explains enough of the matches"},
     {"no_pose", "no pose explains enough of the matches"},
     {"low_match_share", "the walls look alike, but most matches contradict the best alignment"},

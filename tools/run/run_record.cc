@@ -77,10 +77,12 @@ std::string Describe(const MapEvent& event) {
   }
   const CommonAreaCounts& place = event.place;
   std::string text(ToString(place.verdict));
+  if (place.is_bent) text += " bent";
   const std::pair<const char*, int> counts[] = {{"keyframe", static_cast<int>(place.keyframe_a)},
                                                 {"other_keyframe", static_cast<int>(place.keyframe_b)},
                                                 {"votes", place.num_votes},
                                                 {"matches", place.num_matches},
+                                                {"one", place.num_one},
                                                 {"ransac_inliers", place.num_ransac_inliers},
                                                 {"guided", place.num_guided},
                                                 {"inliers", place.num_inliers},

@@ -230,6 +230,76 @@ INSTANTIATE_TEST_SUITE_P(Of, JoinSlices,
                                          Case{"MapMovesInGroups", 26, 10}),
                          [](const auto& tested) { return tested.param.name; });
 
+// A loop that no similarity tells: what was proven is fused, and the weld moves what is around it.
+class BentLoop : public testing::Test {
+ protected:
+  void Make(SlicedJoin* join) {
+    LoopShape shape;
+    shape.drift = Sim3(1.0, ExpSO3({0.0004, -0.0002, 0.0003}), {0.0006, 0.0004, -0.0003});
+    MakeLoop(shape, join);
+    join->plan.is_bent = true;
+    join->plan.b_from_a = Sim3{};
+    ASSERT_GE(join->plan.points.size(), 50u);
+  }
+};
+
+TEST_F(BentLoop, IsWeldedWhereItStands) {
+  SlicedJoin join;
+  Make(&join);
+  const double before = join.RelativeError(join.frame_a, join.frame_b);
+  ASSERT_GT(before, 0.04);
+  const int far = static_cast<int>(join.colon.frames().size()) / 2;
+  const SE3 far_before = join.atlas.keyframe(join.frame(far).keyframe).cam_from_map;
+  join.slice_end = TimePoint(std::chrono::hours(1));
+  join.Begin();
+  std::vector<bool> is_reframed;
+  bool goes_on = true;
+  while (goes_on) {
+    goes_on = join.Step();
+    is_reframed.push_back(join.outcome().is_reframed);
+  }
+  EXPECT_EQ(is_reframed, std::vector<bool>({true, false, true}));
+  EXPECT_TRUE(join.outcome().is_loop);
+  EXPECT_EQ(join.outcome().num_graph_nodes, 0);
+  EXPECT_GE(join.outcome().num_fused, 50);
+  EXPECT_LT(join.RelativeError(join.frame_a, join.frame_b), 0.5 * before);
+  const SE3& far_after = join.atlas.keyframe(join.frame(far).keyframe).cam_from_map;
+  EXPECT_EQ(far_after.translation, far_before.translation);
+  EXPECT_EQ(far_after.rotation.coeffs(), far_before.rotation.coeffs());
+}
+
+TEST_F(BentLoop, KeyframesMayComeBetweenAnyTwoSlices) {
+  int num_slices = 0;
+  for (int gap = 0; gap == 0 || gap < num_slices; ++gap) {
+    SCOPED_TRACE("after slice " + std::to_string(gap));
+    SlicedJoin join;
+    Make(&join);
+    join.Begin();
+    int added = -1;
+    while (join.Step()) {
+      if (join.num_slices == gap) added = join.InsertBeside(join.frame_a, 0.1);
+    }
+    if (gap == 0) num_slices = join.num_slices;
+    EXPECT_LT(join.RelativeError(join.frame_a, join.frame_b), 0.03);
+    if (gap > 0) {
+      ASSERT_GE(added, 0);
+      EXPECT_LT(join.RelativeError(added, join.frame_a), 0.03);
+    }
+    if (HasFailure()) break;
+  }
+  EXPECT_GT(num_slices, 5);
+}
+
+TEST_F(BentLoop, OneWhoseKeyframeIsGoneTouchesNothing) {
+  SlicedJoin join;
+  Make(&join);
+  join.Begin();
+  join.Cull(join.frame_b, join.frame_b + 1);
+  const Result<Merger::Progress> progress = join.Slice();
+  EXPECT_EQ(progress.code(), StatusCode::kFailedPrecondition);
+  EXPECT_FALSE(join.outcome().has_moved);
+}
+
 // Two maps whose younger one moves and is welded; the older one's frame is the truth for both. What its keyframes
 // beyond the seam see follows the weld.
 class PointsBesideTheSeam : public testing::Test {

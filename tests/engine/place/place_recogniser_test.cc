@@ -77,6 +77,10 @@ TEST_F(PlaceRecogniserTest, FindsTheMapThatShowsTheSameWall) {
 TEST_F(PlaceRecogniserTest, KeyframesThatAreConnectedAlreadyAreNoNews) {
   colon_.AddWall(0.0, 7.0, 2500);
   colon_.AddMap(&atlas_, 0.0, 3.0, 14, Sim3{});
+  // Those that share little with it are asked, and know nothing new.
+  EXPECT_FALSE(Recognise(6));
+  for (const CommonAreaCounts& tried : task_.report.tried) EXPECT_EQ(ToString(tried.verdict), "few_matches");
+  colon_.config().place.recognition.max_shared_share = 0.0;
   EXPECT_FALSE(Recognise(6));
   EXPECT_EQ(task_.report.num_candidates, 0);
   EXPECT_TRUE(task_.report.tried.empty());
@@ -100,6 +104,28 @@ TEST_F(PlaceRecogniserTest, APlaceThatANeighbourIsTiedToIsAsked) {
   ASSERT_TRUE(Recognise(asked));
   EXPECT_EQ(task_.area.counts.map_b, task_.area.counts.map_a);
   EXPECT_LT(FrameOf(task_.area.keyframe_b), end);
+}
+
+// The same, when the keyframe that asks shares some points with the place itself.
+TEST_F(PlaceRecogniserTest, APlaceThatSharesAFewOfItsPointsIsAsked) {
+  colon_.AddWall(0.0, 7.0, 2500);
+  const auto [first, end] = colon_.AddMap(&atlas_, 1.6, 2.4, 8, Sim3{});
+  const MapHandle map = atlas_.keyframe(colon_.frames()[first].keyframe).map;
+  const Sim3 drifted_from_world{1.01, ExpSO3({0.02, -0.03, 0.04}), {0.04, -0.03, 0.05}};
+  for (int i = 0; i < 8; ++i) {
+    colon_.AddKeyframe(&atlas_, map, colon_.ViewFrom(1.6 + 0.1 * i), drifted_from_world);
+  }
+  const int asked = end + 5;
+  colon_.AddPoints(&atlas_, end, end + 8, 0.0, [](int, int) { return 1; });
+  TakePointsOf(first + 4, 30, asked);
+  const KeyframeHandle handle = colon_.frames()[asked].keyframe;
+  std::vector<Covisible> covisible;
+  atlas_.FindCovisible(handle, colon_.config().mapping.min_shared_points, &covisible);
+  const auto is_old = [&](const Covisible& neighbour) { return FrameOf(neighbour.keyframe) < end; };
+  ASSERT_TRUE(std::any_of(covisible.begin(), covisible.end(), is_old));
+  EXPECT_TRUE(Recognise(asked));
+  colon_.config().place.recognition.max_shared_share = 0.0;
+  EXPECT_FALSE(Recognise(asked)) << "it was asked all the same";
 }
 
 TEST_F(PlaceRecogniserTest, PointsOfTheWiderGroupWithoutRoomAreLeftOutAndCounted) {

@@ -218,6 +218,9 @@ TEST_F(CommonAreaTest, AWallThatIsMappedOnceIsNotClosed) {
   EXPECT_GT(area_.counts.num_one, area_.counts.num_matches);
   // Three keyframes show most of them, and each counts once.
   EXPECT_LT(area_.counts.num_one, 0.8 * area_.counts.num_points_a);
+  colon_.config().place.common_area.group_size = 1;
+  EXPECT_FALSE(Verify(12, 4));
+  EXPECT_GT(area_.counts.num_one, area_.counts.num_matches);
   options_.min_doubled = 0.1;
   options_.min_ransac_inliers = 8000;
   EXPECT_FALSE(Verify(12, 4));

@@ -74,6 +74,7 @@ Status Merger::Begin(const MergePlan& plan, const Atlas& atlas) {
   if (!IsSimilarity(plan.b_from_a)) {
     return InvalidArgument("merge: scale " + std::to_string(plan.b_from_a.scale) + " is not that of a similarity");
   }
+  if (plan.is_bent && a->map != b->map) return InvalidArgument("merge: two maps need a similarity");
   plan_ = plan;
   outcome_.is_loop = a->map == b->map;
   const auto standing = [&](MapHandle map) {

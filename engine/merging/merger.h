@@ -45,7 +45,7 @@ class Merger {
          VisionDevice& device, SchurBundleAdjuster& adjuster);
 
   // Takes a plan in place of the one before. Touches nothing. kFailedPrecondition: a keyframe of the plan is gone, or
-  // tracking in another map. kInvalidArgument: the similarity is not one.
+  // tracking in another map. kInvalidArgument: the similarity is not one, or two maps have none.
   Status Begin(const MergePlan& plan, const Atlas& atlas);
 
   enum class Progress { kMore, kDone };

@@ -54,7 +54,7 @@ struct CommonAreaConfig {
   double max_drift_scale = 1.6;   // the same for the scale, as a ratio [1, 10]
   double max_drift_deg = 30.0;    // the same for the rotation [1, 180]
   // Inside one map a wall is mapped once or twice: matches that are two points, over those that are one point already.
-  // Where tissue gave and came back by itself it was 0.1 to 0.2, where the wall was there twice 1 and more
+  // Where a colonoscopy goes on it was 0.2 to 0.4 and loops did harm, where a gallbladder comes back 1.2 and more
   // (decisions/2026-11-29-a-map-that-has-bent.md) [0, 100].
   double min_doubled = 1.0;
   // Where no similarity tells what a map has drifted by, since it has bent (smooth_offsets.h):

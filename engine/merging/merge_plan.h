@@ -17,7 +17,6 @@ struct MergePlan {
   KeyframeHandle keyframe_a;  // the new one, of the active map
   KeyframeHandle keyframe_b;  // of the same map: a loop; of another: a merge
   Sim3 b_from_a;              // points of the map of a to that of b; in a loop: what drift did around a, undone
-  bool is_bent = false;       // loop only: there is no similarity, and nothing is moved before the weld
   std::vector<CommonPoint> points;
   // Where the two keyframes stood when the similarity was found.
   KeyframeAnchor anchor_a;
@@ -25,8 +24,7 @@ struct MergePlan {
 };
 
 inline MergePlan MakeMergePlan(const CommonArea& area) {
-  return {area.keyframe_a, area.keyframe_b, area.b_from_a, area.counts.is_bent,
-          area.points,     area.anchor_a,   area.anchor_b};
+  return {area.keyframe_a, area.keyframe_b, area.b_from_a, area.points, area.anchor_a, area.anchor_b};
 }
 
 struct MergeOutcome {

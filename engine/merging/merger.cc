@@ -74,7 +74,6 @@ Status Merger::Begin(const MergePlan& plan, const Atlas& atlas) {
   if (!IsSimilarity(plan.b_from_a)) {
     return InvalidArgument("merge: scale " + std::to_string(plan.b_from_a.scale) + " is not that of a similarity");
   }
-  if (plan.is_bent && a->map != b->map) return InvalidArgument("merge: two maps need a similarity");
   plan_ = plan;
   outcome_.is_loop = a->map == b->map;
   const auto standing = [&](MapHandle map) {
@@ -88,10 +87,6 @@ Status Merger::Begin(const MergePlan& plan, const Atlas& atlas) {
   const int min_shared = config_.mapping.min_shared_points;
   CollectGroup(atlas, plan.keyframe_a, options_.window_keyframes, min_shared, &covisible_, &window_a_);
   CollectGroup(atlas, plan.keyframe_b, options_.window_keyframes, min_shared, &covisible_, &window_b_);
-  if (is_bent()) {
-    stage_ = Stage::kMove;
-    return Status::Ok();
-  }
   std::vector<KeyframeHandle> singles = a_stays_ ? window_b_ : window_a_;
   if (outcome_.is_loop) singles.insert(singles.end(), window_b_.begin(), window_b_.end());
   graph_.Begin(atlas, atlas.map(map_).keyframes, singles);
@@ -149,9 +144,7 @@ Status Merger::DoNext(const JoinLimits& limits, Atlas* atlas) {
       break;
     case Stage::kSolve: HAUSTRA_TRY(Solve(limits)); break;
     case Stage::kMove:
-      if (is_bent()) {
-        if (!HasBothKeyframes(plan_, *atlas)) return FailedPrecondition("loop: a keyframe of the plan is gone");
-      } else if (outcome_.is_loop) {
+      if (outcome_.is_loop) {
         graph_.Adopt(*atlas, map_, true);
         graph_.Apply({}, atlas);
       } else {

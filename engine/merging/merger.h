@@ -3,8 +3,7 @@
 //          which takes over its keyframes and points and keeps its id; matched points are fused, more are found by
 //          guided search across the seam; the seam is welded by bundle adjustment; what is left of the map that moved
 //          follows the weld by its essential graph
-//   loop   the correction is spread over the map by the essential graph; then fusion, search and weld as above. Where
-//          the map has bent there is none: what was proven to be one point is fused, and search and weld do the rest
+//   loop   the correction is spread over the map by the essential graph; then fusion, search and weld as above
 // A join is made in slices. What takes long is worked out on copies (graph and weld) or is small in itself (one guided
 // search). The map is moved twice, each time inside one slice: by the plan or the loop's graph, and by the weld.
 //
@@ -45,7 +44,7 @@ class Merger {
          VisionDevice& device, SchurBundleAdjuster& adjuster);
 
   // Takes a plan in place of the one before. Touches nothing. kFailedPrecondition: a keyframe of the plan is gone, or
-  // tracking in another map. kInvalidArgument: the similarity is not one, or two maps have none.
+  // tracking in another map. kInvalidArgument: the similarity is not one.
   Status Begin(const MergePlan& plan, const Atlas& atlas);
 
   enum class Progress { kMore, kDone };
@@ -64,7 +63,6 @@ class Merger {
   // In their order, but for the graph: of a loop it is solved before the move, of a merge after the weld.
   enum class Stage { kCapture, kSolve, kMove, kFuse, kSearch, kWeld, kPlace, kDone };
 
-  bool is_bent() const { return outcome_.is_loop && plan_.is_bent; }
   Status DoNext(const JoinLimits& limits, Atlas* atlas);
   Status SetUpLoop(const Atlas& atlas);
   Status Solve(const JoinLimits& limits);

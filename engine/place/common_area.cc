@@ -6,7 +6,6 @@
 
 #include "engine/geometry/constants.h"
 #include "engine/geometry/rng_streams.h"
-#include "engine/place/smooth_offsets.h"
 
 namespace haustra {
 namespace {
@@ -95,18 +94,10 @@ CommonAreaVerdict CommonAreaVerifier::Run(const Sides& sides, Rng& rng, CommonAr
   if (matched != CommonAreaVerdict::kAccepted) return matched;
   counts.num_matches = static_cast<int>(pairs_.size());
   if (counts.num_matches < options_.min_matches) return CommonAreaVerdict::kFewMatches;
-  const bool is_loop = sides.a.map_id == sides.b.map_id;
-  if (is_loop && counts.num_matches < options_.min_doubled * counts.num_one) return CommonAreaVerdict::kMappedOnce;
+  if (sides.a.map_id == sides.b.map_id && counts.num_matches < options_.min_doubled * counts.num_one) {
+    return CommonAreaVerdict::kMappedOnce;
+  }
 
-  const CommonAreaVerdict verdict = ProveSimilarity(sides, rng, out);
-  const bool is_decided = verdict == CommonAreaVerdict::kAccepted || verdict == CommonAreaVerdict::kDeviceFailed ||
-                          verdict == CommonAreaVerdict::kImplausibleDrift;
-  if (!is_loop || is_decided) return verdict;
-  return ProveBent(sides, out) ? CommonAreaVerdict::kAccepted : verdict;
-}
-
-CommonAreaVerdict CommonAreaVerifier::ProveSimilarity(const Sides& sides, Rng& rng, CommonArea* out) {
-  CommonAreaCounts& counts = out->counts;
   FillMatches(sides);
   Sim3OptimizerResult result;
   const CommonAreaVerdict first = FindSimilarity(sides, rng, &counts, &result);
@@ -124,7 +115,9 @@ CommonAreaVerdict CommonAreaVerifier::ProveSimilarity(const Sides& sides, Rng& r
   KeepInliers();
   counts.num_inliers = static_cast<int>(pairs_.size());
   out->b_from_a = result.b_from_a;
-  out->points = CommonPoints(sides);
+  for (const Pair& pair : pairs_) {
+    out->points.push_back({sides.a.handles[pair.point_a], sides.b.handles[pair.point_b]});
+  }
   if (counts.num_inliers < options_.min_inliers) return CommonAreaVerdict::kFewInliers;
   if (counts.num_inliers < options_.min_inlier_share * counts.num_guided) return CommonAreaVerdict::kLowInlierShare;
   const double min_visible_share = is_by_group_ ? options_.min_group_visible_share : options_.min_visible_share;
@@ -134,32 +127,6 @@ CommonAreaVerdict CommonAreaVerifier::ProveSimilarity(const Sides& sides, Rng& r
   if (const auto verdict = CheckView(sides, result, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
   if (const auto verdict = CheckNeighbours(sides, out); verdict != CommonAreaVerdict::kAccepted) return verdict;
   return CheckDrift(sides, out);
-}
-
-// From the brute-force matches again: a guided search has replaced them.
-bool CommonAreaVerifier::ProveBent(const Sides& sides, CommonArea* out) {
-  CommonAreaCounts& counts = out->counts;
-  if (MatchGroup(sides, &counts.num_one) != CommonAreaVerdict::kAccepted) return false;
-  FillMatches(sides);
-  inliers_.resize(matches_.size());
-  SmoothOffsetsOptions options;
-  options.max_offset_px = options_.max_bent_offset * camera_.focal_px();
-  options.max_roughness = options_.max_bent_roughness;
-  const SmoothOffsets found = KeepSmoothOffsets(camera_, matches_, views_a_, views_b_, options, inliers_);
-  if (found.num_kept < options_.min_bent_points || found.num_kept < options_.min_bent_share * found.num_near ||
-      found.num_kept < options_.min_bent_doubled * counts.num_one) {
-    return false;
-  }
-  KeepInliers();
-  const double spread = Spread(sides);
-  if (spread < options_.min_spread) return false;
-  counts.num_inliers = found.num_kept;
-  counts.spread = spread;
-  out->b_from_a = Sim3{};
-  counts.is_bent = true;
-  out->median_depth_in_b = MedianDepth(sides, views_a_[0].InverseTranslation());
-  out->points = CommonPoints(sides);
-  return true;
 }
 
 // From pairs of points, or where those do not tell it, from the poses of the keyframes around K_a.
@@ -331,20 +298,6 @@ void CommonAreaVerifier::KeepInliers() {
   pairs_.resize(num);
 }
 
-std::vector<CommonPoint> CommonAreaVerifier::CommonPoints(const Sides& sides) const {
-  std::vector<CommonPoint> points;
-  for (const Pair& pair : pairs_) points.push_back({sides.a.handles[pair.point_a], sides.b.handles[pair.point_b]});
-  return points;
-}
-
-double CommonAreaVerifier::MedianDepth(const Sides& sides, const Eigen::Vector3d& centre_in_b) const {
-  std::vector<double> depths;
-  for (const Pair& pair : pairs_) depths.push_back((sides.b.points[pair.point_b].position - centre_in_b).norm());
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return *middle;
-}
-
 // The smaller share of the scope's window that the inliers cover, of both keyframes; what was matched in another view
 // of the group counts where K_b sees the point.
 double CommonAreaVerifier::Spread(const Sides& sides) const {
@@ -374,7 +327,10 @@ CommonAreaVerdict CommonAreaVerifier::CheckView(const Sides& sides, const Sim3Op
   if (counts.view_angle_deg > options_.max_view_angle_deg) return CommonAreaVerdict::kImplausibleView;
 
   const Eigen::Vector3d centre = b_from_a * pose_a.InverseTranslation();
-  out->median_depth_in_b = MedianDepth(sides, centre);
+  std::vector<double> depths;
+  for (const Pair& pair : pairs_) depths.push_back((sides.b.points[pair.point_b].position - centre).norm());
+  std::nth_element(depths.begin(), depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2), depths.end());
+  out->median_depth_in_b = depths[depths.size() / 2];
 
   // How far the estimate may be off, where it matters: at the camera. A step (rho, phi, lambda) moves its centre c by
   // rho + phi x c + lambda c.

@@ -7,9 +7,8 @@
 //   4. acceptance: enough inliers, few outliers, enough of what should be visible found, spread over both images,
 //      plausible scale and view, small uncertainty, and the consent of K_a's neighbours
 // When both keyframes lie in one map the same proof closes a loop. The wall must be there twice, and the correction be
-// one that drift can explain. Where the map has bent and no similarity is found, it is enough that matches lie where
-// the poses say, but for offsets that change slowly (smooth_offsets.h). Reads copies, never the atlas
-// (place_excerpt.h); every rejection leaves its reason and its counts. thread-bound(merging), deterministic.
+// one that drift can explain. Reads copies, never the atlas (place_excerpt.h); every rejection leaves its reason and
+// its counts. thread-bound(merging), deterministic.
 #pragma once
 
 #include <array>
@@ -91,7 +90,6 @@ struct CommonAreaCounts {
   double scale_sigma = 0.0;
   double position_sigma = 0.0;  // over the median depth
   double drift_share = 0.0;     // inside one map
-  bool is_bent = false;         // accepted without a similarity: b_from_a is the identity
 };
 
 // Where a keyframe stood, and the unit of its map (Atlas::KeyframeScale).
@@ -136,8 +134,6 @@ class CommonAreaVerifier {
   };
 
   CommonAreaVerdict Run(const Sides& sides, Rng& rng, CommonArea* out);
-  CommonAreaVerdict ProveSimilarity(const Sides& sides, Rng& rng, CommonArea* out);
-  bool ProveBent(const Sides& sides, CommonArea* out);
   CommonAreaVerdict FindSimilarity(const Sides& sides, Rng& rng, CommonAreaCounts* counts, Sim3OptimizerResult* result);
   CommonAreaVerdict MatchGroup(const Sides& sides, int* num_one);
   CommonAreaVerdict SearchBothWays(const Sides& sides, const Sim3& b_from_a, int* num_visible);
@@ -147,8 +143,6 @@ class CommonAreaVerifier {
   bool Refine(const Sides& sides, Sim3 initial, Sim3OptimizerResult* result);
   void KeepInliers();
   void FillMatches(const Sides& sides);
-  std::vector<CommonPoint> CommonPoints(const Sides& sides) const;
-  double MedianDepth(const Sides& sides, const Eigen::Vector3d& centre_in_b) const;
   double Spread(const Sides& sides) const;
   CommonAreaVerdict CheckView(const Sides& sides, const Sim3OptimizerResult& result, CommonArea* out) const;
   CommonAreaVerdict CheckNeighbours(const Sides& sides, CommonArea* out);

@@ -55,14 +55,8 @@ struct CommonAreaConfig {
   double max_drift_deg = 30.0;    // the same for the rotation [1, 180]
   // Inside one map a wall is mapped once or twice: matches that are two points, over those that are one point already.
   // Where a colonoscopy goes on it was 0.2 to 0.4 and loops did harm, where a gallbladder comes back 1.2 and more
-  // (decisions/2026-11-29-a-map-that-has-bent.md) [0, 100].
+  // (decisions/2026-11-29-a-wall-is-mapped-once-or-twice.md) [0, 100].
   double min_doubled = 1.0;
-  // Where no similarity tells what a map has drifted by, since it has bent (smooth_offsets.h):
-  double max_bent_offset = 0.05;  // between where the poses say and where it is seen, over the focal length [0.001, 1]
-  double max_bent_roughness = 4.0;  // offset against those around it, over the noise [0.1, 100]
-  double min_bent_share = 0.4;      // of the matches within max_bent_offset that agree with those around them [0, 1]
-  double min_bent_doubled = 0.5;    // min_doubled, of those that agree [0, 100]
-  int min_bent_points = 40;         // [6, 8000]
 };
 
 struct RecognitionConfig {

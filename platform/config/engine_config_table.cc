@@ -279,16 +279,6 @@ void AddCommonArea(Fields* out) {
   out->push_back(Area<&C::max_drift_deg>("max_drift_deg", {1, 180}, "deg", "the same for the rotation"));
   out->push_back(Area<&C::min_doubled>("min_doubled", {0, 100}, "",
                                        "inside one map: matches that are two points, over those that are one already"));
-  out->push_back(Area<&C::max_bent_offset>(
-      "max_bent_offset", {0.001, 1}, "",
-      "inside a map that has bent: between where its poses say and where it is seen, over the focal length"));
-  out->push_back(Area<&C::max_bent_roughness>("max_bent_roughness", {0.1, 100}, "",
-                                              "such an offset against those around it, over the noise"));
-  out->push_back(Area<&C::min_bent_share>("min_bent_share", {0, 1}, "",
-                                          "of the matches with such an offset that agree with those around them"));
-  out->push_back(Area<&C::min_bent_doubled>("min_bent_doubled", {0, 100}, "", "min_doubled, of those that agree"));
-  out->push_back(
-      Area<&C::min_bent_points>("min_bent_points", {6, 8000}, "points", "that agree with those around them"));
 }
 
 template <auto kMember>

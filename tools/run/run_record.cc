@@ -77,7 +77,6 @@ std::string Describe(const MapEvent& event) {
   }
   const CommonAreaCounts& place = event.place;
   std::string text(ToString(place.verdict));
-  if (place.is_bent) text += " bent";
   const std::pair<const char*, int> counts[] = {{"keyframe", static_cast<int>(place.keyframe_a)},
                                                 {"other_keyframe", static_cast<int>(place.keyframe_b)},
                                                 {"votes", place.num_votes},

@@ -378,15 +378,6 @@ TEST_F(MergerTest, TrackerInAnotherMapMakesThePlanStale) {
   EXPECT_EQ(atlas_.maps().size(), 2u);
 }
 
-TEST_F(MergerTest, TwoMapsWithoutASimilarityAreRefused) {
-  colon_.AddWall(0.0, 9.0, 3000);
-  colon_.AddMap(&atlas_, 0.0, 3.0, 14, kOlderFromWorld);
-  const int first = colon_.AddMap(&atlas_, 2.0, 5.0, 14, kYoungerFromWorld).first;
-  MergePlan plan = Plan(first + 2, 11);
-  plan.is_bent = true;
-  EXPECT_EQ(Apply(plan).code(), StatusCode::kInvalidArgument);
-}
-
 TEST_F(MergerTest, ImpossibleScaleIsRefused) {
   RecordProperty("req", "MRG-001");
   colon_.AddWall(0.0, 9.0, 3000);

@@ -152,58 +152,6 @@ TEST_F(CommonAreaTest, PosesOfSeveralKeyframesCloseNoLoop) {
   EXPECT_EQ(verdict(), "no_similarity");
 }
 
-// One map that holds a stretch of wall twice, the second time turned by so much. Pairs of points tell no similarity, as
-// where the map has bent.
-class BentMapTest : public CommonAreaTest {
- protected:
-  BentMapTest() {
-    options_.min_ransac_inliers = 8000;
-    colon_.AddWall(0.0, 9.0, 3000);
-  }
-  void MakeMap(double turn_rad) {
-    first_ = colon_.AddMap(&atlas_, 0.5, 2.5, 12, Sim3{}).first;
-    const MapHandle map = atlas_.keyframe(colon_.frames()[first_].keyframe).map;
-    const Sim3 turned(1.0, ExpSO3({turn_rad, 0.0, 0.0}), Eigen::Vector3d::Zero());
-    second_ = static_cast<int>(colon_.frames().size());
-    for (int i = 0; i < 12; ++i) colon_.AddKeyframe(&atlas_, map, colon_.ViewFrom(0.5 + 2.0 * i / 11), turned);
-    colon_.AddPoints(&atlas_, second_, second_ + 12, 0.005, [](int, int) { return 1; });
-  }
-  int first_ = 0, second_ = 0;
-};
-
-TEST_F(BentMapTest, AWallThatIsThereTwiceNeedsNoSimilarity) {
-  RecordProperty("req", "MRG-001");
-  MakeMap(0.02);
-  ASSERT_TRUE(Verify(second_ + 2, first_ + 2)) << verdict();
-  EXPECT_TRUE(area_.counts.is_bent);
-  EXPECT_EQ(area_.b_from_a.translation, Eigen::Vector3d::Zero());
-  EXPECT_EQ(area_.counts.num_one, 0);
-  ASSERT_GE(area_.points.size(), 40u);
-  EXPECT_EQ(static_cast<int>(area_.points.size()), area_.counts.num_inliers);
-  for (const CommonPoint& common : area_.points) {
-    const auto& a = colon_.LandmarkOf(atlas_.point(common.point_a));
-    const auto& b = colon_.LandmarkOf(atlas_.point(common.point_b));
-    EXPECT_TRUE(a.appearance == b.appearance);
-  }
-}
-
-// Farther off than the poses of a map ever are: another place that looks alike.
-TEST_F(BentMapTest, WhatLiesElsewhereIsAnotherPlace) {
-  RecordProperty("req", "MRG-001");
-  MakeMap(0.12);
-  EXPECT_FALSE(Verify(second_ + 2, first_ + 2));
-  EXPECT_EQ(verdict(), "no_similarity");
-}
-
-TEST_F(BentMapTest, TwoMapsNeedASimilarity) {
-  RecordProperty("req", "MRG-001");
-  colon_.AddMap(&atlas_, 0.5, 2.5, 12, Sim3{});
-  const Sim3 turned(1.0, ExpSO3({0.02, 0.0, 0.0}), Eigen::Vector3d::Zero());
-  const int second = colon_.AddMap(&atlas_, 0.5, 2.5, 12, turned).first;
-  EXPECT_FALSE(Verify(second + 2, 2));
-  EXPECT_FALSE(area_.counts.is_bent);
-}
-
 // A quarter of what two keyframes show in common has two points, the rest has one.
 TEST_F(CommonAreaTest, AWallThatIsMappedOnceIsNotClosed) {
   RecordProperty("req", "MRG-001");
@@ -222,12 +170,7 @@ TEST_F(CommonAreaTest, AWallThatIsMappedOnceIsNotClosed) {
   EXPECT_FALSE(Verify(12, 4));
   EXPECT_GT(area_.counts.num_one, area_.counts.num_matches);
   options_.min_doubled = 0.1;
-  options_.min_ransac_inliers = 8000;
-  EXPECT_FALSE(Verify(12, 4));
-  EXPECT_EQ(verdict(), "no_similarity");
-  options_.min_bent_doubled = 0.1;
-  EXPECT_TRUE(Verify(12, 4));
-  EXPECT_TRUE(area_.counts.is_bent);
+  EXPECT_TRUE(Verify(12, 4)) << verdict() << ": it is refused for another reason, too";
 }
 
 TEST_F(CommonAreaTest, SameInputGivesTheSameBits) {

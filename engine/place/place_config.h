@@ -54,15 +54,15 @@ struct CommonAreaConfig {
   double max_drift_scale = 1.6;   // the same for the scale, as a ratio [1, 10]
   double max_drift_deg = 30.0;    // the same for the rotation [1, 180]
   // Inside one map a wall is mapped once or twice: matches that are two points, over those that are one point already.
-  // Where a colonoscopy goes on it was 0.2 to 0.4 and loops did harm, where a gallbladder comes back 1.2 and more
-  // (decisions/2026-11-29-a-wall-is-mapped-once-or-twice.md) [0, 100].
+  // Where a colonoscopy goes on it was 0.2 to 0.4, and loops that were tried did harm; where a gallbladder comes back
+  // it was 1.2 and more (decisions/2026-11-29-a-wall-is-mapped-once-or-twice.md) [0, 100].
   double min_doubled = 1.0;
 };
 
 struct RecognitionConfig {
   int max_candidates = 3;  // verified for one keyframe [1, 20]
-  // Keyframes that share this share of the new one's points show nothing that its own neighbours do not know. The
-  // others may hold its wall a second time, though they share points with it [0, 1].
+  // Keyframes that see this part of the new one's points, or more, show nothing that its own neighbours do not know.
+  // The others may hold its wall a second time, though they share points with it [0, 1].
   double max_shared_share = 0.2;
   double rival_share = 0.5;  // a rival place needs this share of the votes of the best to be heard [0, 1]
   // Two verified places of one map agree within it (place/rival_poses.h) [0.01, 10].

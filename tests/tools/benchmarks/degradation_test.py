@@ -109,7 +109,7 @@ import pathlib, sys
 with open(r"{self.folder}/encoded.txt", "a") as calls:
     calls.write(" ".join(sys.argv[1:]) + "\\n")
 pathlib.Path(sys.argv[-1].replace("%06d", "000000")).write_text("decoded")
-if "33/" in sys.argv[-1] and sys.argv[-1].endswith("png"):
+if "h264_33/" in sys.argv[-1] and sys.argv[-1].endswith("png"):
     pathlib.Path(sys.argv[-1].replace("%06d", "000001")).write_text("one too many")
 """, encoding="utf-8")
         encoder.chmod(0o755)

@@ -85,8 +85,10 @@ struct InitialisationConfig {
   // Of the direction in which the scope travelled between the views, one standard deviation. Counts the noise of all
   // matches twice: on living tissue they disagree because the wall moves, and many matches move with it.
   double max_direction_sigma_deg = 5.0;  // [0.1, 90]
-  double min_gap_ms = 140.0;             // between the two views: a step of a trembling hand is no baseline [0, 10000]
-  double min_inlier_share = 0.5;         // inliers of the epipolar geometry over matches [0, 1]
+  // Between the two views [0, 10000]. Bubbles and a film of water found maps when it is shorter, for as long as they
+  // drift together (tracking/decisions/2026-11-29-a-least-time-between-founding-views.md).
+  double min_gap_ms = 140.0;
+  double min_inlier_share = 0.5;  // inliers of the epipolar geometry over matches [0, 1]
   // Area of the ellipse fitted to the points over that of the scope's window [0, 1]. The paper accepts 0.59 and rejects
   // 0.35 of the image; texture that covers a part of the window only must do, too.
   double min_spread = 0.30;

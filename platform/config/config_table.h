@@ -15,9 +15,9 @@ namespace haustra {
 struct ConfigOrigin {
   enum class Kind { kDefault, kFile, kCommandLine };
   Kind kind = Kind::kDefault;
-  std::string where;  // "phantom.yaml:12"; the argument as it was given
+  std::string where;  // "colon.yaml:12"; the argument as it was given
 
-  std::string ToString() const;  // "default", "phantom.yaml:12", "command line: noise.k=2"
+  std::string ToString() const;  // "default", "colon.yaml:12", "command line: noise.k=2"
 };
 
 // The untyped half: fields, and operations on the struct behind a pointer. Use ConfigStore.
@@ -56,7 +56,7 @@ class ConfigTable {
 // Errors of the Apply functions: kFailedPrecondition, one line a problem, each "file:line:column: key: what is wrong;
 // allowed: ..." (or the key nearest to an unknown one); of a file the errors of capture/files/whole_file.h.
 //
-// A file may name another one to start from, relative to its own folder: `preset: phantom.yaml`. The values of the
+// A file may name another one to start from, relative to its own folder: `preset: colon.yaml`. The values of the
 // preset apply first, at whatever line the key stands.
 template <typename Config>
 class ConfigStore {

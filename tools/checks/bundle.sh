@@ -51,7 +51,7 @@ exec chroot "$root" /bin/bash -c '
   done
   cd /mnt
   "$place/bin/haustra" render colon --seconds 2 --size 360x270 --events none --quiet
-  "$place/bin/haustra" run colon --out result --device cpu --config "$place/config/phantom.yaml" 2> /dev/null
+  "$place/bin/haustra" run colon --out result --device cpu --config "$place/config/colon.yaml" 2> /dev/null
   test -s result/trajectory/live.tum && test -s result/summary.json
 '
 SCRIPT

@@ -221,6 +221,19 @@ TEST_F(InitialiserTest, ReferenceIsKeptWhileHardlyAnythingMoves) {
   EXPECT_EQ(Try(See(1), Duration{0}), TrackingReason::kMapProposed);
 }
 
+// Bubbles drift together for a moment, and two views of a moment found a map of them.
+TEST_F(InitialiserTest, ViewsOfOneMomentFoundNothing) {
+  const auto least = std::chrono::milliseconds(std::lround(colon_.config().initialisation.min_gap_ms));
+  const ProposedView first = See(1);
+  initialiser_.Keep(first);
+  ProposedView later = See(12);
+  later.timestamp = first.timestamp + least - std::chrono::milliseconds(1);
+  EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kLowParallax);
+  EXPECT_FALSE(initialiser_.is_worn_out());
+  later.timestamp = first.timestamp + least;
+  EXPECT_EQ(Try(later, Duration{0}), TrackingReason::kMapProposed);
+}
+
 // While parallax is wanting, younger views have still less: the oldest stays the one that is compared with.
 TEST_F(InitialiserTest, ReferenceIsComparedAgainWhileParallaxIsWanting) {
   InitialisationConfig& options = colon_.config().initialisation;

@@ -1,6 +1,7 @@
 #include "tools/evaluate/run_output.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <limits>
@@ -11,6 +12,7 @@
 #include "tools/evaluate/colmap_reader.h"
 #include "tools/evaluate/csv_table.h"
 #include "tools/evaluate/json_input.h"
+#include "tools/evaluate/number_text.h"
 #include "tools/evaluate/text_input.h"
 
 namespace haustra::evaluate {
@@ -239,6 +241,26 @@ Status ReadMotions(const std::string& path, const nlohmann::json& json, std::vec
   return Status::Ok();
 }
 
+// Of maps that have lost their scale, what a reader must know.
+Status ReadScales(const std::string& path, const nlohmann::json& json, std::vector<std::string>* warnings) {
+  if (!json.contains("scene_depth")) return Status::Ok();
+  try {
+    for (const nlohmann::json& entry : json.at("scene_depth")) {
+      const auto map_id = IntegerAt<int>(entry, "map_id");
+      const double range = entry.at("p95").get<double>() / entry.at("p5").get<double>();
+      if (!(range >= 1.0) || !std::isfinite(range)) {
+        return InvalidArgument(path + ": scene_depth: p5 and p95 of map " + std::to_string(map_id) + " are no depths");
+      }
+      if (!entry.at("scale_lost").get<bool>()) continue;
+      warnings->push_back("map " + std::to_string(map_id) + " has lost its scale: what it sees is " + Fixed(range, 0) +
+                          " times as far away in one part as in another, so its lengths do not compare");
+    }
+  } catch (const std::exception& error) {
+    return InvalidArgument(path + ": scene_depth: " + error.what());
+  }
+  return Status::Ok();
+}
+
 Status ReadFigures(const std::string& path, RunFigures* figures) {
   HAUSTRA_ASSIGN(const nlohmann::json json, ReadJsonObject(path));
   figures->mode = TextAt(json, "mode");
@@ -275,6 +297,7 @@ Status ReadFigures(const std::string& path, RunFigures* figures) {
       if (value.is_number()) figures->mean_stage_ms[name] = value.get<double>();
     }
   }
+  HAUSTRA_TRY(ReadScales(path, json, &figures->scale_warnings));
   return ReadMotions(path, json, &figures->motions);
 }
 
@@ -306,6 +329,7 @@ Result<RunOutput> ReadRunOutput(const std::string& folder) {
   HAUSTRA_TRY(ReadFigures(path("summary.json"), &run.figures));
   HAUSTRA_ASSIGN(run.marks, ReadRunMarks(folder));
   if (!run.figures.calibration_note.empty()) run.warnings.push_back(run.figures.calibration_note);
+  for (const std::string& warning : run.figures.scale_warnings) run.warnings.push_back(warning);
   HAUSTRA_TRY(ReadTrajectories(&run));
   HAUSTRA_TRY(ReadGeometry(&run));
   if (run.figures.frames && *run.figures.frames != static_cast<std::int64_t>(run.frames.size())) {

@@ -89,7 +89,8 @@ struct MapMotionRow {
 struct RunFigures {
   std::string mode;
   std::string device;
-  std::string calibration_note;  // what a reader must know of the calibration; empty: nothing
+  std::string calibration_note;             // what a reader must know of the calibration; empty: nothing
+  std::vector<std::string> scale_warnings;  // one for each map that has lost its scale
   std::optional<std::int64_t> seed;
   SequenceOptions part;  // of the sequence, as far as frames are counted: first_frame and every_nth
   std::optional<std::int64_t> frames;

@@ -1,26 +1,12 @@
 #include "tools/run/map_motion.h"
 
-#include <algorithm>
 #include <iterator>
 #include <map>
-#include <optional>
+
+#include "tools/run/scene_depth.h"
 
 namespace haustra {
 namespace {
-
-// Median distance along the optical axis of what a keyframe sees; nothing: it sees nothing in front of it.
-std::optional<double> SceneDepthOf(const Keyframe& keyframe, const Atlas& atlas) {
-  std::vector<double> depths;
-  for (const MapPointHandle point : keyframe.points) {
-    if (!point) continue;
-    const double depth = (keyframe.cam_from_map * atlas.point(point).position).z();
-    if (depth > 0.0) depths.push_back(depth);
-  }
-  if (depths.empty()) return std::nullopt;
-  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
-  std::nth_element(depths.begin(), middle, depths.end());
-  return *middle;
-}
 
 using DepthsByTime = std::map<TimePoint, double>;  // not empty
 

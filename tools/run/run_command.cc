@@ -42,6 +42,7 @@
 #include "tools/run/mark_log.h"
 #include "tools/run/progress.h"
 #include "tools/run/run_outputs.h"
+#include "tools/run/scene_depth.h"
 #include "tools/run/surface_of_run.h"
 #include "tools/run/two_views.h"
 
@@ -350,6 +351,7 @@ int Run(const RunArguments& arguments) {
       Summarise(record, poses, engine, session.ok() ? *session : SessionSummary{}, is_aborted ? num_frames : 0);
   SummariseMarks(marks, engine, &summary);
   summary.motions = FindMapMotions(record, poses, engine);
+  summary.scene_depths = FindSceneDepths(engine.atlas());
   summary.mode = arguments.mode;
   summary.device = arguments.device;
   summary.seed = config.seed;

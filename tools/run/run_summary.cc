@@ -15,6 +15,11 @@
 namespace haustra {
 namespace {
 
+// The wall is some 5 to 100 mm away from an endoscope that sees it: what runs farther apart is no view but the scale.
+// Clips of living patients and rendered colons have 1.1 to 5.
+constexpr double kMaxDepthRange = 20.0;
+constexpr std::size_t kMinScaleKeyframes = 20;  // fewer say little about their percentiles
+
 // Nearest rank.
 double PeakRssMb() {
   rusage usage{};
@@ -282,6 +287,35 @@ std::string MotionText(const std::vector<MapMotion>& motions) {
   return text;
 }
 
+bool HasLostScale(const SceneDepths& of) {
+  return of.num_keyframes >= kMinScaleKeyframes && of.p95 >= kMaxDepthRange * of.p5;
+}
+
+nlohmann::ordered_json SceneDepthsJson(const std::vector<SceneDepths>& scene_depths) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const SceneDepths& of : scene_depths) {
+    json.push_back({{"map_id", of.map_id},
+                    {"keyframes", of.num_keyframes},
+                    {"p5", of.p5},
+                    {"p50", of.p50},
+                    {"p95", of.p95},
+                    {"scale_lost", HasLostScale(of)}});
+  }
+  return json;
+}
+
+// The maps that have lost their scale; nothing where none has.
+std::string ScaleText(const std::vector<SceneDepths>& scene_depths) {
+  std::string text;
+  for (const SceneDepths& of : scene_depths) {
+    if (!HasLostScale(of)) continue;
+    Append(&text,
+           "  scale          lost     in map %u: what it sees is %.0f times as far away in one part as in another\n",
+           static_cast<unsigned>(of.map_id), of.p95 / of.p5);
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string ToJson(const RunSummary& s) {
@@ -336,6 +370,7 @@ std::string ToJson(const RunSummary& s) {
                              {"frames_with_faults", s.tracking_thread.frames_with_faults}};
   if (!s.marks.empty() || !s.refused_marks.empty()) json["marks"] = MarksJson(s);
   json["periodic_motion"] = MotionsJson(s.motions);
+  json["scene_depth"] = SceneDepthsJson(s.scene_depths);
   if (s.depth) {
     const DepthCounters& depth = s.depth->counters;
     json["depth"] = {{"keyframes_with_depth", s.depth->num_keyframes},
@@ -421,6 +456,7 @@ std::string ToText(const RunSummary& s) {
          s.maps_created, s.merges, s.loops, s.largest_map_frames);
   Append(&text, "  losses        %5zu     (%zu relocalised)\n", s.losses, s.relocalisations);
   Append(&text, "  keyframes     %5zu     (%zu map points)\n", s.keyframes, s.map_points);
+  text += ScaleText(s.scene_depths);
   text += MotionText(s.motions);
   if (s.maps_loaded > 0) {
     Append(&text, "  loaded        %5zu     maps of earlier runs (%zu of the keyframes are theirs)\n", s.maps_loaded,

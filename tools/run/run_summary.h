@@ -72,6 +72,14 @@ struct MapMotion {
   PeriodicMotion motion;
 };
 
+// How far away the wall is in the keyframes of a map, in its units: percentiles over the keyframes of their median
+// depth.
+struct SceneDepths {
+  MapId map_id = 0;
+  std::size_t num_keyframes = 0;
+  double p5 = 0.0, p50 = 0.0, p95 = 0.0;  // > 0
+};
+
 struct RunSummary {
   std::string mode;
   std::string device;
@@ -113,7 +121,8 @@ struct RunSummary {
   MapperCounters mapping;
   std::vector<MarkFigures> marks;  // by id
   std::vector<RefusedMark> refused_marks;
-  std::vector<MapMotion> motions;  // by map id
+  std::vector<MapMotion> motions;         // by map id
+  std::vector<SceneDepths> scene_depths;  // likewise
   std::optional<DepthFigures> depth;
   std::optional<SurfaceFigures> surface;  // nothing while none was asked for
   // Real-time mode only.

@@ -100,6 +100,21 @@ TEST_F(RunOutputTest, MotionsOfScopeAgainstWallAreRead) {
   EXPECT_THAT(Read().status().message(), HasSubstr("summary.json: periodic_motion: "));
 }
 
+TEST_F(RunOutputTest, AMapThatHasLostItsScaleIsAWarning) {
+  Edit("summary.json", "\"frames\": 30",
+       R"("scene_depth": [
+            {"map_id": 1, "keyframes": 40, "p5": 0.5, "p50": 1.0, "p95": 2.0, "scale_lost": false},
+            {"map_id": 2, "keyframes": 40, "p5": 0.002, "p50": 0.1, "p95": 1.0, "scale_lost": true}], "frames": 30)");
+  const Result<RunOutput> run = Read();
+  ASSERT_TRUE(run.ok()) << run.status().ToString();
+  ASSERT_EQ(run->warnings.size(), 1u);
+  EXPECT_THAT(run->warnings[0], HasSubstr("map 2 has lost its scale: what it sees is 500 times as far away"));
+  Edit("summary.json", "\"p5\": 0.002", "\"p5\": 0");
+  EXPECT_THAT(Read().status().message(), HasSubstr("summary.json: scene_depth: p5 and p95 of map 2 are no depths"));
+  Edit("summary.json", "\"p5\": 0,", "\"p5\": \"near\",");
+  EXPECT_THAT(Read().status().message(), HasSubstr("summary.json: scene_depth: "));
+}
+
 TEST_F(RunOutputTest, LengthOfTheSequenceAndWhatMapsWereMergedIntoAreRead) {
   Edit("summary.json", "\"frames\": 30", "\"frames\": 30, \"sequence_frames\": 45");
   Edit("maps.csv", "1,stored,-1", "1,merged,2");

@@ -282,6 +282,26 @@ TEST(RunSummary, TheMotionOfTheWallIsSaidOrThatThereIsNone) {
                                                           "amplitude_percent": 3.75, "chance": 0.0005})"));
 }
 
+// Between 5 and 100 mm from the wall the depth differs by a factor of 20.
+TEST(RunSummary, AMapThatHasLostItsScaleIsNamed) {
+  RunSummary summary;
+  EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["scene_depth"], nlohmann::json::array());
+  summary.scene_depths = {{0, 400, 0.25, 1.0, 4.75}, {3, 19, 0.001, 0.25, 1.0}};
+  EXPECT_EQ(ToText(summary).find("scale"), std::string::npos) << "steady, and too few keyframes to tell";
+  EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["scene_depth"],
+            nlohmann::json::parse(R"([{"map_id": 0, "keyframes": 400, "p5": 0.25, "p50": 1.0, "p95": 4.75,
+                                       "scale_lost": false},
+                                      {"map_id": 3, "keyframes": 19, "p5": 0.001, "p50": 0.25, "p95": 1.0,
+                                       "scale_lost": false}])"));
+  summary.scene_depths[1].num_keyframes = 20;
+  EXPECT_EQ(nlohmann::json::parse(ToJson(summary))["scene_depth"][1]["scale_lost"], true);
+  EXPECT_NE(ToText(summary).find(
+                "\n  scale          lost     in map 3: what it sees is 1000 times as far away in one part as in"),
+            std::string::npos)
+      << ToText(summary);
+  EXPECT_EQ(ToText(summary).find("map 0"), std::string::npos);
+}
+
 TEST(RunSummary, TextSaysWhatIsWrongOnlyWhenItIs) {
   RunSummary summary;
   summary.mode = "realtime";

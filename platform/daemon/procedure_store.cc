@@ -208,9 +208,12 @@ Result<std::string> ProcedureStore::KeepCheckpoint(const std::string& name) cons
   if (!RenameToFreeName(checkpoint_path(), path)) {
     return Unavailable(path + ": cannot be put into place: " + ErrorText(errno));
   }
-  HAUSTRA_TRY(SyncFolderOf(path));
-  HAUSTRA_TRY(SyncFolderOf(checkpoint_path()));
-  return free;
+  Status synced = SyncFolderOf(path);
+  if (synced.ok()) synced = SyncFolderOf(checkpoint_path());
+  if (synced.ok()) return free;
+  // Put back, it can be kept by another try.
+  if (!RenameToFreeName(path, checkpoint_path())) return synced;
+  return Unavailable(path + ": would not outlast a power cut, the checkpoint stays: its folder cannot be synced");
 }
 
 }  // namespace haustra

@@ -73,7 +73,8 @@ class ProcedureStore {
   // record without data, which the tower is asked about; never data that nobody knows of. kUnavailable: the checkpoint
   // could not be wiped, and the record stays; or the record could not.
   Status Close() const;
-  // The checkpoint becomes a saved file under a name that is free (FreeName). Which one. kUnavailable.
+  // The checkpoint becomes a saved file under a name that is free (FreeName). Which one. kUnavailable: it is still
+  // there, for another try.
   Result<std::string> KeepCheckpoint(const std::string& name) const;
 
  private:

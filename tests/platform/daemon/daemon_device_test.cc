@@ -40,10 +40,11 @@ constexpr Duration kHangLimit = seconds(60);
 std::atomic<bool> is_disk_held{false};  // it takes its time
 std::atomic<bool> is_disk_full{false};  // it says so in the end
 std::atomic<int> num_syncs_begun{0};
+std::atomic<bool> is_folder_broken{false};  // their folder cannot be synced
 
-bool IsInSaved(int file) {
+fs::path PathOf(int file) {
   std::error_code error;
-  return fs::read_symlink("/proc/self/fd/" + std::to_string(file), error).parent_path().filename() == "saved";
+  return fs::read_symlink("/proc/self/fd/" + std::to_string(file), error);
 }
 
 }  // namespace
@@ -51,7 +52,12 @@ bool IsInSaved(int file) {
 
 // In place of the C library's.
 extern "C" int fsync(int file) {
-  if (haustra::IsInSaved(file)) {
+  const std::filesystem::path path = haustra::PathOf(file);
+  if (haustra::is_folder_broken && path.filename() == "saved") {
+    errno = EIO;
+    return -1;
+  }
+  if (path.parent_path().filename() == "saved") {
     ++haustra::num_syncs_begun;
     while (haustra::is_disk_held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     if (haustra::is_disk_full) {
@@ -85,7 +91,7 @@ class DaemonDevice : public testing::Test {
     num_syncs_begun = 0;
   }
   ~DaemonDevice() override {
-    script_->is_making_held = is_disk_held = is_disk_full = false;
+    script_->is_making_held = is_disk_held = is_disk_full = is_folder_broken = false;
     Terminate();
     daemon_.reset();
     EXPECT_EQ(script_->num_races, 0) << "the thread sanitizer has reported a worker";
@@ -412,6 +418,25 @@ TEST_F(DaemonDevice, CheckpointIsKeptWhenTheMapsOfAWorkerThatDiedDoNotComeToTheD
   EXPECT_TRUE(kept.answer.starts_with("kept as case-1 from the checkpoint of ")) << kept.answer;
   EXPECT_EQ(kept.names, std::set<std::string>{"case-1.atlas"});
   EXPECT_TRUE(kept.is_checkpoint);
+}
+
+TEST_F(DaemonDevice, CheckpointThatMayNotOutlastAPowerCutIsKeptByAnotherTry) {
+  RecordProperty("req", "DMN-005");
+  const auto store = ProcedureStore::Open(folder_);
+  ASSERT_TRUE(store.ok()) << store.status().ToString();
+  std::ofstream((*store)->checkpoint_path()) << "maps";
+  is_folder_broken = true;
+  const Result<std::string> failed = (*store)->KeepCheckpoint("case-1");
+  is_folder_broken = false;
+  EXPECT_EQ(failed.code(), StatusCode::kUnavailable);
+  EXPECT_NE(failed.status().message().find("case-1.atlas: would not outlast a power cut"), std::string::npos)
+      << failed.status().message();
+  EXPECT_TRUE(Exists("checkpoint.atlas"));
+  EXPECT_TRUE(NamesInSaved().empty());
+  const Result<std::string> kept = (*store)->KeepCheckpoint("case-1");
+  ASSERT_TRUE(kept.ok()) << kept.status().ToString();
+  EXPECT_EQ(*kept, "case-1");
+  EXPECT_FALSE(Exists("checkpoint.atlas"));
 }
 
 TEST_F(DaemonDevice, EndKeepsBesideASaveOfThatNameThatIsUnderWay) {

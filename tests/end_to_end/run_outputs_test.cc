@@ -178,6 +178,22 @@ TEST_P(RunOutputs, MapsTableAgreesWithTheFrames) {
   }
 }
 
+TEST_P(RunOutputs, EveryMapHasItsSceneDepthAndKeepsItsScale) {
+  const nlohmann::json depths = ReadJson(Out("summary.json")).at("scene_depth");
+  CsvRows maps = LivingMaps();
+  ASSERT_EQ(depths.size(), maps.size());
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    EXPECT_EQ(std::to_string(depths[i].at("map_id").get<int>()), maps[i]["map_id"]);
+    EXPECT_EQ(depths[i].at("keyframes").get<std::size_t>(), std::stoul(maps[i]["num_keyframes"]));
+    const auto p5 = depths[i].at("p5").get<double>(), p95 = depths[i].at("p95").get<double>();
+    EXPECT_GT(p5, 0.0);
+    EXPECT_LE(p5, depths[i].at("p50").get<double>());
+    EXPECT_LE(depths[i].at("p50").get<double>(), p95);
+    EXPECT_LE(p95, 5.0 * p5);
+    EXPECT_FALSE(depths[i].at("scale_lost").get<bool>());
+  }
+}
+
 TEST_P(RunOutputs, EventsAreInOrderAndNameFramesAndMapsOfTheRun) {
   const std::size_t num_frames = ReadCsv(Out("frames.csv")).size();
   std::set<std::string> maps = {"-1"};

@@ -74,7 +74,7 @@ class ProcedureStore {
   // could not be wiped, and the record stays; or the record could not.
   Status Close() const;
   // The checkpoint becomes a saved file under a name that is free (FreeName). Which one. kUnavailable: it is still
-  // there, for another try.
+  // there for another try, or the message says that it is in place.
   Result<std::string> KeepCheckpoint(const std::string& name) const;
 
  private:

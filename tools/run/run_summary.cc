@@ -16,11 +16,10 @@ namespace haustra {
 namespace {
 
 // The wall is some 5 to 100 mm away from an endoscope that sees it: what runs farther apart is no view but the scale.
-// Rendered colons have up to 2, short clips of living patients 1.1 to 5, one in which tissue is pulled 12.
+// Rendered colons have less than 2, short clips of living patients up to 5, one in which tissue is pulled 13.
 constexpr double kMaxDepthRange = 20.0;
 constexpr std::size_t kMinScaleKeyframes = 20;  // fewer say little about their percentiles
 
-// Nearest rank.
 double PeakRssMb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);

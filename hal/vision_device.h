@@ -230,7 +230,8 @@ class VisionDevice {
   virtual bool Abandon(Ticket ticket);
 
   // The calling thread is the one that will use the lane: threads of the device that work for it take on its policy and
-  // priority. Not rt-safe. kFailedPrecondition: the system refuses.
+  // priority, and what the device keeps for each thread that calls it is taken now. Not rt-safe. kFailedPrecondition:
+  // the system refuses. kUnavailable: device lost.
   virtual Status ServeThisThread(Lane lane);
 
   // Copies descriptors to the host (indexing a keyframe for retrieval, saving an atlas). Blocks; not rt-safe. out:

@@ -300,6 +300,12 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     return Status::Ok();  // handed over before
   }
 
+  // The driver allocates for a thread when that selects a device for the first time.
+  Status ServeThisThread(Lane lane) override {
+    HAUSTRA_TRY(CheckLane(lane));
+    return Select();
+  }
+
   Status ReadDescriptors(FeatureSetHandle handle, std::span<std::uint8_t> out) override {
     const std::int32_t num_features = NumFeatures(handle);
     if (num_features < 0) return InvalidArgument("descriptors to read: stale or invalid feature set");

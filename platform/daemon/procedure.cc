@@ -63,9 +63,7 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
   HAUSTRA_ASSIGN(procedure->device_, context.make_device(config, calibration));
   HAUSTRA_TRY(procedure->device_->SetStaticMask(mask));
   // The device itself: what the first request takes is no silence.
-  if (const std::optional<PixelFormat> format = procedure->source_->pixel_format()) {
-    HAUSTRA_TRY(WarmUp(*procedure->device_, calibration.width_px, calibration.height_px, *format).status());
-  }
+  HAUSTRA_TRY(WarmUp(*procedure->device_, *procedure->source_).status());
   procedure->watched_ = std::make_unique<WatchedVisionDevice>(*procedure->device_, context.clock,
                                                               std::chrono::milliseconds(config.vision.answer_limit_ms));
   HAUSTRA_ASSIGN(procedure->vocabulary_, LoadVocabularyFor(config.engine));

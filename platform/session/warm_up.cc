@@ -1,6 +1,7 @@
 #include "platform/session/warm_up.h"
 
 #include <algorithm>
+#include <array>
 #include <vector>
 
 namespace haustra {
@@ -28,7 +29,14 @@ Status MatchWithItself(VisionDevice& device, FeatureSetHandle set, const std::ve
   match.query = match.train = DescriptorList::Whole(set);
   match.matches = matches;
   match.num_matches = &num_matches;
-  for (const Lane lane : {Lane::kTracking, Lane::kBackground}) HAUSTRA_TRY(MatchAndWait(device, lane, match));
+  // Sideways; any motion will do.
+  const std::vector<std::array<float, 3>> bearings(keypoints.size(), {0.0f, 0.0f, 1.0f});
+  const std::vector<float> tolerances(keypoints.size(), 1.0f);
+  const EpipolarGate gate = {{0, 0, 0, 0, 0, -1, 0, 1, 0}, bearings, bearings, tolerances, tolerances};
+  for (const EpipolarGate* epipolar : {static_cast<const EpipolarGate*>(nullptr), &gate}) {
+    match.epipolar = epipolar;
+    for (const Lane lane : {Lane::kTracking, Lane::kBackground}) HAUSTRA_TRY(MatchAndWait(device, lane, match));
+  }
   // A session asks for no more at a time.
   const int num = std::min(static_cast<int>(keypoints.size()), device.plan().max_match_list);
   std::vector<GuidedQuery> queries(static_cast<std::size_t>(num));
@@ -53,20 +61,29 @@ Result<int> WarmUp(VisionDevice& device, int width_px, int height_px, PixelForma
   const std::vector<std::uint8_t> picture = Pattern(row_bytes, MemoryRows(format, height_px));
   std::vector<Keypoint> keypoints(static_cast<std::size_t>(device.plan().max_features));
   std::int32_t num_keypoints = 0;
-  HAUSTRA_ASSIGN(const FeatureSetHandle set, device.CreateFeatureSet());
   ExtractRequest extract;
   extract.image = {picture.data(), width_px, height_px, row_bytes, format};
-  extract.set = set;
   extract.keypoints = keypoints;
   extract.num_keypoints = &num_keypoints;
-  Status status = ExtractAndWait(device, Lane::kTracking, extract);
-  if (status.ok()) {
-    keypoints.resize(static_cast<std::size_t>(num_keypoints));
-    status = MatchWithItself(device, set, keypoints);
+  // The second time the features of the first are followed.
+  std::vector<Keypoint> known;
+  for (const bool is_first : {true, false}) {
+    HAUSTRA_ASSIGN(extract.set, device.CreateFeatureSet());
+    extract.follow = known;
+    Status status = ExtractAndWait(device, Lane::kTracking, extract);
+    if (status.ok()) {
+      known.assign(keypoints.begin(), keypoints.begin() + num_keypoints);
+      if (is_first) status = MatchWithItself(device, extract.set, known);
+    }
+    device.ReleaseFeatureSet(extract.set);
+    if (!status.ok()) return status;
   }
-  device.ReleaseFeatureSet(set);
-  if (!status.ok()) return status;
-  return static_cast<int>(num_keypoints);
+  return static_cast<int>(known.size());
+}
+
+Result<int> WarmUp(VisionDevice& device, const FrameSource& source) {
+  return WarmUp(device, source.calibration().width_px, source.calibration().height_px,
+                source.pixel_format().value_or(PixelFormat::kBgr8));
 }
 
 }  // namespace haustra

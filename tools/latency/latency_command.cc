@@ -17,6 +17,7 @@
 #include "platform/memory_plan.h"
 #include "platform/realtime/one_heap.h"
 #include "platform/session/session.h"
+#include "platform/session/warm_up.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/command/common_options.h"
 #include "tools/command/configuration_options.h"
@@ -193,6 +194,9 @@ int Measure(LatencyArguments arguments) {
   if (!device.ok()) return console::Fail(kLatencyCommand, device.status());
   if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok())
     return console::Fail(kLatencyCommand, status);
+  if (const Result<int> warm = WarmUp(**device, **source); !warm.ok()) {
+    return console::Fail(kLatencyCommand, warm.status());
+  }
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
   if (!vocabulary.ok()) return console::Fail(kLatencyCommand, vocabulary.status());
   const Result<DepthSearch> depth = CreateDepthSearch(arguments.device, config, *camera, (*source)->static_mask());

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "hal/frame_source.h"
@@ -20,6 +21,7 @@ class LoopedSource final : public FrameSource {
 
   const CameraCalibration& calibration() const override { return calibration_; }
   std::uint32_t num_frames() const override { return 0; }
+  std::optional<PixelFormat> pixel_format() const override { return frames_.front().view.format; }
   ImageView static_mask() const override;
   // The next one at once; time stamps at the camera's rate from zero, indices from 0.
   Result<Frame> Next(TimePoint deadline) override;

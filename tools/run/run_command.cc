@@ -24,6 +24,7 @@
 #include "platform/memory_plan.h"
 #include "platform/realtime/one_heap.h"
 #include "platform/session/session.h"
+#include "platform/session/warm_up.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/calibrate/calibration_text.h"
@@ -281,6 +282,11 @@ int Run(const RunArguments& arguments) {
   const Result<DepthSearch> depth = CreateDepthSearch(arguments.device, config, *camera, (*source)->static_mask());
   if (!depth.ok()) return console::Fail(kRunCommand, depth.status());
 
+  if (is_realtime) {
+    if (const Result<int> warm = WarmUp(**device, **source); !warm.ok()) {
+      return console::Fail(kRunCommand, warm.status());
+    }
+  }
   const bool is_live = IsV4l2Spec(arguments.sequence);
   std::vector<MarkRequest> mark_requests;
   if (!arguments.marks.empty()) {

@@ -17,6 +17,7 @@
 #include "platform/config/engine_config_table.h"
 #include "platform/memory_plan.h"
 #include "platform/realtime/one_heap.h"
+#include "platform/session/warm_up.h"
 #include "platform/trap/allocation_trap.h"
 #include "platform/vocabulary_loader.h"
 #include "tools/command/common_options.h"
@@ -100,6 +101,7 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
                  CreateVisionDevice(arguments.device, config, calibration, num_threads));
   totals->device = DeviceText(*device, num_threads);
   HAUSTRA_TRY(device->SetStaticMask(source->static_mask()));
+  if (is_realtime) HAUSTRA_TRY(WarmUp(*device, *source).status());
   const SystemClock clock;
   HAUSTRA_ASSIGN(const DepthSearch depth, CreateDepthSearch(arguments.device, config, camera, source->static_mask()));
   Engine engine(config, camera, *device, mode, &clock, source->static_mask(), vocabulary, depth.matcher.get());

@@ -879,7 +879,7 @@ TEST_F(DaemonDevice, OrderOfMarksThatOutlivesARestartIsRefused) {
 TEST_F(DaemonDevice, IsWarmBeforeTheFirstProcedureBegins) {
   RecordProperty("req", "DMN-004");
   ASSERT_NO_FATAL_FAILURE(Start());
-  EXPECT_EQ(script_->num_extractions, 1);
+  EXPECT_EQ(script_->num_extractions, 2);
 }
 
 TEST_F(DaemonDevice, SocketForStatusBeginsNothing) {

@@ -4,12 +4,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstdlib>
+#include <memory>
 #include <thread>
+#include <vector>
 
+#include "platform/assemble.h"
 #include "platform/clock/system_clock.h"
 #include "platform/session/session.h"
+#include "platform/session/warm_up.h"
 #include "tests/tools/run/recording_observer.h"
 #include "tests/tools/run/scripted_colon.h"
 
@@ -130,6 +135,74 @@ TEST(AllocationTrap, TrackingThroughLossesAndMergesLeavesTheHeapAlone) {
     EXPECT_GE(count(MapEventKind::kMapCreated), 2);
     EXPECT_GE(count(MapEventKind::kMerged), 1);
   }
+}
+
+// Whatever a runtime allocates at the first call of a kind, or of a thread, is taken before a session begins.
+void ExpectNoHeapAfterWarmUp(const char* name) {
+  VisionPlan plan;
+  plan.max_width_px = 320;
+  plan.max_height_px = 240;
+  plan.max_features = 500;
+  plan.max_feature_sets = 3;
+  plan.max_match_list = 100;
+  const Result<std::unique_ptr<VisionDevice>> device = CreateVisionDevice(name, plan, {.num_features = 300}, 1);
+  if (device.code() == StatusCode::kUnavailable) GTEST_SKIP() << device.status().message();
+  ASSERT_TRUE(device.ok()) << device.status().ToString();
+  ASSERT_TRUE(WarmUp(**device, 320, 240, PixelFormat::kGrey8).ok());
+
+  std::vector<std::uint8_t> pixels(320 * 240);
+  for (std::size_t i = 0; i < pixels.size(); ++i) {
+    pixels[i] = static_cast<std::uint8_t>((i / 320 / 8 * 31 + i % 320 / 8 * 57) % 200);
+  }
+  std::vector<Keypoint> keypoints(500), known;
+  std::vector<FollowedPoint> followed(500);
+  std::vector<Match> matches(500);
+  const std::vector<std::array<float, 3>> bearings(500, {0.0f, 0.0f, 1.0f});
+  const std::vector<float> tolerances(500, 1.0f);
+  const EpipolarGate gate = {{0, 0, 0, 0, 0, -1, 0, 1, 0}, bearings, bearings, tolerances, tolerances};
+  known.reserve(500);
+  std::uint32_t num_calls = 0;
+  int num_features = 0;
+  std::thread tracking([&] {
+    ASSERT_TRUE((*device)->ServeThisThread(Lane::kTracking).ok());
+    const AllocationTrap trap(AllocationTrap::Mode::kCount);
+    for (int i = 0; i < 2; ++i) {
+      const Result<FeatureSetHandle> set = (*device)->CreateFeatureSet();
+      ASSERT_TRUE(set.ok());
+      std::int32_t num = 0, num_matches = 0;
+      ExtractRequest extract;
+      extract.image = {pixels.data(), 320, 240, 320, PixelFormat::kGrey8};
+      extract.set = *set;
+      extract.keypoints = keypoints;
+      extract.num_keypoints = &num;
+      extract.follow = known;
+      extract.followed_to = std::span(followed).first(known.size());
+      ASSERT_TRUE(ExtractAndWait(**device, Lane::kTracking, extract).ok());
+      known.assign(keypoints.begin(), keypoints.begin() + num);
+      num_features = num;
+      MatchRequest match;
+      match.query = match.train = DescriptorList::Whole(*set);
+      match.matches = matches;
+      match.num_matches = &num_matches;
+      match.epipolar = i == 0 ? nullptr : &gate;
+      ASSERT_TRUE(MatchAndWait(**device, Lane::kTracking, match).ok());
+      (*device)->ReleaseFeatureSet(*set);
+    }
+    num_calls = trap.count();
+  });
+  tracking.join();
+  EXPECT_GT(num_features, 50);
+  EXPECT_EQ(num_calls, 0u);
+}
+
+TEST(AllocationTrap, FirstFrameOfACpuDeviceLeavesTheHeapAlone) {
+  if (!AllocationTrap::IsAvailable()) GTEST_SKIP() << "malloc cannot be watched in this build";
+  ExpectNoHeapAfterWarmUp("cpu");
+}
+
+TEST(AllocationTrap, FirstFrameOfACudaDeviceLeavesTheHeapAlone) {
+  if (!AllocationTrap::IsAvailable()) GTEST_SKIP() << "malloc cannot be watched in this build";
+  ExpectNoHeapAfterWarmUp("cuda");
 }
 
 }  // namespace

@@ -20,11 +20,12 @@ class ListeningDevice final : public ForwardingVisionDevice {
 
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
     images.push_back(request.image);
+    num_to_follow.push_back(request.follow.size());
     EXPECT_EQ(lane, Lane::kTracking);
     return ForwardingVisionDevice::EnqueueExtract(lane, request);
   }
   Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) override {
-    matched.insert(lane);
+    (request.epipolar != nullptr ? gated : matched).insert(lane);
     return ForwardingVisionDevice::EnqueueMatch(lane, request);
   }
   Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
@@ -33,25 +34,50 @@ class ListeningDevice final : public ForwardingVisionDevice {
   }
 
   std::vector<ImageView> images;
-  std::set<Lane> matched, guided;
+  std::vector<std::size_t> num_to_follow;
+  std::set<Lane> matched, gated, guided;
 };
 
-TEST(WarmUp, AsksOnceForWhatASessionAsksForAndLeavesNothing) {
-  test::ScriptedColon colon;
-  ListeningDevice device(colon.device());
+std::unique_ptr<VisionDevice> MakeCpuDevice() {
+  VisionPlan plan;
+  plan.max_width_px = 320;
+  plan.max_height_px = 240;
+  plan.max_features = 500;
+  plan.max_feature_sets = 2;
+  plan.max_match_list = 100;
+  return CreateVisionDevice("cpu", plan, {.num_features = 300}, 1).value();
+}
+
+TEST(WarmUp, AsksForEachKindThatASessionAsksForAndLeavesNothing) {
+  const std::unique_ptr<VisionDevice> cpu = MakeCpuDevice();
+  ListeningDevice device(*cpu);
   const int num_free = device.num_free_feature_sets();
-  const CameraCalibration& camera = colon.camera().calibration();
-  const Result<int> num_features = WarmUp(device, camera.width_px, camera.height_px, PixelFormat::kYuyv);
+  const Result<int> num_features = WarmUp(device, 320, 240, PixelFormat::kYuyv);
   ASSERT_TRUE(num_features.ok()) << num_features.status().ToString();
-  ASSERT_EQ(device.images.size(), 1u);
-  EXPECT_EQ(device.images[0].format, PixelFormat::kYuyv);
-  EXPECT_EQ(device.images[0].width, camera.width_px);
-  EXPECT_EQ(device.images[0].height, camera.height_px);
-  EXPECT_EQ(device.images[0].pitch_bytes, 2 * camera.width_px) << "as a session hands frames over";
+  ASSERT_EQ(device.images.size(), 2u);
+  for (const ImageView& image : device.images) {
+    EXPECT_EQ(image.format, PixelFormat::kYuyv);
+    EXPECT_EQ(image.width, 320);
+    EXPECT_EQ(image.height, 240);
+    EXPECT_EQ(image.pitch_bytes, 640) << "as a session hands frames over";
+  }
+  EXPECT_EQ(device.num_to_follow[0], 0u);
+  EXPECT_GE(device.num_to_follow[1], 100u);
   const std::set<Lane> both = {Lane::kTracking, Lane::kBackground};
   EXPECT_EQ(device.matched, both);
+  EXPECT_EQ(device.gated, both);
   EXPECT_EQ(device.guided, both);
   EXPECT_EQ(device.num_free_feature_sets(), num_free);
+}
+
+TEST(WarmUp, FramesOfAFileAreTakenToBeInColour) {
+  test::ScriptedColon colon;
+  ListeningDevice device(colon.device());
+  colon.Move(0.0, 0.1, 2);
+  ASSERT_EQ(colon.source().pixel_format(), std::nullopt);
+  ASSERT_TRUE(WarmUp(device, colon.source()).ok());
+  EXPECT_EQ(device.images[0].format, PixelFormat::kBgr8);
+  EXPECT_EQ(device.images[0].width, colon.camera().calibration().width_px);
 }
 
 TEST(WarmUp, ErrorOfTheDeviceIsPassedOnAndTheSetReleased) {
@@ -66,17 +92,10 @@ TEST(WarmUp, ErrorOfTheDeviceIsPassedOnAndTheSetReleased) {
 }
 
 TEST(WarmUp, MadeUpPictureHasFeaturesInEveryFormat) {
-  VisionPlan plan;
-  plan.max_width_px = 320;
-  plan.max_height_px = 240;
-  plan.max_features = 500;
-  plan.max_feature_sets = 2;
-  plan.max_match_list = 100;
-  const Result<std::unique_ptr<VisionDevice>> device = CreateVisionDevice("cpu", plan, {.num_features = 500}, 1);
-  ASSERT_TRUE(device.ok()) << device.status().ToString();
+  const std::unique_ptr<VisionDevice> device = MakeCpuDevice();
   for (const PixelFormat format :
        {PixelFormat::kGrey8, PixelFormat::kBgr8, PixelFormat::kNv12, PixelFormat::kYuyv, PixelFormat::kUyvy}) {
-    const Result<int> num_features = WarmUp(**device, 320, 240, format);
+    const Result<int> num_features = WarmUp(*device, 320, 240, format);
     ASSERT_TRUE(num_features.ok()) << num_features.status().ToString();
     EXPECT_GE(*num_features, 100) << static_cast<int>(format);
   }

@@ -137,7 +137,7 @@ struct MappingConfig {
   // 20].
   double min_parallax_sigmas = 3.0;
   double min_parallax_deg = 0.5;           // never less: beyond noise there is motion of the wall [0.01, 30]
-  double min_baseline_depth_ratio = 0.01;  // [0, 1]; 0.05 drifts less where tissue is pulled, and is less exact
+  double min_baseline_depth_ratio = 0.01;  // [0, 1]; 0.05: less drift on pulled tissue, less exact on rigid walls
   // Covisible keyframes a new one is matched with by appearance alone (mapping/track_linker.h); 0: off [0, 40].
   // Without, the scale of a young map runs away on real tissue; beyond six little is gained.
   int link_neighbours = 6;

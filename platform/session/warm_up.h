@@ -1,6 +1,6 @@
-// The first request of a kind costs more than the others: a GPU loads its kernels, which takes memory of the heap and
-// time, and captures a graph for the format of the pictures; a processor maps pages. That is done here, before the
-// first frame of a session.
+// The first request of a kind costs more than the others: a GPU's runtime prepares each kernel, on the heap, and a
+// graph is captured for the format of the pictures; a processor maps pages. That is done here, before the first frame
+// of a session.
 #pragma once
 
 #include "hal/core/status.h"

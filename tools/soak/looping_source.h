@@ -5,7 +5,6 @@
 
 #include <functional>
 #include <memory>
-#include <optional>
 
 #include "hal/frame_source.h"
 
@@ -21,7 +20,6 @@ class LoopingSource final : public FrameSource {
 
   const CameraCalibration& calibration() const override { return current_->calibration(); }
   std::uint32_t num_frames() const override { return 0; }
-  std::optional<PixelFormat> pixel_format() const override { return current_->pixel_format(); }
   ImageView static_mask() const override { return mask_source_->static_mask(); }
   // kNotFound when the time is over.
   Result<Frame> Next(TimePoint deadline) override;

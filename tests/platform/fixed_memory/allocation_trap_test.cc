@@ -17,6 +17,7 @@
 #include "platform/session/warm_up.h"
 #include "tests/tools/run/recording_observer.h"
 #include "tests/tools/run/scripted_colon.h"
+#include "tests/tools/run/small_vision_plan.h"
 
 namespace haustra {
 namespace {
@@ -139,13 +140,8 @@ TEST(AllocationTrap, TrackingThroughLossesAndMergesLeavesTheHeapAlone) {
 
 // Whatever a runtime allocates at the first call of a kind, or of a thread, is taken before a session begins.
 void ExpectNoHeapAfterWarmUp(const char* name) {
-  VisionPlan plan;
-  plan.max_width_px = 320;
-  plan.max_height_px = 240;
-  plan.max_features = 500;
-  plan.max_feature_sets = 3;
-  plan.max_match_list = 100;
-  const Result<std::unique_ptr<VisionDevice>> device = CreateVisionDevice(name, plan, {.num_features = 300}, 1);
+  const Result<std::unique_ptr<VisionDevice>> device =
+      CreateVisionDevice(name, test::SmallVisionPlan(), {.num_features = 300}, 1);
   if (device.code() == StatusCode::kUnavailable) GTEST_SKIP() << device.status().message();
   ASSERT_TRUE(device.ok()) << device.status().ToString();
   ASSERT_TRUE(WarmUp(**device, 320, 240, PixelFormat::kGrey8).ok());
@@ -186,6 +182,14 @@ void ExpectNoHeapAfterWarmUp(const char* name) {
       match.num_matches = &num_matches;
       match.epipolar = i == 0 ? nullptr : &gate;
       ASSERT_TRUE(MatchAndWait(**device, Lane::kTracking, match).ok());
+      const GuidedQuery query = {{*set, 0}, keypoints[0].x_px, keypoints[0].y_px, 20.0f, 0.1f, 100.0f};
+      GuidedMatchRequest guided;
+      guided.queries = {&query, 1};
+      guided.train = *set;
+      guided.matches = matches;
+      guided.num_matches = &num_matches;
+      ASSERT_TRUE(GuidedMatchAndWait(**device, Lane::kTracking, guided).ok());
+      EXPECT_EQ(num_matches, 1);
       (*device)->ReleaseFeatureSet(*set);
     }
     num_calls = trap.count();

@@ -144,6 +144,7 @@ TEST(LoopedSource, GoesThereAndBackAgainWithTimeGoingOn) {
     const Result<Frame> frame = (*loop)->Next(kNoDeadline);
     ASSERT_TRUE(frame.ok());
     EXPECT_EQ(frame->index, i);
+    EXPECT_EQ(frame->image.format, (*loop)->pixel_format());
     EXPECT_EQ(frame->timestamp, TimePoint(i * test::kFramePeriod));
     if (i < 7) {
       first[i] = frame->image.data;

@@ -9,6 +9,7 @@
 #include "hal/forwarding_vision_device.h"
 #include "platform/assemble.h"
 #include "tests/tools/run/scripted_colon.h"
+#include "tests/tools/run/small_vision_plan.h"
 
 namespace haustra {
 namespace {
@@ -39,13 +40,7 @@ class ListeningDevice final : public ForwardingVisionDevice {
 };
 
 std::unique_ptr<VisionDevice> MakeCpuDevice() {
-  VisionPlan plan;
-  plan.max_width_px = 320;
-  plan.max_height_px = 240;
-  plan.max_features = 500;
-  plan.max_feature_sets = 2;
-  plan.max_match_list = 100;
-  return CreateVisionDevice("cpu", plan, {.num_features = 300}, 1).value();
+  return CreateVisionDevice("cpu", test::SmallVisionPlan(), {.num_features = 300}, 1).value();
 }
 
 TEST(WarmUp, AsksForEachKindThatASessionAsksForAndLeavesNothing) {

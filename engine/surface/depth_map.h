@@ -68,6 +68,8 @@ class DepthMap {
     code_[cell] = fits ? static_cast<std::uint16_t>(code) : kNoDepth;
     confidence_[cell] = fits ? static_cast<std::uint8_t>(std::clamp(confidence, 0, 255)) : std::uint8_t{0};
   }
+  // The code of another cell in the place of one that is there; confidence stays.
+  void Replace(int cell, std::uint16_t code) { code_[cell] = code; }
   // The map's unit has become shorter: all ranges are so many times what they were, > 0.
   void ScaleRanges(double factor) { unit_ /= factor; }
 

@@ -41,7 +41,8 @@ DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const Dept
       options_(options),
       width_(camera.width_px() / options.step_px),
       height_(camera.height_px() / options.step_px),
-      seed_grid_(width_, height_) {
+      seed_grid_(width_, height_),
+      median_(width_, height_) {
   HAUSTRA_CHECK(options.Validate().ok());
   has_mask_ = !mask.is_empty();
   const std::size_t num_cells = std::size_t(width_) * height_;
@@ -125,6 +126,7 @@ std::size_t DepthMatcher::BytesFor(int width_px, int height_px, const DepthOptio
   // With a solver: planes, range and confidence of each cell.
   constexpr std::size_t kOfSolver = 4 * sizeof(float) + sizeof(std::uint8_t);
   return static_cast<std::size_t>(width_px) * height_px + num_cells * (per_cell + kOfSolver) +
+         DepthMedian::BytesFor(static_cast<int>(num_cells)) +
          SeedGrid::BytesFor(width_px / options.step_px, height_px / options.step_px);
 }
 
@@ -461,6 +463,7 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
   }
   HAUSTRA_TRY(solver_ != nullptr ? SearchElsewhere(reference.grey, map) : Search(reference.grey, map));
   if (!has_mask_) EraseSurround(reference.grey, map);
+  median_.Apply(reference.grey, options_.step_px, map);
   return Status::Ok();
 }
 

@@ -18,6 +18,7 @@
 #include "engine/camera/camera_model.h"
 #include "engine/geometry/se3.h"
 #include "engine/surface/depth_map.h"
+#include "engine/surface/depth_median.h"
 #include "engine/surface/depth_seeds.h"
 #include "hal/core/status.h"
 #include "hal/core/views.h"
@@ -109,6 +110,7 @@ class DepthMatcher {
   DepthOptions options_;
   int width_ = 0, height_ = 0;
   SeedGrid seed_grid_;
+  DepthMedian median_;
   int num_samples_ = 0;
   bool has_mask_ = false;
   std::vector<std::uint8_t> is_scene_;  // of the matched picture, 1 where the mask shows it

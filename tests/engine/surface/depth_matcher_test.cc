@@ -134,6 +134,36 @@ TEST_F(DepthMatcherTest, FoldsOfADullWallKeepTheirHeight) {
   EXPECT_LT(Judge().median, 0.028);  // 0.0225; with a smoothness of 0.4 and noise of 2.5 grey values 0.0347
 }
 
+// Lit by the scope. Windows beside the edge of the fold find the range of the fold there.
+TEST_F(DepthMatcherTest, AWallBehindAFoldHasItsOwnRange) {
+  const Wall fold_and_wall = [](const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
+    const double to_fold = (1.2 - origin.z()) / direction.z();
+    return (origin + to_fold * direction).x() < 0.0 ? to_fold : (2.0 - origin.z()) / direction.z();
+  };
+  Use(SmallPinhole(), fold_and_wall, 0.15);
+  for (int i = 0; i < static_cast<int>(scene_->pictures().size()); ++i) {
+    Picture& picture = scene_->pictures()[i];
+    const SE3 map_from_cam = scene_->pose(i).Inverse();
+    for (std::size_t k = 0; k < picture.pixels.size(); ++k) {
+      Eigen::Vector3d bearing;
+      ASSERT_TRUE(scene_->camera().Unproject(Eigen::Vector2d(k % picture.width, k / picture.width), &bearing));
+      const double range = fold_and_wall(map_from_cam.translation, map_from_cam.rotation * bearing);
+      picture.pixels[k] = static_cast<std::uint8_t>(picture.pixels[k] * std::pow(1.2 / range, 2.0));
+    }
+  }
+  ASSERT_TRUE(scene_->matcher().Match(scene_->View(0), scene_->Sources(), scene_->Seeds(), &depth_).ok());
+  int num_cells = 0, num_good = 0;
+  for (int y = 4; y < depth_.height() - 4; ++y) {
+    int first = 0;  // behind the edge
+    while (scene_->TrueRange(y * depth_.width() + first) < 1.6) ++first;
+    for (int cell = y * depth_.width() + first; cell < y * depth_.width() + first + 3; ++cell) {
+      ++num_cells;
+      num_good += depth_.has_depth(cell) && std::abs(depth_.range_mu(cell) / scene_->TrueRange(cell) - 1.0) < 0.1;
+    }
+  }
+  EXPECT_GT(num_good, 0.75 * num_cells) << num_good << " of " << num_cells;
+}
+
 TEST_F(DepthMatcherTest, HiddenByTheMaskHasNoDepth) {
   Use(SmallPinhole(), PlaneWall(Eigen::Vector3d::UnitZ(), 2.0), 0.15);
   Picture mask{std::vector<std::uint8_t>(200 * 160, 255), 200, 160};

@@ -64,7 +64,8 @@ class DepthMatcher {
   static std::size_t BytesFor(int width_px, int height_px, const DepthOptions& options);
 
   // Fills `map`, which has this size. Cells without a source that sees them under enough parallax have no depth.
-  // Ranges lie within a factor of two of those of the seeds. Of more than max_sources sources the first are used.
+  // Ranges lie within a factor of two of those of the seeds; outliers are replaced (depth_median.h). Of more than
+  // max_sources sources the first are used.
   // Same input, same bits. kInvalidArgument: a picture or the map is of another size. kFailedPrecondition: no source,
   // or fewer than kMinSeeds seeds with a positive inverse range; the map has no depth then. kCancelled: stopped;
   // what the map holds is anything. Or what the solver says.

@@ -3,13 +3,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
+#include <span>
 
 #include "hal/core/check.h"
 
 namespace haustra {
 namespace {
 
-// Wider windows gain little and reach over folds (engine/surface/decisions/2026-11-30-median-by-light.md).
+// Wider windows gain little (engine/surface/decisions/2026-11-30-median-by-light.md).
 constexpr double kNearSigma = 3.0;          // cells
 constexpr double kLightSigma = 0.1;         // of the logarithm of the brightness
 constexpr double kLightStepsPerLog = 64.0;  // whole numbers compare alike on every machine
@@ -43,9 +45,11 @@ std::int32_t WeightedMedian(std::span<const std::int32_t> codes, std::span<const
 DepthMedian::DepthMedian(int width, int height)
     : width_(width), height_(height), brightness_(std::size_t(width) * height), codes_(std::size_t(width) * height) {
   for (int y = -kRadius; y <= kRadius; ++y) {
-    for (int x = -kRadius; x <= kRadius; ++x) near_weights_.push_back(Weight(std::hypot(x, y), kNearSigma));
+    for (int x = -kRadius; x <= kRadius; ++x) {
+      near_weights_[(y + kRadius) * kSide + x + kRadius] = Weight(std::hypot(x, y), kNearSigma);
+    }
   }
-  for (int i = 0; i <= kMaxLightSteps; ++i) light_weights_.push_back(Weight(i, kLightStepsPerLog * kLightSigma));
+  for (int i = 0; i <= kMaxLightSteps; ++i) light_weights_[i] = Weight(i, kLightStepsPerLog * kLightSigma);
 }
 
 std::size_t DepthMedian::BytesFor(int num_cells) {

@@ -6,6 +6,7 @@
 // thread-bound(its owner). Memory is taken at construction.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -19,6 +20,7 @@ class DepthMedian {
  public:
   // For depth maps of this size, in cells.
   DepthMedian(int width, int height);
+  // What one takes on the heap.
   static std::size_t BytesFor(int num_cells);
 
   // Replaces depths, never by one that no cell around had; confidences and empty cells stay as they are. `grey`:
@@ -35,8 +37,8 @@ class DepthMedian {
   std::uint16_t Replaced(int x, int y, const DepthMap& map) const;
 
   int width_ = 0, height_ = 0;
-  std::vector<std::int32_t> near_weights_;   // kSide * kSide
-  std::vector<std::int32_t> light_weights_;  // by difference of brightness
+  std::array<std::int32_t, kSide * kSide> near_weights_;        // by rows
+  std::array<std::int32_t, kMaxLightSteps + 1> light_weights_;  // by difference of brightness
   // Of each cell.
   std::vector<std::int16_t> brightness_;  // steps of its logarithm
   std::vector<std::uint16_t> codes_;      // before anything is replaced

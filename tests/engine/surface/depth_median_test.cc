@@ -1,6 +1,7 @@
 // Depths of walls that are known by construction, with the faults that windows at the edges of folds make.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <vector>

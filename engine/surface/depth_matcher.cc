@@ -22,7 +22,12 @@ constexpr double kFirstDepthStep = 0.08;  // relative, of the first iteration; h
 constexpr double kFirstSlantStep = 0.5;   // of the plane's part across the ray, relative to its part along
 constexpr double kSeedPull = 0.05;        // cost of being far from the seeds' plane
 constexpr double kSeedReach = 0.15;       // relative distance that costs all of it
-constexpr double kSharpPeak = 0.10;       // rise of the cost a pixel beside a peak that is beyond doubt
+// Of a cell, along its row and its column. All are of the other colour of the checkerboard: none of them changes while
+// the cell does. Each may have its plane, and is continued by it: what lies behind the edge of a fold and has little
+// texture shall go on like the wall around it, not like the cell beside it.
+constexpr std::array<int, 4> kNeighbourDistances{1, 3, 5, 9};
+constexpr int kNumNeighbours = 16, kNumNearNeighbours = 8;
+constexpr double kSharpPeak = 0.10;  // rise of the cost a pixel beside a peak that is beyond doubt
 
 // Evenly spread in [-1, 1), the same on every machine: SplitMix64 (Steele, Lea, Flood 2014) of what it is for.
 double Noise(int cell, int iteration, int which) {
@@ -259,22 +264,29 @@ bool DepthMatcher::IsPossible(int cell, const InversePlane& plane) const {
   return inverse_range > 0.087 * plane.norm();
 }
 
+int DepthMatcher::NeighbourOf(int cell, int which) const {
+  const int distance = kNeighbourDistances[which / 4], side = which % 4;
+  const int x = cell % width_ + (side == 0 ? -distance : side == 1 ? distance : 0);
+  const int y = cell / width_ + (side == 2 ? -distance : side == 3 ? distance : 0);
+  if (x < 0 || y < 0 || x >= width_ || y >= height_) return -1;
+  const int neighbour = y * width_ + x;
+  return cells_[neighbour].is_usable ? neighbour : -1;
+}
+
 double DepthMatcher::SmoothCost(int cell, const InversePlane& plane) const {
-  const int x = cell % width_, y = cell / width_;
   const Eigen::Vector3d& bearing = cells_[cell].bearing;
   const double inverse_range = plane.dot(bearing);
   const double scale = 1.0 / (options_.smooth_step * inverse_range);
   double sum = 0.0;
-  const auto add = [&](int neighbour) {
-    if (!cells_[neighbour].is_usable) return;
+  int count = 0;
+  for (int k = 0; k < kNumNeighbours; ++k) {
+    const int neighbour = NeighbourOf(cell, k);
+    if (neighbour < 0) continue;
     sum += std::min(std::abs(estimates_[neighbour].plane.dot(bearing) - inverse_range) * scale, 1.0);
-  };
-  if (x > 0) add(cell - 1);
-  if (x + 1 < width_) add(cell + 1);
-  if (y > 0) add(cell - width_);
-  if (y + 1 < height_) add(cell + width_);
+    ++count;
+  }
   const double from_seed = std::abs(first_[cell].dot(bearing) - inverse_range) / (kSeedReach * inverse_range);
-  return options_.smoothness * 0.25 * sum + kSeedPull * std::min(from_seed, 1.0);
+  return options_.smoothness * sum / std::max(count, 1) + kSeedPull * std::min(from_seed, 1.0);
 }
 
 double DepthMatcher::TotalCost(int cell, const Estimate& estimate) const {
@@ -293,20 +305,12 @@ void DepthMatcher::Consider(int cell, const InversePlane& plane, Estimate* best,
 }
 
 void DepthMatcher::Improve(int cell, int iteration) {
-  const int x = cell % width_, y = cell / width_;
   Estimate best = estimates_[cell];
   double cost = TotalCost(cell, best);
-  // Cells of the other colour of the checkerboard: none of them changes meanwhile.
-  constexpr std::array<int, 4> kDistances{1, 3, 5, 9};
-  for (const int distance : kDistances) {
-    const auto consider = [&](int neighbour) {
-      if (cells_[neighbour].is_usable) Consider(cell, estimates_[neighbour].plane, &best, &cost);
-    };
-    if (distance > 3 && iteration > 1) break;  // later on what is far off is known
-    if (x >= distance) consider(cell - distance);
-    if (x + distance < width_) consider(cell + distance);
-    if (y >= distance) consider(cell - distance * width_);
-    if (y + distance < height_) consider(cell + distance * width_);
+  const int num_neighbours = iteration > 1 ? kNumNearNeighbours : kNumNeighbours;  // later on what is far off is known
+  for (int k = 0; k < num_neighbours; ++k) {
+    const int neighbour = NeighbourOf(cell, k);
+    if (neighbour >= 0) Consider(cell, estimates_[neighbour].plane, &best, &cost);
   }
   if (iteration == 0) Consider(cell, first_[cell], &best, &cost);
   const Eigen::Vector3d& bearing = cells_[cell].bearing;

@@ -98,6 +98,8 @@ class DepthMatcher {
   // False where the window carries no source's picture.
   float DataCost(int cell, const InversePlane& plane) const;
   float SourceCost(int cell, const InversePlane& plane, const Source& source, bool* is_seen) const;
+  // By distance, then left, right, up, down; -1: there is no usable cell.
+  int NeighbourOf(int cell, int which) const;
   double SmoothCost(int cell, const InversePlane& plane) const;
   double TotalCost(int cell, const Estimate& estimate) const;
   bool IsPossible(int cell, const InversePlane& plane) const;

@@ -15,6 +15,7 @@ constexpr float kFirstDepthStep = 0.08f;
 constexpr float kFirstSlantStep = 0.5f;
 constexpr float kSeedPull = 0.05f;
 constexpr float kSeedReach = 0.15f;
+constexpr int kNumNeighbours = 16, kNumNearNeighbours = 8;
 constexpr float kSharpPeak = 0.10f;
 constexpr float kMinSlantSine = 0.087f;
 
@@ -184,6 +185,14 @@ __device__ __forceinline__ float CellMin(float value) {
   return value;
 }
 
+// The same bits in all lanes: two of them add the same two numbers in every step.
+__device__ __forceinline__ float CellSum(float value) {
+  const unsigned mask = CellMask();
+#pragma unroll
+  for (int step = kLanes / 2; step > 0; step /= 2) value += __shfl_xor_sync(mask, value, step);
+  return value;
+}
+
 // Mean over the sources that match best, the same in all lanes of the cell.
 __device__ float DataCost(const DepthTask& task, const Cell& cell, float3 plane) {
   if (cell.variance < 0.0f) return kNoCost;
@@ -213,21 +222,32 @@ __device__ bool IsPossible(const DepthTask& task, const Cell& cell, float3 plane
   return inverse_range > kMinSlantSine * sqrtf(Dot(plane, plane));
 }
 
+// By distance, then left, right, up, down; -1: there is no usable cell.
+__device__ int NeighbourOf(const DepthTask& task, const Cell& cell, int which) {
+  const int distance = which < 4 ? 1 : which < 8 ? 3 : which < 12 ? 5 : 9, side = which % 4;
+  const int x = cell.x + (side == 0 ? -distance : side == 1 ? distance : 0);
+  const int y = cell.y + (side == 2 ? -distance : side == 3 ? distance : 0);
+  if (x < 0 || y < 0 || x >= task.width || y >= task.height) return -1;
+  const int neighbour = y * task.width + x;
+  return task.bearing[neighbour].w != 0.0f ? neighbour : -1;
+}
+
+// Every lane of the cell takes a share of the neighbours; all have the same result.
 __device__ float SmoothCost(const DepthTask& task, const Cell& cell, float3 plane) {
   const float inverse_range = Dot(plane, cell.bearing);
   const float scale = 1.0f / (task.smooth_step * inverse_range);
-  float sum = 0.0f;
-  const auto add = [&](int neighbour) {
-    if (task.bearing[neighbour].w == 0.0f) return;
+  float sum = 0.0f, count = 0.0f;
+  for (int k = threadIdx.x % kLanes; k < kNumNeighbours; k += kLanes) {
+    const int neighbour = NeighbourOf(task, cell, k);
+    if (neighbour < 0) continue;
     sum += fminf(fabsf(Dot(Xyz(task.estimates[neighbour]), cell.bearing) - inverse_range) * scale, 1.0f);
-  };
-  if (cell.x > 0) add(cell.index - 1);
-  if (cell.x + 1 < task.width) add(cell.index + 1);
-  if (cell.y > 0) add(cell.index - task.width);
-  if (cell.y + 1 < task.height) add(cell.index + task.width);
+    count += 1.0f;
+  }
+  sum = CellSum(sum);
+  count = CellSum(count);
   const float from_seed =
       fabsf(Dot(Xyz(task.first[cell.index]), cell.bearing) - inverse_range) / (kSeedReach * inverse_range);
-  return task.smoothness * 0.25f * sum + kSeedPull * fminf(from_seed, 1.0f);
+  return task.smoothness * sum / fmaxf(count, 1.0f) + kSeedPull * fminf(from_seed, 1.0f);
 }
 
 struct Best {
@@ -349,17 +369,11 @@ __global__ void __launch_bounds__(kThreads) ImproveKernel(DepthTask task, int it
   if (!LoadCell(task, index, row < task.height && column < task.width, &cell)) return;
   const float4 before = task.estimates[index];
   Best best{Xyz(before), before.w, before.w + SmoothCost(task, cell, Xyz(before))};
-  const auto consider = [&](int neighbour) {
-    if (task.bearing[neighbour].w != 0.0f) Consider(task, cell, Xyz(task.estimates[neighbour]), &best);
-  };
   // Cells of the other colour: none of them changes meanwhile.
-  constexpr int kDistances[] = {1, 3, 5, 9};
-  for (const int distance : kDistances) {
-    if (distance > 3 && iteration > 1) break;
-    if (cell.x >= distance) consider(index - distance);
-    if (cell.x + distance < task.width) consider(index + distance);
-    if (cell.y >= distance) consider(index - distance * task.width);
-    if (cell.y + distance < task.height) consider(index + distance * task.width);
+  const int num_neighbours = iteration > 1 ? kNumNearNeighbours : kNumNeighbours;
+  for (int k = 0; k < num_neighbours; ++k) {
+    const int neighbour = NeighbourOf(task, cell, k);
+    if (neighbour >= 0) Consider(task, cell, Xyz(task.estimates[neighbour]), &best);
   }
   if (iteration == 0) Consider(task, cell, Xyz(task.first[index]), &best);
   const float shrink = ldexpf(1.0f, -iteration);

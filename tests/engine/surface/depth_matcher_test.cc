@@ -26,22 +26,22 @@ class DepthMatcherTest : public ::testing::Test {
 TEST_F(DepthMatcherTest, SlantedPlaneThroughAPinholeIsFound) {
   Use(SmallPinhole(), PlaneWall(Eigen::Vector3d(1.6, 0.4, 1.0).normalized(), 0.9), 0.08);
   ASSERT_TRUE(scene_->matcher().Match(scene_->View(0), scene_->Sources(), scene_->Seeds(), &depth_).ok());
-  EXPECT_LT(Judge().median, 0.003);  // 0.0017; without the slant of the window 0.0043
+  EXPECT_LT(Judge().median, 0.002);
   EXPECT_GT(Judge().share_within_3, 0.85);
 }
 
 TEST_F(DepthMatcherTest, TubeThroughAFisheyeIsFound) {
   Use(SmallFisheye(), TubeWall(1.0), 0.15);
   ASSERT_TRUE(scene_->matcher().Match(scene_->View(0), scene_->Sources(), scene_->Seeds(), &depth_).ok());
-  EXPECT_LT(Judge().median, 0.012);
+  EXPECT_LT(Judge().median, 0.004);  // 0.0031; continued by the cells beside it alone 0.0048
   EXPECT_GT(Judge().share_within_3, 0.7);
 }
 
 TEST_F(DepthMatcherTest, SphereThroughAFisheyeIsFoundBitByBitTheSame) {
   Use(SmallFisheye(), SphereWall(Eigen::Vector3d(0.1, 0, 0.3), 1.5), 0.2);
   ASSERT_TRUE(scene_->matcher().Match(scene_->View(0), scene_->Sources(), scene_->Seeds(), &depth_).ok());
-  EXPECT_LT(Judge().median, 0.015);
-  EXPECT_GT(Judge().share_within_3, 0.9);
+  EXPECT_LT(Judge().median, 0.005);  // 0.0035; continued by the cells beside it alone 0.0079
+  EXPECT_GT(Judge().share_within_3, 0.97);
   // Nothing of what was matched before is left in the matcher.
   const DepthMap first = depth_;
   ASSERT_TRUE(
@@ -131,7 +131,7 @@ TEST_F(DepthMatcherTest, FoldsOfADullWallKeepTheirHeight) {
     for (std::uint8_t& grey : picture.pixels) grey = static_cast<std::uint8_t>(110 + (grey - 110) / 16);
   }
   ASSERT_TRUE(scene_->matcher().Match(scene_->View(0), scene_->Sources(), scene_->Seeds(), &depth_).ok());
-  EXPECT_LT(Judge().median, 0.028);  // 0.0225; with a smoothness of 0.4 and noise of 2.5 grey values 0.0347
+  EXPECT_LT(Judge().median, 0.026);  // 0.0238; continued by the cells beside it alone 0.0264
 }
 
 // Lit by the scope. Windows beside the edge of the fold find the range of the fold there.

@@ -126,9 +126,8 @@ TEST(MapCoverage, AFlatWallHasNoLumenAndSaysWhy) {
   EXPECT_FALSE(json.contains("wall_coverage"));
 }
 
-// What a keyframe claims before the wall hangs in the lumen: the others see through it, and say how far the wall is.
-TEST(MapSurface, AStripThatOthersSeeThroughGetsTheirRange) {
-  const TubeSurface tube;
+// What a search has found: the depths of the tube.
+FoundDepths DepthsOf(const TubeSurface& tube) {
   FoundDepths found;
   found.step_px = 4;
   for (const KeyframeDepth& each : tube.surface.depths) {
@@ -137,6 +136,42 @@ TEST(MapSurface, AStripThatOthersSeeThroughGetsTheirRange) {
     depth.raw = each.depth;
     depth.colour.Resize(60, 45, PixelFormat::kGrey8);
   }
+  return found;
+}
+
+// A ring narrows the tube: on which side of its edge a cell lies is a matter of a pixel.
+TEST(MapSurface, BesideTheEdgeOfAFoldNothingIsClaimed) {
+  const TubeSurface tube([](double z, const Eigen::Vector3d& bearing) {
+    const double to_wall = TubeSurface::TubeRange(z, bearing), to_ring = (3.0 - z) / bearing.z();
+    const Eigen::Vector2d place = Eigen::Vector2d(0.04, -0.03) + to_ring * bearing.head<2>();
+    return to_ring > 0.0 && to_ring < to_wall && place.norm() > 0.25 ? to_ring : to_wall;
+  });
+  const Result<MapSurface> surface = MakeMapSurface(tube.map, DepthsOf(tube), SurfaceOptions());
+  ASSERT_TRUE(surface.ok()) << surface.status().ToString();
+  const auto num_jumps = [](const DepthMap& map) {
+    int count = 0;
+    for (int cell = 0; cell + 60 < map.num_cells(); ++cell) {
+      for (const int other : {cell + 1, cell + 60}) {
+        if (!map.has_depth(cell) || !map.has_depth(other) || (other % 60 == 0 && other == cell + 1)) continue;
+        count += std::abs(std::log(map.range_mu(cell) / map.range_mu(other))) > 0.45 ? 1 : 0;
+      }
+    }
+    return count;
+  };
+  const DepthMap& truth = tube.surface.depths[4].depth;
+  const DepthMap& answer = surface->depths[4].depth;
+  EXPECT_GT(num_jumps(truth), 30);
+  EXPECT_EQ(num_jumps(answer), 0);
+  const auto num_known = [](const DepthMap& map) {
+    return map.num_cells() - std::count(map.codes().begin(), map.codes().end(), DepthMap::kNoDepth);
+  };
+  EXPECT_GT(num_known(answer), 0.8 * num_known(truth));
+}
+
+// What a keyframe claims before the wall hangs in the lumen: the others see through it, and say how far the wall is.
+TEST(MapSurface, AStripThatOthersSeeThroughGetsTheirRange) {
+  const TubeSurface tube;
+  FoundDepths found = DepthsOf(tube);
   DepthMap& raw = found.depths[4].raw;
   for (int cell = 8 * 60 + 10; cell < 8 * 60 + 20; ++cell) raw.Set(cell, 2.0 * raw.inverse_range(cell), 200);
   for (const int num_threads : {1, 3}) {

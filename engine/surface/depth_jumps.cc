@@ -1,49 +1,86 @@
 #include "engine/surface/depth_jumps.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <vector>
 
 namespace haustra {
 
-int EraseJumps(const CameraModel& camera, int step_px, double min_slant_deg, DepthMap* map) {
-  const int width = map->width(), height = map->height();
-  std::vector<Eigen::Vector3d> points(map->num_cells(), Eigen::Vector3d::Zero());  // zero: none
-  for (int i = 0; i < map->num_cells(); ++i) {
-    Eigen::Vector3d bearing;
-    if (!map->has_depth(i) ||
-        !camera.Unproject({CellCentrePx(i % width, step_px), CellCentrePx(i / width, step_px)}, &bearing)) {
-      continue;
+namespace {
+
+constexpr std::array<std::array<int, 2>, 8> kAround{
+    {{1, 0}, {0, 1}, {1, 1}, {-1, 1}, {-1, 0}, {0, -1}, {-1, -1}, {1, -1}}};
+
+class JumpFinder {
+ public:
+  JumpFinder(const CameraModel& camera, int step_px, const JumpOptions& options, const DepthMap& map)
+      : width_(map.width()),
+        height_(map.height()),
+        cotangent_(1.0 / std::tan(options.min_slant_deg * std::numbers::pi / 180.0)),
+        max_ratio_(1.0 + options.one_wall),
+        points_(map.num_cells(), Eigen::Vector3d::Zero()) {
+    for (int i = 0; i < map.num_cells(); ++i) {
+      Eigen::Vector3d bearing;
+      if (map.has_depth(i) &&
+          camera.Unproject({CellCentrePx(i % width_, step_px), CellCentrePx(i / width_, step_px)}, &bearing)) {
+        points_[i] = map.range_mu(i) * bearing;
+      }
     }
-    points[i] = map->range_mu(i) * bearing;
   }
-  const double cotangent = 1.0 / std::tan(min_slant_deg * std::numbers::pi / 180.0);
-  std::vector<bool> is_at_jump(points.size(), false);
-  const auto compare = [&](int a, int b) {
-    if (points[a].isZero() || points[b].isZero()) return;
-    // By the sine rule: far / near = sin(slant + angle) / sin(slant).
-    const double range_a = points[a].norm(), range_b = points[b].norm(), product = range_a * range_b;
-    const double cosine = points[a].dot(points[b]) / product, sine = points[a].cross(points[b]).norm() / product;
-    const double far_per_near = std::max(range_a, range_b) / std::min(range_a, range_b);
-    if (far_per_near > cosine + cotangent * sine) is_at_jump[a] = is_at_jump[b] = true;
+
+  struct Around {
+    int known = 0;
+    int jumps = 0;
   };
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const int cell = y * width + x;
-      if (x + 1 < width) compare(cell, cell + 1);
-      if (y + 1 == height) continue;
-      compare(cell, cell + width);
-      if (x + 1 < width) compare(cell, cell + width + 1);
-      if (x > 0) compare(cell, cell + width - 1);
+  Around LookAround(int cell) const {
+    Around around;
+    if (points_[cell].isZero()) return around;
+    for (const auto& [u, v] : kAround) {
+      const int x = cell % width_ + u, y = cell / width_ + v;
+      if (x < 0 || y < 0 || x >= width_ || y >= height_) continue;
+      const Eigen::Vector3d& other = points_[y * width_ + x];
+      if (other.isZero()) continue;
+      ++around.known;
+      around.jumps += IsJump(points_[cell], other) ? 1 : 0;
     }
+    return around;
   }
+  void Forget(int cell) { points_[cell].setZero(); }
+
+ private:
+  bool IsJump(const Eigen::Vector3d& a, const Eigen::Vector3d& b) const {
+    // By the sine rule: far / near = sin(slant + angle) / sin(slant).
+    const double range_a = a.norm(), range_b = b.norm(), product = range_a * range_b;
+    const double cosine = a.dot(b) / product, sine = a.cross(b).norm() / product;
+    return std::max(range_a, range_b) / std::min(range_a, range_b) > std::max(max_ratio_, cosine + cotangent_ * sine);
+  }
+
+  int width_, height_;
+  double cotangent_, max_ratio_;
+  std::vector<Eigen::Vector3d> points_;  // zero: none
+};
+
+}  // namespace
+
+int EraseJumps(const CameraModel& camera, int step_px, const JumpOptions& options, DepthMap* map) {
+  JumpFinder finder(camera, step_px, options, *map);
   int count = 0;
-  for (int i = 0; i < map->num_cells(); ++i) {
-    if (!is_at_jump[i]) continue;
-    map->Erase(i);
-    ++count;
-  }
+  // All are found before the first is forgotten: the order of the cells must not matter.
+  const auto erase_where = [&](const auto& is_erased) {
+    std::vector<int> erased;
+    for (int cell = 0; cell < map->num_cells(); ++cell) {
+      if (is_erased(finder.LookAround(cell))) erased.push_back(cell);
+    }
+    for (const int cell : erased) {
+      map->Erase(cell);
+      finder.Forget(cell);
+    }
+    count += static_cast<int>(erased.size());
+  };
+  erase_where([](const JumpFinder::Around& around) { return 2 * around.jumps > around.known; });
+  erase_where([](const JumpFinder::Around& around) { return around.jumps > 0; });
   return count;
 }
 

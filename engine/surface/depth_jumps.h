@@ -8,9 +8,19 @@
 
 namespace haustra {
 
-// Erases both of two neighbouring cells, beside, below or across, if a wall through their ranges would be seen at less
-// than `min_slant_deg` in the farther one, (0, 90). A gap between two cells is no jump. `camera`: whose grid has
-// step_px pixels a cell. Returns how many were erased. O(cells). Allocates: not rt-safe.
-int EraseJumps(const CameraModel& camera, int step_px, double min_slant_deg, DepthMap* map);
+struct JumpOptions {
+  // A wall that a ray meets at less than this is not seen, degrees, (0, 90): the matcher's own limit.
+  double min_slant_deg = 5.0;
+  // Ranges that differ by less than this share are one wall, >= 0: each may be off by the tolerance of
+  // ConsistencyOptions. On a fine grid a noisy wall is steeper from cell to cell than any slant.
+  double one_wall = 0.08;
+};
+
+// A jump lies between two neighbouring cells, beside, below or across, if their ranges are not of one wall and a wall
+// through both would be seen at less than min_slant_deg in the farther one. First cells are erased that jump against
+// most of their neighbours: they alone are wrong. Then both sides of each jump that is left. A gap between two cells is
+// no jump. `camera`: whose grid has step_px pixels a cell. Returns how many were erased. O(cells). Allocates: not
+// rt-safe.
+int EraseJumps(const CameraModel& camera, int step_px, const JumpOptions& options, DepthMap* map);
 
 }  // namespace haustra

@@ -12,7 +12,6 @@ namespace {
 
 // A wall is asked about to a limit: with a keyframe every few millimetres more of them say the same.
 constexpr std::size_t kMaxWitnesses = 16;
-constexpr double kMinSlantDeg = 5.0;  // the matcher takes no wall for seen that is more at a slant
 
 // Cells in which no picture has shown a wall lie outside the window of the scope, or under its overlay.
 std::vector<std::uint8_t> CellsOfScene(const FoundDepths& found) {
@@ -85,7 +84,7 @@ Result<MapSurface> MakeMapSurface(const SurfaceMap& map, const FoundDepths& foun
     surface.depths[i] = {own.keyframe, own.frame_idx, own.stored_frame, DepthMap(own.raw.width(), own.raw.height())};
     FillDepth(camera, found.step_px, checked[i], Chosen(checked, witnesses[i]), shows_scene, options.consistency,
               &surface.depths[i].depth);
-    EraseJumps(camera, found.step_px, kMinSlantDeg, &surface.depths[i].depth);
+    EraseJumps(camera, found.step_px, JumpOptions(), &surface.depths[i].depth);
   });
   FusionOptions fusion_options;
   surface.voxel_mu = fusion_options.voxel_mu = options.voxel_share * map.depth_mu;

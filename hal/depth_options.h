@@ -19,7 +19,7 @@ struct DepthOptions {
   int best_sources = 3;  // [1, max_sources]
   // Noise of the grey values, > 0. Windows whose contrast is of this size do not correlate.
   double noise_grey = 0.7;
-  // Cost of a step between neighbouring cells, against the correlation of [-1, 1]; >= 0. With less a wall of little
+  // Cost of a step to the cells that continue it, against the correlation of [-1, 1]; >= 0. With less a wall of little
   // texture falls apart, with more folds become lower than they are
   // (engine/surface/decisions/2026-11-27-others-look-past-the-edge.md).
   double smoothness = 0.25;

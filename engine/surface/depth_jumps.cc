@@ -1,5 +1,7 @@
 #include "engine/surface/depth_jumps.h"
 
+#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,7 +9,6 @@
 #include <vector>
 
 namespace haustra {
-
 namespace {
 
 constexpr std::array<std::array<int, 2>, 8> kAround{

@@ -1,9 +1,11 @@
 // Cells at a jump of the depth. The edge of a fold passes through them or close by: what range they have is a matter of
-// a pixel, and no picture of a window wider than that tells. Unknown is the honest answer there.
-// Source: the usual discard of depths at discontinuities before fusion, with a limit that is an angle. reentrant.
+// a pixel, and no window wider than that can tell. Unknown is the honest answer there. Source: Turk and Levoy 1994,
+// "Zippered polygon meshes from range images", leave out what spans a step in depth; that the limit is an angle is
+// ours. reentrant.
 #pragma once
 
 #include "engine/camera/camera_model.h"
+#include "engine/surface/depth_consistency.h"
 #include "engine/surface/depth_map.h"
 
 namespace haustra {
@@ -11,9 +13,9 @@ namespace haustra {
 struct JumpOptions {
   // A wall that a ray meets at less than this is not seen, degrees, (0, 90): the matcher's own limit.
   double min_slant_deg = 5.0;
-  // Ranges that differ by less than this share are one wall, >= 0: each may be off by the tolerance of
-  // ConsistencyOptions. On a fine grid a noisy wall is steeper from cell to cell than any slant.
-  double one_wall = 0.08;
+  // Ranges that differ by less than this share are one wall, >= 0: each may be off by the tolerance of agreement. On a
+  // fine grid a noisy wall is steeper from cell to cell than any slant.
+  double one_wall = 2.0 * ConsistencyOptions().tolerance;
 };
 
 // A jump lies between two neighbouring cells, beside, below or across, if their ranges are not of one wall and a wall

@@ -34,6 +34,12 @@ bool Contains(std::span<const KeyframeHandle> list, KeyframeHandle keyframe) {
   return std::find(list.begin(), list.end(), keyframe) != list.end();
 }
 
+int NumShared(std::span<const Covisible> list, KeyframeHandle keyframe) {
+  const auto found = std::find_if(list.begin(), list.end(),
+                                  [&](const Covisible& covisible) { return covisible.keyframe == keyframe; });
+  return found == list.end() ? 0 : found->num_shared;
+}
+
 bool HasBothKeyframes(const MergePlan& plan, const Atlas& atlas) {
   return atlas.GetKeyframe(plan.keyframe_a) != nullptr && atlas.GetKeyframe(plan.keyframe_b) != nullptr;
 }
@@ -87,6 +93,7 @@ Status Merger::Begin(const MergePlan& plan, const Atlas& atlas) {
   const int min_shared = config_.mapping.min_shared_points;
   CollectGroup(atlas, plan.keyframe_a, options_.window_keyframes, min_shared, &covisible_, &window_a_);
   CollectGroup(atlas, plan.keyframe_b, options_.window_keyframes, min_shared, &covisible_, &window_b_);
+  if (outcome_.is_loop) PartEnds(atlas);
   std::vector<KeyframeHandle> singles = a_stays_ ? window_b_ : window_a_;
   if (outcome_.is_loop) singles.insert(singles.end(), window_b_.begin(), window_b_.end());
   graph_.Begin(atlas, atlas.map(map_).keyframes, singles);
@@ -177,13 +184,26 @@ Status Merger::DoNext(const JoinLimits& limits, Atlas* atlas) {
   return Status::Ok();
 }
 
+// The ends of a loop may share some points. Each keyframe belongs to the end with which it shares more: one that stood
+// in both would hold the end that is to move where it is.
+void Merger::PartEnds(const Atlas& atlas) {
+  std::vector<Covisible> near_a, near_b;
+  atlas.FindCovisible(plan_.keyframe_a, 1, &near_a);
+  atlas.FindCovisible(plan_.keyframe_b, 1, &near_b);
+  const auto is_at_a = [&](KeyframeHandle keyframe) {
+    if (keyframe == plan_.keyframe_a || keyframe == plan_.keyframe_b) return keyframe == plan_.keyframe_a;
+    return NumShared(near_a, keyframe) > NumShared(near_b, keyframe);
+  };
+  std::erase_if(window_a_, [&](KeyframeHandle keyframe) { return !is_at_a(keyframe); });
+  std::erase_if(window_b_, is_at_a);
+}
+
 // The graph of a loop, whose ends are known.
 Status Merger::SetUpLoop(const Atlas& atlas) {
   if (!HasBothKeyframes(plan_, atlas)) return FailedPrecondition("loop: a keyframe of the plan is gone");
   const Sim3 correction = UpToDate(plan_, atlas);
   graph_.TakePoses(atlas, Sim3{});
   for (const KeyframeHandle handle : window_a_) graph_.SetCorrection(handle, correction, false);
-  // A keyframe in both windows stands where the map stood.
   for (const KeyframeHandle handle : window_b_) graph_.SetCorrection(handle, Sim3{}, true);
   graph_.AddJoint(plan_.keyframe_b, plan_.keyframe_a, kJointWeight);
   return Status::Ok();

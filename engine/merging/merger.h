@@ -64,6 +64,7 @@ class Merger {
   enum class Stage { kCapture, kSolve, kMove, kFuse, kSearch, kWeld, kPlace, kDone };
 
   Status DoNext(const JoinLimits& limits, Atlas* atlas);
+  void PartEnds(const Atlas& atlas);
   Status SetUpLoop(const Atlas& atlas);
   Status Solve(const JoinLimits& limits);
   void MoveMap(Atlas* atlas);

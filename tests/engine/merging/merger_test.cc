@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <span>
+
 #include "engine/atlas/invariants.h"
 #include "tests/engine/place/synthetic_colon.h"
 #include "tests/hal/ticking_clock.h"
@@ -524,6 +526,26 @@ TEST_F(LoopTest, DriftIsTakenOut) {
   const bool is_joined = std::any_of(covisible.begin(), covisible.end(),
                                      [&](const Covisible& c) { return atlas_.keyframe(c.keyframe).id < 6; });
   EXPECT_TRUE(is_joined);
+}
+
+// Ends that share a few points already are still two ends: neither may pin the other where it stands.
+TEST_F(LoopTest, DriftIsTakenOutWhereTheEndsShareAFewPoints) {
+  BuildDriftingMap();
+  const double before = TrajectoryError();
+  const MergePlan plan = Plan(2 * kTurn - 2, 1);
+  constexpr std::size_t kNumShared = 20;
+  ASSERT_GE(plan.points.size(), 2 * kNumShared);
+  for (const CommonPoint& common : std::span(plan.points).first(kNumShared)) {
+    atlas_.FusePoints(common.point_a, common.point_b);
+  }
+  std::vector<Covisible> covisible;
+  atlas_.FindCovisible(plan.keyframe_b, colon_.config().mapping.min_shared_points, &covisible);
+  ASSERT_TRUE(std::any_of(covisible.begin(), covisible.end(),
+                          [&](const Covisible& c) { return c.keyframe == plan.keyframe_a; }));
+  options_.window_keyframes = static_cast<int>(covisible.size()) + 1;
+  ASSERT_TRUE(Apply(plan).ok());
+  EXPECT_EQ(CheckInvariants(atlas_).ToString(), "ok");
+  EXPECT_LT(TrajectoryError(), 0.1 * before);
 }
 
 // The drift that a loop takes out is taken out of the marks, too: each keeps its place before the keyframe that saw it.

@@ -147,6 +147,7 @@ FeatureSetHandle Atlas::RemoveKeyframe(KeyframeHandle handle, KeyframeHandle sta
   trace.stand_in = other.id;
   trace.cam_from_stand_in = keyframe.cam_from_map * other.cam_from_map.Inverse();
   trace.stand_in_scale = traces_[other.id].scale;
+  trace.turned_at = keyframe.turned_at;
   auto& list = maps_.At(keyframe.map).keyframes;
   list.erase(std::find(list.begin(), list.end(), handle));
   const FeatureSetHandle set = keyframe.features.set;
@@ -360,9 +361,11 @@ bool Atlas::Resolve(KeyframeId reference, const SE3& cam_from_reference, double 
   SE3 cam_from_keyframe = cam_from_reference;
   double scale = reference_scale;
   KeyframeId id = reference;
+  std::uint64_t turned_at = 0;
   while (id != kNoId && id < next_keyframe_id_) {
     const KeyframeTrace& trace = traces_[id];
     if (const Keyframe* keyframe = keyframes_.Get(trace.keyframe); keyframe != nullptr && keyframe->id == id) {
+      out->turned_at = std::max(turned_at, keyframe->turned_at);
       cam_from_keyframe.translation *= trace.scale / scale;
       out->map_id = maps_.At(keyframe->map).id;
       out->cam_from_map = cam_from_keyframe * keyframe->cam_from_map;
@@ -372,6 +375,7 @@ bool Atlas::Resolve(KeyframeId reference, const SE3& cam_from_reference, double 
     cam_from_keyframe.translation *= trace.scale / scale;
     cam_from_keyframe = cam_from_keyframe * trace.cam_from_stand_in;
     scale = trace.stand_in_scale;
+    turned_at = std::max(turned_at, trace.turned_at);
     id = trace.stand_in;
   }
   return false;

@@ -102,11 +102,14 @@ struct KeyframeTrace {
   SE3 cam_from_stand_in;
   double stand_in_scale = 1.0;  // unit of that translation
   double scale = 1.0;           // product of all scale changes of the keyframe's map so far (while alive)
+  std::uint64_t turned_at = 0;  // Keyframe::turned_at when it went
 };
 
 struct ResolvedPose {
   MapId map_id = kNoId;
   SE3 cam_from_map;
+  // The latest Keyframe::turned_at of those it was resolved by.
+  std::uint64_t turned_at = 0;
 };
 
 struct Covisible {

@@ -115,7 +115,7 @@ Result<MarkId> MarkKeeper::Set(const MarkRequest& request) {
       !atlas.Resolve(frame->reference_keyframe, frame->cam_from_reference, frame->reference_scale, &pose)) {
     return FailedPrecondition(name + ": its map was dropped");
   }
-  if (frame->map_epoch < atlas.keyframe(keyframe).turned_at) {
+  if (frame->map_epoch < pose.turned_at) {
     return FailedPrecondition(name + ": its map has taken another shape since; mark a newer frame");
   }
   HAUSTRA_ASSIGN(const FittedWall patch, FitAround(pose.cam_from_map, keyframe, request.pixel, kNeighboursOfMark));

@@ -86,6 +86,9 @@ FrameResult Tracker::SkipDamaged(std::uint32_t frame_index, TimePoint timestamp)
   result.timestamp = timestamp;
   result.state = state() == TrackingState::kInitialising ? TrackingState::kInitialising : TrackingState::kLost;
   result.reason = TrackingReason::kDamagedFrame;
+  // It shows nothing of what the frame before it did.
+  marks_.Clear();
+  current_.frame_index = frame_index;
   return result;
 }
 
@@ -388,9 +391,10 @@ void Tracker::AnswerWithoutMeasurement(FrameResult* result) {
   Tracking* tracking = std::get_if<Tracking>(&state_);
   if (tracking == nullptr) return;
   const auto& keyframes = local_map().keyframes;
-  // Frames that the source dropped count, too.
-  const auto gap = static_cast<int>(current_.frame_index - tracking->course.frame_index);
-  if (gap > FramesWithin(config_.scheduler.max_predicted_ms) || keyframes.empty()) {
+  // Frames that the source dropped count, too. Where frames were numbered anew, the difference is too large.
+  const std::uint32_t gap = current_.frame_index - tracking->course.frame_index;
+  const auto max_gap = static_cast<std::uint32_t>(FramesWithin(config_.scheduler.max_predicted_ms));
+  if (gap > max_gap || keyframes.empty()) {
     SetLost();
     return;
   }

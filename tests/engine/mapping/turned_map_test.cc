@@ -221,6 +221,25 @@ TEST_F(TurnedMapTest, FramesOfBeforeAreNotMarkedAnyMore) {
 }
 
 // Where it stood is known of the former shape only. The same view comes again with a pose of the new one.
+// What stands in for their keyframe came after the map was built anew, and was never turned itself.
+TEST_F(TurnedMapTest, FramesOfBeforeAreNotMarkedWhereALaterKeyframeStandsIn) {
+  const Keyframe& first = state_.atlas.keyframe(scene_.keyframe(0));
+  const Eigen::Vector2d pixel = first.features.pixel(FeatureThatMoves());
+  Answer(3, 0);
+  Answer(4, 1);
+  ASSERT_TRUE(InsertTheFirst());
+  const KeyframeHandle later = Insert(kNum + 1, first.cam_from_map, 1);
+  ASSERT_TRUE(later);
+  ASSERT_EQ(state_.atlas.keyframe(later).turned_at, 0u);
+  publisher_.Retire(state_.atlas.RemoveKeyframe(scene_.keyframe(0), later));
+  const auto mark = [&](std::uint32_t frame_index, const char* label) {
+    return marks_.Set({frame_index, pixel, MarkLabel::From(label).value()});
+  };
+  EXPECT_THAT(mark(3, "before").status().message(), HasSubstr("its map has taken another shape since"));
+  const Result<MarkId> after = mark(4, "after");
+  EXPECT_TRUE(after.ok()) << after.status().ToString();
+}
+
 TEST_F(TurnedMapTest, KeyframeThatWasProposedBeforeIsRefused) {
   ASSERT_TRUE(InsertTheFirst());
   const int num_free = scene_.colon.device().num_free_feature_sets();

@@ -56,6 +56,8 @@ class Camera {
     const Duration period = colon_.period();
     while (frame.ok() && frame->timestamp + period <= clock_.Now()) frame = colon_.source().Next(kNoDeadline);
     EXPECT_TRUE(frame.ok());
+    next_index_ = frame->index + 1;
+    frame->index -= first_index_;
     const TimePoint due = frame->timestamp;
     clock_.AdvanceTo(due);
     Answer answer;
@@ -79,6 +81,12 @@ class Camera {
     device_.SetModel(model);
   }
 
+  // Frames are numbered from 0 again.
+  void BeginSession() {
+    engine_->BeginSession();
+    first_index_ = next_index_;
+  }
+
   ScriptedColon& colon() { return colon_; }
   ManualClock& clock() { return clock_; }
 
@@ -88,6 +96,7 @@ class Camera {
   TimedVisionDevice device_;
   TimedVisionDevice::Model model_ = kFast;
   std::unique_ptr<Engine> engine_;
+  std::uint32_t first_index_ = 0, next_index_ = 0;
 };
 
 int Count(const std::vector<Answer>& answers, Rung rung) {
@@ -322,6 +331,15 @@ TEST(Ladder, PredictionsLastNoLongerWhereFramesAreDropped) {
   }
   EXPECT_EQ(predicted.reason, TrackingReason::kPredicted);
   EXPECT_LE(ToMilliseconds(predicted.timestamp - measured.timestamp), EngineConfig{}.scheduler.max_predicted_ms);
+}
+
+// Frames that are numbered anew are not on the course of those before.
+TEST(Ladder, NothingIsPredictedFromAnEarlierSession) {
+  Camera camera(140);
+  ASSERT_EQ(camera.Next(100).back().result.reason, TrackingReason::kTracked);
+  camera.BeginSession();
+  camera.SetModel({.extract = kFramePeriod - milliseconds(1)});
+  for (const Answer& answer : camera.Next(10)) EXPECT_NE(answer.result.reason, TrackingReason::kPredicted);
 }
 
 // At 60 Hz the seventh frame in a row that is not measured lies on the course, too.

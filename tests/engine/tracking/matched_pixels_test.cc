@@ -41,5 +41,12 @@ TEST_F(MatchedPixelsTest, OfMoreThanThereIsRoomForComesAnEvenSelection) {
   EXPECT_EQ(tracker_.MatchedPixels({}), 0u);
 }
 
+TEST_F(MatchedPixelsTest, ADamagedFrameShowsNone) {
+  const FrameResult last = TrackAndMap(60);
+  ASSERT_GT(tracker_.MatchedPixels(pixels_), 20u);
+  (void)tracker_.SkipDamaged(last.frame_index + 1, last.timestamp);
+  EXPECT_EQ(tracker_.MatchedPixels(pixels_), 0u);
+}
+
 }  // namespace
 }  // namespace haustra::test

@@ -16,7 +16,7 @@ namespace haustra {
 
 // What becomes of the bytes that a new file replaces, or that were not committed: the file system gets them as they
 // are, or overwritten (wipe_file.h), which takes as long as writing them. kStays: no file is replaced, and what was not
-// committed is overwritten.
+// committed is overwritten. What cannot be overwritten keeps the temporary name.
 enum class FormerFile { kFreed, kWiped, kStays };
 
 // Up to what a committed file is there as a whole. A power cut costs the wait for the disk, twice: too long for each of

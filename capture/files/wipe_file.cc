@@ -39,10 +39,8 @@ int Overwrite(int descriptor) {
 Status WipeFile(const std::string& path) {
   const int descriptor = ::open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
   int error = descriptor < 0 ? errno : Overwrite(descriptor);
-  // Gone it must be, even where it could not be overwritten.
-  if (::unlink(path.c_str()) != 0 && errno != ENOENT) error = errno;
-  const Status synced = SyncFolderOf(path);
-  return error == 0 ? synced : Wiped(error, path);
+  if (error == 0 && ::unlink(path.c_str()) != 0 && errno != ENOENT) error = errno;
+  return error == 0 ? SyncFolderOf(path) : Wiped(error, path);
 }
 
 Status WipeUnnamedFile(int descriptor, const std::string& path) { return Wiped(Overwrite(descriptor), path); }

@@ -7,8 +7,9 @@
 
 namespace haustra {
 
-// Overwrites the bytes once, waits for the disk, and removes the name, which it does even when the bytes cannot be
-// overwritten. On flash memory, and on file systems that copy on write, the old bytes may outlast this. kUnavailable.
+// Overwrites the bytes once, waits for the disk, and removes the name. On flash memory, and on file systems that copy
+// on write, the old bytes may outlast this. kUnavailable; when the bytes could not be overwritten the name stays, for
+// another try.
 Status WipeFile(const std::string& path);
 
 // The same of a file that has lost its name, but is open for writing: the descriptor is closed. `path`: for the

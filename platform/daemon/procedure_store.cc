@@ -128,20 +128,18 @@ Result<std::unique_ptr<ProcedureStore>> ProcedureStore::Open(const std::string& 
   std::error_code error;
   fs::create_directory(folder + "/saved", error);
   if (error) return Unavailable(folder + "/saved: cannot be made: " + error.message());
-  for (const std::string& place : {folder, folder + "/saved"}) {
-    for (const fs::directory_entry& entry : fs::directory_iterator(place, error)) {
-      if (!entry.is_regular_file(error) || !IsHalfWritten(entry.path().filename().string())) continue;
-      HAUSTRA_TRY(WipeFile(entry.path().string()));
-      Log(LogLevel::kWarning, "leftover_removed", {{"file", entry.path().string()}});
-    }
-  }
+  Status wiped = store->WipeLeftovers();
   const Result<std::string> text = ReadSmallFile(store->record_path());
   if (text.code() != StatusCode::kNotFound) {
     const Result<ProcedureRecord> record = text.ok() ? ParseProcedureRecord(*text) : text.status();
     if (!record.ok()) Log(LogLevel::kError, "record_cannot_be_read", {{"what", record.status().message()}});
     store->interrupted_ = record.ok() ? *record : ProcedureRecord{};
-  } else if (store->has_checkpoint()) {
-    HAUSTRA_TRY(WipeFile(store->checkpoint_path()));
+  } else if (wiped.ok() && store->has_checkpoint()) {
+    wiped = WipeFile(store->checkpoint_path());
+  }
+  if (!wiped.ok()) {
+    Log(LogLevel::kError, "leftover_not_wiped", {{"what", wiped.message()}});
+    if (!store->interrupted_) store->interrupted_ = ProcedureRecord{};
   }
   return store;
 }
@@ -194,12 +192,29 @@ Status ProcedureStore::MarkStopped(const std::string& label) const {
   return is_marked ? Status::Ok() : WriteOpen(label, RecordedState::kStopped);
 }
 
-Status ProcedureStore::Close() const {
-  for (const std::string& path : {checkpoint_path(), record_path()}) {
+Status ProcedureStore::WipeLeftovers() const {
+  Status all;
+  for (const std::string& place : {folder_, folder_ + "/saved"}) {
     std::error_code error;
-    if (fs::exists(fs::symlink_status(path, error))) HAUSTRA_TRY(WipeFile(path));
+    for (const fs::directory_entry& entry : fs::directory_iterator(place, error)) {
+      if (!entry.is_regular_file(error) || !IsHalfWritten(entry.path().filename().string())) continue;
+      const Status wiped = WipeFile(entry.path().string());
+      if (wiped.ok()) Log(LogLevel::kWarning, "leftover_removed", {{"file", entry.path().string()}});
+      if (all.ok()) all = wiped;
+    }
   }
-  return Status::Ok();
+  return all;
+}
+
+Status ProcedureStore::Close() const {
+  Status all = WipeLeftovers();
+  std::error_code error;
+  if (fs::exists(fs::symlink_status(checkpoint_path(), error))) {
+    const Status wiped = WipeFile(checkpoint_path());
+    if (all.ok()) all = wiped;
+  }
+  HAUSTRA_TRY(all);
+  return fs::exists(fs::symlink_status(record_path(), error)) ? WipeFile(record_path()) : Status::Ok();
 }
 
 Result<std::string> ProcedureStore::KeepCheckpoint(const std::string& name) const {

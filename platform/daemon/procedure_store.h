@@ -42,8 +42,9 @@ Result<ProcedureRecord> ParseProcedureRecord(const std::string& text);
 // thread-safe as long as no two calls concern the same file.
 class ProcedureStore {
  public:
-  // Makes the folder for saved maps and removes what a crash left half written, with a line in the log for each file.
-  // kNotFound: no such folder; kUnavailable: no right to use it; kFailedPrecondition: another daemon does.
+  // Makes the folder for saved maps and wipes what a crash left half written, with a line in the log for each file.
+  // What cannot be wiped counts as an open procedure: nothing else begins before Close has wiped it. kNotFound: no such
+  // folder; kUnavailable: no right to use it; kFailedPrecondition: another daemon does.
   static Result<std::unique_ptr<ProcedureStore>> Open(const std::string& folder);
   ~ProcedureStore();
   ProcedureStore(const ProcedureStore&) = delete;
@@ -69,9 +70,9 @@ class ProcedureStore {
   // The same record, but stopped. It is changed in place, which needs no room on the disk; where there is none that can
   // be read, one is written as by WriteOpen. kUnavailable.
   Status MarkStopped(const std::string& label) const;
-  // The procedure has ended: checkpoint and record are overwritten and removed. A power cut between the two leaves a
-  // record without data, which the tower is asked about; never data that nobody knows of. kUnavailable: the checkpoint
-  // could not be wiped, and the record stays; or the record could not.
+  // The procedure has ended: what was half written, checkpoint and record are overwritten and removed. A power cut in
+  // between leaves a record without data, which the tower is asked about; never data that nobody knows of. kUnavailable
+  // names what could not be wiped. It stays with the record, for another try.
   Status Close() const;
   // The checkpoint becomes a saved file under a name that is free (FreeName). Which one. kUnavailable: it is still
   // there for another try, or the message says that it is in place.
@@ -80,6 +81,9 @@ class ProcedureStore {
  private:
   ProcedureStore(std::string folder, int lock);
   std::string record_path() const { return folder_ + "/procedure"; }
+  // What a crash left half written, and what was replaced or given up and could not be overwritten. No file is being
+  // written meanwhile. kUnavailable names the first that stays.
+  Status WipeLeftovers() const;
 
   std::string folder_;
   int lock_;

@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cerrno>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <set>
@@ -40,7 +41,8 @@ constexpr Duration kHangLimit = seconds(60);
 std::atomic<bool> is_disk_held{false};  // it takes its time
 std::atomic<bool> is_disk_full{false};  // it says so in the end
 std::atomic<int> num_syncs_begun{0};
-std::atomic<bool> is_folder_broken{false};  // their folder cannot be synced
+// No file or folder of that name comes to the disk; null: all do.
+std::atomic<const char*> broken_name{nullptr};
 
 fs::path PathOf(int file) {
   std::error_code error;
@@ -53,14 +55,15 @@ fs::path PathOf(int file) {
 // In place of the C library's.
 extern "C" int fsync(int file) {
   const std::filesystem::path path = haustra::PathOf(file);
-  if (haustra::is_folder_broken && path.filename() == "saved") {
+  if (const char* name = haustra::broken_name; name != nullptr && path.filename() == name) {
     errno = EIO;
     return -1;
   }
   if (path.parent_path().filename() == "saved") {
     ++haustra::num_syncs_begun;
     while (haustra::is_disk_held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    if (haustra::is_disk_full) {
+    // To overwrite what is there takes no room.
+    if (haustra::is_disk_full && std::ifstream(path).peek() != 0) {
       errno = ENOSPC;
       return -1;
     }
@@ -91,7 +94,8 @@ class DaemonDevice : public testing::Test {
     num_syncs_begun = 0;
   }
   ~DaemonDevice() override {
-    script_->is_making_held = is_disk_held = is_disk_full = is_folder_broken = false;
+    script_->is_making_held = is_disk_held = is_disk_full = false;
+    broken_name = nullptr;
     Terminate();
     daemon_.reset();
     EXPECT_EQ(script_->num_races, 0) << "the thread sanitizer has reported a worker";
@@ -352,6 +356,40 @@ TEST_F(DaemonDevice, ProcedureThatCannotBeWipedKeepsTheNextOneOut) {
   EXPECT_FALSE(Exists("saved/keep-2.atlas"));
 }
 
+TEST_F(DaemonDevice, CheckpointThatCannotBeOverwrittenIsNotSaidToBeWiped) {
+  RecordProperty("req", "DATA-001,DATA-003");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  broken_name = "checkpoint.atlas";
+  for (const std::string turn : {"first", "again"}) {
+    const std::string answer = Ask("end wipe");
+    EXPECT_TRUE(answer.starts_with("error: ") && answer.find("checkpoint.atlas") != std::string::npos)
+        << turn << ": " << answer;
+    EXPECT_TRUE(Exists("checkpoint.atlas")) << turn << ": nobody could overwrite it any more";
+    EXPECT_TRUE(Ask("begin next").starts_with("error: ")) << turn;
+  }
+  broken_name = nullptr;
+  EXPECT_EQ(Ask("end wipe"), "wiped\n");
+  EXPECT_FALSE(Exists("checkpoint.atlas"));
+}
+
+// A checkpoint that was replaced, or a file that a crash left: the same patient's, or an unknown one's.
+TEST_F(DaemonDevice, LeftoverThatCannotBeOverwrittenKeepsTheNextProcedureOut) {
+  RecordProperty("req", "DATA-001,DATA-003");
+  const char* leftover = "checkpoint.atlas.partial-1-2";
+  std::ofstream(folder_ + "/" + leftover) << "maps";
+  broken_name = leftover;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  EXPECT_EQ(StatusValue("interrupted"), "yes");
+  EXPECT_TRUE(Ask("begin next").starts_with("error: "));
+  const std::string answer = Ask("end wipe");
+  EXPECT_TRUE(answer.starts_with("error: ") && answer.find(leftover) != std::string::npos) << answer;
+  EXPECT_TRUE(Exists(leftover));
+  broken_name = nullptr;
+  EXPECT_EQ(Ask("end wipe"), "wiped\n");
+  EXPECT_FALSE(Exists(leftover));
+  EXPECT_EQ(Begin("next"), 1u);
+}
+
 TEST_F(DaemonDevice, CheckpointOfAnotherProcedureIsOfNoUse) {
   RecordProperty("req", "DATA-002");
   config_.watchdog.stop_limit_ms = 2000;
@@ -425,9 +463,9 @@ TEST_F(DaemonDevice, CheckpointThatMayNotOutlastAPowerCutIsKeptByAnotherTry) {
   const auto store = ProcedureStore::Open(folder_);
   ASSERT_TRUE(store.ok()) << store.status().ToString();
   std::ofstream((*store)->checkpoint_path()) << "maps";
-  is_folder_broken = true;
+  broken_name = "saved";
   const Result<std::string> failed = (*store)->KeepCheckpoint("case-1");
-  is_folder_broken = false;
+  broken_name = nullptr;
   EXPECT_EQ(failed.code(), StatusCode::kUnavailable);
   EXPECT_NE(failed.status().message().find("case-1.atlas: would not outlast a power cut"), std::string::npos)
       << failed.status().message();

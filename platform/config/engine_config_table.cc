@@ -512,22 +512,7 @@ Status CheckEngineConfig(const EngineConfig& config) {
 
 Result<ConfigStore<EngineConfig>> LoadEngineConfig(const std::string& path,
                                                    const std::vector<std::string>& assignments) {
-  const auto apply_all = [&](ConfigStore<EngineConfig>* store) -> Status {
-    if (!path.empty()) HAUSTRA_TRY(store->ApplyFile(path));
-    for (const std::string& assignment : assignments) HAUSTRA_TRY(store->ApplyAssignment(assignment));
-    return Status::Ok();
-  };
-  ConfigStore<EngineConfig> given(EngineConfigFields());
-  HAUSTRA_TRY(apply_all(&given));
-  // The profile comes first, wherever it is named, so that single keys override it.
-  ConfigStore<EngineConfig> store(EngineConfigFields());
-  const std::string& profile = given.config().memory.profile;
-  if (given.origin("memory.profile").kind != ConfigOrigin::Kind::kDefault) {
-    HAUSTRA_TRY(store.ApplyText(MemoryProfileText(profile), "memory profile " + profile));
-  }
-  HAUSTRA_TRY(apply_all(&store));
-  HAUSTRA_TRY(CheckEngineConfig(store.config()));
-  return store;
+  return LoadConfig<EngineConfig>(EngineConfigFields(), std::identity(), path, assignments);
 }
 
 }  // namespace haustra

@@ -105,10 +105,8 @@ std::vector<ConfigField> DaemonConfigFields() {
 
 Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
                                                    const std::vector<std::string>& assignments) {
-  ConfigStore<DaemonConfig> store(DaemonConfigFields());
-  if (!path.empty()) HAUSTRA_TRY(store.ApplyFile(path));
-  for (const std::string& assignment : assignments) HAUSTRA_TRY(store.ApplyAssignment(assignment));
-  HAUSTRA_TRY(CheckEngineConfig(store.config().engine));
+  HAUSTRA_ASSIGN(ConfigStore<DaemonConfig> store,
+                 LoadConfig<DaemonConfig>(DaemonConfigFields(), &DaemonConfig::engine, path, assignments));
   if (store.config().publish.depth && !store.config().engine.depth.enabled) {
     return InvalidArgument("publish.depth is true, and depth.enabled is not: there is no depth to publish");
   }

@@ -99,8 +99,8 @@ struct DaemonConfig {
 
 std::vector<ConfigField> DaemonConfigFields();
 
-// Defaults, the file (none when `path` is empty), the assignments "key=value", then the checks between values. Touches
-// no device and no file but `path`. Errors: as ConfigStore's.
+// As LoadConfig (engine_config_table.h), then the checks between the service's own values. Touches no device and no
+// file but `path`. Errors: as ConfigStore's.
 Result<ConfigStore<DaemonConfig>> LoadDaemonConfig(const std::string& path,
                                                    const std::vector<std::string>& assignments);
 

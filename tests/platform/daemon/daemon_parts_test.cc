@@ -21,6 +21,7 @@
 #include "hal/fakes/manual_clock.h"
 #include "hal/fakes/scripted_frame_source.h"
 #include "platform/clock/system_clock.h"
+#include "platform/config/engine_config_table.h"
 #include "platform/daemon/daemon_config.h"
 #include "platform/daemon/file_worker.h"
 #include "platform/daemon/health.h"
@@ -88,6 +89,16 @@ TEST(DaemonConfig, OneFileHoldsEngineAndService) {
   ASSERT_TRUE(again.ok()) << again.status().ToString();
   EXPECT_EQ(again->config().source.path, "/dev/video0");
   EXPECT_EQ(again->config().engine.noise.k, 2.0);
+}
+
+TEST(DaemonConfig, MemoryProfileComesBeforeSingleKeys) {
+  const StateFolder folder;
+  Write(folder / "a.yaml", "memory:\n  max_maps: 77\n  profile: small\n");
+  const auto loaded = LoadDaemonConfig(folder / "a.yaml", {});
+  ASSERT_TRUE(loaded.ok()) << loaded.status().ToString();
+  const auto engine = LoadEngineConfig("", {"memory.profile=small"});
+  EXPECT_EQ(loaded->config().engine.memory.max_keyframes, engine->config().memory.max_keyframes);
+  EXPECT_EQ(loaded->config().engine.memory.max_maps, 77);
 }
 
 TEST(DaemonConfig, TypingErrorsAreRefusedWithTheirPlace) {

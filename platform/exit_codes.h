@@ -33,7 +33,7 @@ inline constexpr ExitCodeMeaning kExitCodeMeanings[] = {
     {kExitUsage, "wrong arguments"},
     {kExitBadData, "a file or a frame is not what it should be"},
     {kExitNoInput, "a file or folder to read is not there, other than a configuration"},
-    {kExitUnavailable, "a device, a service or a file to read cannot be reached"},
+    {kExitUnavailable, "a device, a service or a file to read cannot be reached, or memory is short now"},
     {kExitInternal, "internal error"},
     {kExitSystem, "the operating system refuses something"},
     {kExitInTheWay, "something is where the output should go"},

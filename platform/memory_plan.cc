@@ -68,14 +68,15 @@ Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibratio
 Status CheckMemory(const MemoryPlan& plan, const EngineConfig& config, const HostMemory& available) {
   HAUSTRA_TRY(CheckFits(
       plan, {config.memory.max_host_mb, config.memory.max_device_mb, "memory.max_host_mb", "memory.max_device_mb"}));
-  return CheckFits(plan, {static_cast<double>(available.bytes) / 1e6, 0.0, available.limit, ""});
+  Status fits = CheckFits(plan, {static_cast<double>(available.bytes) / 1e6, 0.0, available.limit, ""});
+  return fits.ok() || available.is_set ? fits : Unavailable(fits.message());
 }
 
 HostMemory AvailableHostMemory() {
-  const HostMemory machine{MachineBytes(), "this machine's available memory"};
+  const HostMemory machine{MachineBytes(), "this machine's available memory", false};
   std::ifstream file("/proc/self/cgroup");
   const std::string groups((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
-  const HostMemory group{MemoryLimitOfGroups(groups, "/sys/fs/cgroup"), "the memory limit of the control group"};
+  const HostMemory group{MemoryLimitOfGroups(groups, "/sys/fs/cgroup"), "the memory limit of the control group", true};
   const bool is_group_less = group.bytes > 0 && (machine.bytes == 0 || group.bytes < machine.bytes);
   return is_group_less ? group : machine;
 }

@@ -22,10 +22,12 @@ Result<MemoryPlan> PlanMemory(const EngineConfig& config, const CameraCalibratio
 struct HostMemory {
   std::uint64_t bytes = 0;  // 0: not known
   std::string limit;        // "this machine's available memory"
+  bool is_set = false;      // by somebody, so that no wait makes it more
 };
 
-// Whether the plan fits memory.max_host_mb and memory.max_device_mb, and what this process may have. kCapacityExceeded
-// names the line that does not fit and the limit.
+// Whether the plan fits memory.max_host_mb and memory.max_device_mb, and what this process may have. The message names
+// the line that does not fit and the limit. kCapacityExceeded: somebody set that; kUnavailable: there may be more
+// later.
 Status CheckMemory(const MemoryPlan& plan, const EngineConfig& config, const HostMemory& available);
 
 // The smallest of what /proc/meminfo has available and the limits of the process's control group and those above it,

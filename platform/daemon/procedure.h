@@ -46,8 +46,8 @@ class Procedure final : private SessionObserver, private SessionHooks {
     std::function<void()> wake;  // something has come to an end: look again. Called on any thread.
   };
 
-  // Takes all memory, if its plan fits (kCapacityExceeded names the line that does not). Errors: those of the source,
-  // the camera model, the device, the vocabulary.
+  // Takes all memory, if its plan fits (CheckMemory). Errors: those of the source, the camera model, the device, the
+  // vocabulary.
   static Result<std::unique_ptr<Procedure>> Prepare(const DaemonConfig& config, std::unique_ptr<FrameSource> source,
                                                     const Context& context);
   // Stops. A driver that hangs is waited for: let the process end without.

@@ -216,9 +216,20 @@ TEST(MemoryPlan, WhatDoesNotFitIsNamed) {
   EXPECT_THAT(over_limit.message(), HasSubstr("memory.max_host_mb allows 1800.0 MB"));
   config.memory.max_host_mb = 0;
   EXPECT_TRUE(CheckMemory(*plan, config, {}).ok());
-  EXPECT_THAT(CheckMemory(*plan, config, {500'000'000, "this machine's available memory"}).message(),
-              HasSubstr("this machine's available memory allows 500.0 MB"));
   EXPECT_GT(AvailableHostMemory().bytes, 10'000'000u);
+}
+
+// Others may give memory back, and a limit that somebody set stays.
+TEST(MemoryPlan, WhatTheMachineLacksNowIsNotAWrongConfiguration) {
+  RecordProperty("req", "DMN-001");
+  const EngineConfig config;
+  const Result<MemoryPlan> plan = PlanMemory(config, test::ColonCalibration(), "cpu", 2);
+  ASSERT_TRUE(plan.ok());
+  const Status now = CheckMemory(*plan, config, {500'000'000, "this machine's available memory"});
+  EXPECT_EQ(now.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(now.message(), HasSubstr("this machine's available memory allows 500.0 MB"));
+  const Status always = CheckMemory(*plan, config, {500'000'000, "the memory limit of the control group", true});
+  EXPECT_EQ(always.code(), StatusCode::kCapacityExceeded);
 }
 
 // A limit that kills is known before anything is taken: of the group itself, or of one above it.

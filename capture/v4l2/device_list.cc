@@ -183,7 +183,7 @@ Result<std::string> FindV4l2Device(const std::string& wanted, DeviceIo& io) {
   if (fitting.size() == 1) return fitting.front();
   const std::string there = all.empty() ? "there is no camera" : "there are " + all;
   if (fitting.empty()) return Unavailable("no camera has '" + wanted + "' in its name; " + there);
-  return InvalidArgument("several cameras have '" + wanted + "' in their names; " + there);
+  return Unavailable("several cameras have '" + wanted + "' in their names; " + there);
 }
 
 }  // namespace haustra

@@ -36,7 +36,7 @@ struct V4l2DeviceInfo {
 std::vector<V4l2DeviceInfo> ListV4l2Devices(DeviceIo& io, std::vector<std::string>* unreadable);
 
 // The node for a path (given back as it is) or a part of a name or bus, capitals or not. kUnavailable: no device has
-// it; kInvalidArgument: several have. Both messages list the devices that are there.
+// it now, or several have. The message lists the devices that are there.
 Result<std::string> FindV4l2Device(const std::string& wanted, DeviceIo& io);
 
 namespace capture::internal {

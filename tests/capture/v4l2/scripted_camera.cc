@@ -26,7 +26,8 @@ bool IsPaired(std::uint32_t fourcc) { return fourcc == V4L2_PIX_FMT_YUYV || four
 }  // namespace
 
 std::vector<std::string> ScriptedCamera::DevicePaths() {
-  return is_present ? std::vector<std::string>{path} : std::vector<std::string>{};
+  if (!is_present) return {};
+  return std::vector<std::string>(has_twin ? 2 : 1, path);
 }
 
 bool ScriptedCamera::Fails(int* error) {

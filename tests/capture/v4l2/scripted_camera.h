@@ -41,6 +41,7 @@ class ScriptedCamera final : public DeviceIo {
   // What the device is.
   std::string path = "/dev/video0";
   std::string name = "Tower Camera";
+  bool has_twin = false;  // there is another one of that name
   std::uint32_t capabilities = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
   std::vector<CameraMode> modes{CameraMode{}};
   std::uint32_t field = V4L2_FIELD_NONE;  // what S_FMT answers

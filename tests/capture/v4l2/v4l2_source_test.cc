@@ -211,6 +211,17 @@ TEST(V4l2Source, ACameraIsFoundByAPartOfItsName) {
   EXPECT_THAT(source.status().message(), HasSubstr("/dev/video0 'Tower Camera'"));
 }
 
+// One of them may be unplugged again.
+TEST(V4l2Source, CamerasThatANameDoesNotTellApartAreNotAvailable) {
+  ScriptedCamera camera;
+  camera.has_twin = true;
+  V4l2Options options;
+  options.device = "tower";
+  const auto source = Open(camera, options);
+  EXPECT_EQ(source.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(source.status().message(), HasSubstr("several cameras have 'tower' in their names"));
+}
+
 TEST(V4l2Source, InputsAreChosenByNameOrNumber) {
   ScriptedCamera camera;
   camera.inputs = {"HDMI", "SDI 1"};

@@ -57,7 +57,8 @@ class Daemon {
   // threads (BlockSignals) before any other thread was made. The worker ends with the calling thread.
   int Run();
 
-  // SIGTERM and SIGINT stop, SIGHUP reloads, SIGUSR1 writes the metrics to the log.
+  // SIGTERM and SIGINT stop, SIGHUP reloads, SIGUSR1 writes the metrics to the log. SIGPIPE is ignored, here and in the
+  // programs that are started: a log that nobody reads any more ends nothing.
   static sigset_t BlockSignals();
 
  private:

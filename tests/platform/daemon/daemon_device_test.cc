@@ -6,6 +6,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <filesystem>
@@ -716,6 +717,25 @@ TEST_F(DaemonDevice, CameraThatIsSlowToComeBackCostsNoWorker) {
   const int num_before = script_->num_extractions;
   EXPECT_TRUE(Until([&] { return script_->num_extractions > num_before; }));
   EXPECT_EQ(StatusValue("worker_faults"), "");
+}
+
+// Its journal may be started anew while it runs.
+TEST_F(DaemonDevice, LogThatNobodyReadsEndsNeitherServiceNorWorker) {
+  RecordProperty("req", "DMN-010");
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe(ends.data()), 0);
+  ::close(ends[0]);
+  const int log = ::dup(STDERR_FILENO);
+  ::dup2(ends[1], STDERR_FILENO);
+  ::close(ends[1]);
+  config_.log.level = "debug";
+  BeginAndMap();
+  const std::string faults = StatusValue("worker_faults");
+  Terminate();
+  ::dup2(log, STDERR_FILENO);
+  ::close(log);
+  EXPECT_EQ(faults, "");
+  EXPECT_EQ(exit_code_, kExitOk);
 }
 
 TEST_F(DaemonDevice, DriverThatNeverReturnsCostsAWorker) {

@@ -435,7 +435,7 @@ Status Daemon::Refusal(const Held& held) const {
         }
         return FailedPrecondition("an interrupted procedure" + name + " is on the disk: resume or end it first");
       }
-      if (state_.phase == ServicePhase::kWaiting) return Unavailable("there is no camera: " + trouble_);
+      if (state_.phase == ServicePhase::kWaiting) return Unavailable("there is no camera: " + waits_for_);
       return Status::Ok();
     }
     case ControlCommand::kEnd:

@@ -139,6 +139,8 @@ class Daemon {
   Status Refusal(const Held& held) const;
   std::string StatusText(TimePoint now) const;
   std::string MetricsText(TimePoint now) const;
+  // What somebody should look at; empty: nothing.
+  std::string Trouble() const;
   std::string OneLine() const;
   ProcedureCounts counts() const;
   haustra_service Service() const;
@@ -181,7 +183,7 @@ class Daemon {
   bool has_signs_ = false;     // of the running procedure, in report_
   std::string signal_logged_;  // why there was none, as the log has it; empty: it has that there is one
   TimePoint next_signal_log_;
-  std::string wait_logged_;  // likewise, for what the worker waits
+  std::string waits_for_;  // what the worker, or one before it, said; as the log has it; empty: there is a camera
   std::uint64_t num_faults_ = 0;
   std::string last_fault_;
 
@@ -199,7 +201,7 @@ class Daemon {
   std::uint64_t num_procedures_ = 0;  // that it has begun
   bool is_resumed_ = false;
   ProcedureCounts earlier_;    // of the workers that have gone
-  std::string trouble_;        // what somebody should look at; empty: nothing
+  std::string trouble_;        // what the last end or resume left to look at, until something begins; empty: nothing
   std::string needs_restart_;  // keys, with commas
   TimePoint next_feed_;
   TimePoint next_checkpoint_;

@@ -157,18 +157,16 @@ void Daemon::Hear(const WorkerReport& report) {
       has_signs_ = true;
       return HearOfSignal();
     case WorkerNews::kWaits:
-      trouble_ = report.text.data();
       // It looks once a second.
-      if (trouble_ != wait_logged_) {
-        wait_logged_ = trouble_;
-        Log(LogLevel::kWarning, "waiting_for_source", {{"source", config_.source.path}, {"what", trouble_}});
+      if (waits_for_ != report.text.data()) {
+        waits_for_ = report.text.data();
+        Log(LogLevel::kWarning, "waiting_for_source", {{"source", config_.source.path}, {"what", waits_for_}});
       }
       if (state_.phase == ServicePhase::kWaiting) ArmLimit();
       return Tell(ServiceEventKind::kWorkerWaits);
     case WorkerNews::kReady:
-      if (state_.phase == ServicePhase::kWaiting) {
-        trouble_.clear();
-        wait_logged_.clear();
+      if (!waits_for_.empty()) {
+        waits_for_.clear();
         Log(LogLevel::kInfo, "source_found", {{"source", config_.source.path}});
       }
       device_ = report.text.data();
@@ -262,6 +260,7 @@ void Daemon::BeginWorker() {
   last_checkpoint_.reset();
   is_checkpoint_under_way_ = false;
   checkpoint_changes_ = 0;
+  trouble_.clear();
   ++num_procedures_;
   ring_->SetProcedure(number());
   ring_->PublishEvent(ProcedureEvent(HAUSTRA_EVENT_PROCEDURE_BEGUN, number()));

@@ -48,6 +48,12 @@ std::string Daemon::OneLine() const {
   return text;
 }
 
+std::string Daemon::Trouble() const {
+  const bool lacks_signal = waits_for_.empty() && Service() == HAUSTRA_SERVICE_NO_SIGNAL;
+  const std::string of_source = lacks_signal ? report_.text.data() : waits_for_;
+  return trouble_.empty() || of_source.empty() ? trouble_ + of_source : of_source + "; " + trouble_;
+}
+
 std::string Daemon::StatusText(TimePoint now) const {
   ServiceStatus status;
   status.summary = OneLine();
@@ -67,7 +73,7 @@ std::string Daemon::StatusText(TimePoint now) const {
   status.device = device_;
   status.worker_faults = num_faults_;
   status.last_fault = last_fault_;
-  status.trouble = trouble_.empty() && status.service == HAUSTRA_SERVICE_NO_SIGNAL ? report_.text.data() : trouble_;
+  status.trouble = Trouble();
   status.needs_restart = needs_restart_;
   return ToStatusText(status, counts());
 }

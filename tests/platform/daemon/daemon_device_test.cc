@@ -426,6 +426,42 @@ TEST_F(DaemonDevice, EndKeepsTheCheckpointWhenTheWorkerHangs) {
   EXPECT_FALSE(Exists("checkpoint.atlas"));
 }
 
+TEST_F(DaemonDevice, TroubleIsOfTheProcedureThatHadIt) {
+  RecordProperty("req", "DMN-007");
+  config_.source.path = "v4l2:scripted";
+  config_.watchdog.stop_limit_ms = 2000;
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  script_->is_stuck = true;
+  ASSERT_TRUE(Until([&] { return script_->num_stuck > 0; }));
+  script_->open_error = static_cast<int>(StatusCode::kUnavailable);
+  EXPECT_TRUE(Ask("end keep").starts_with("kept as case-1 from the checkpoint of "));
+  // Both are to be known: what came of the last one, and why no other can begin.
+  const std::string both = StatusValue("trouble");
+  EXPECT_NE(both.find("only the checkpoint of "), std::string::npos) << both;
+  EXPECT_NE(both.find("/dev/video7: does not offer 1920x1080"), std::string::npos) << both;
+  const std::string refusal = Ask("begin case-2");
+  EXPECT_EQ(refusal, "error: there is no camera: /dev/video7: does not offer 1920x1080; it offers 1280x720");
+  script_->open_error = 0;
+  EXPECT_TRUE(Until([&] { return StatusValue("state") == "idle"; })) << Ask("status");
+  const std::string last = StatusValue("trouble");
+  EXPECT_TRUE(last.starts_with("only the checkpoint of ") && last.ends_with(" could be kept, as case-1")) << last;
+  ASSERT_EQ(Begin("case-2"), 2u);
+  EXPECT_EQ(StatusValue("trouble"), "");
+}
+
+TEST_F(DaemonDevice, TroubleOfACameraEndsWithTheWorkerThatWaitedForIt) {
+  RecordProperty("req", "DMN-007");
+  config_.source.path = "v4l2:scripted";
+  script_->open_error = static_cast<int>(StatusCode::kUnavailable);
+  Start(false);
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "waiting_for_source"; }));
+  // The next worker finds the camera at once, and never waits.
+  script_->open_error = 0;
+  KillWorker();
+  ASSERT_TRUE(Until([&] { return !StatusValue("device").empty(); })) << Ask("status");
+  EXPECT_EQ(StatusValue("trouble"), "");
+}
+
 TEST_F(DaemonDevice, MapsOnTheirWayToTheDiskAreKeptWhenTheirWorkerDies) {
   RecordProperty("req", "DMN-005,DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());

@@ -5,7 +5,7 @@
 
 namespace haustra {
 
-TimePoint SignOfTracking(const Heartbeat& beat, TimePoint now, Duration work_limit) {
+TimePoint SignOfThread(const Heartbeat& beat, TimePoint now, Duration work_limit) {
   const bool has_begun = beat.count() > 1;
   return has_begun || now - beat.last() > work_limit ? beat.last() : now;
 }

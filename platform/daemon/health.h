@@ -11,9 +11,9 @@
 
 namespace haustra {
 
-// When tracking was last heard of. `beat` has one beat of the start; until tracking adds its own, all threads take and
-// lock their memory. That is work, for `work_limit` at most.
-TimePoint SignOfTracking(const Heartbeat& beat, TimePoint now, Duration work_limit);
+// When a thread was last heard of. `beat` has one beat of the start; until the thread adds its own, all threads take
+// and lock their memory. That is work, for `work_limit` at most.
+TimePoint SignOfThread(const Heartbeat& beat, TimePoint now, Duration work_limit);
 
 // When capture was last heard of: `last`, but for a source that brings its device back (FrameSource::recovering_since).
 // That is work while no call of the driver takes longer than `work_limit`.

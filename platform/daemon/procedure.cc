@@ -154,9 +154,10 @@ std::optional<Status> Procedure::ended() const {
 SignsOfLife Procedure::signs() const {
   const TimePoint now = context_.clock.Now();
   const Duration work_limit = std::chrono::milliseconds(config_.watchdog.work_limit_ms);
-  const TimePoint tracking = SignOfTracking(tracking_beat_, now, work_limit);
-  const TimePoint capture = SignOfCapture(std::max(source_->last_answer(), capture_beat_.last()),
-                                          source_->recovering_since(), now, work_limit);
+  const TimePoint tracking = SignOfThread(tracking_beat_, now, work_limit);
+  const TimePoint answer = SignOfThread(source_->answers(), now, work_limit);
+  const TimePoint capture =
+      SignOfCapture(std::max(answer, capture_beat_.last()), source_->recovering_since(), now, work_limit);
   return {tracking, capture, mapping_beat_.last(), merging_beat_.last()};
 }
 

@@ -18,19 +18,13 @@ constexpr Duration kPause = std::chrono::seconds(10);
 }  // namespace
 
 SupervisedSource::SupervisedSource(std::unique_ptr<FrameSource> inner, const Clock& clock)
-    : inner_(std::move(inner)), clock_(clock) {
-  Begin();
-}
+    : inner_(std::move(inner)), clock_(clock), begin_(clock.Now()), last_frame_(begin_) {}
 
 void SupervisedSource::Begin() {
   begin_ = last_frame_ = clock_.Now();
   last_stamp_ = {};
   shown_.reset();
-  Answered();
-}
-
-void SupervisedSource::Answered() {
-  last_answer_ns_.store(clock_.Now().time_since_epoch().count(), std::memory_order_relaxed);
+  answers_.Beat(begin_);
 }
 
 void SupervisedSource::SetSignal(SignalState signal, const std::string& text) {
@@ -73,12 +67,12 @@ Result<Frame> SupervisedSource::Next(TimePoint deadline) {
     if (!is_first && clock_.Now() >= deadline) return Status(StatusCode::kDeadlineExceeded);
     if (signal() == SignalState::kOver) {
       std::this_thread::sleep_for(kPatience / 4);
-      Answered();
+      answers_.Beat(clock_.Now());
       continue;
     }
     Result<Frame> frame = inner_->Next(clock_.Now() + kPatience);
-    Answered();
     const TimePoint now = clock_.Now();
+    answers_.Beat(now);
     switch (frame.code()) {
       case StatusCode::kOk:
         // A live source stamps with the clock that this one reads.

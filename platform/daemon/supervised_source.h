@@ -13,6 +13,7 @@
 
 #include "hal/clock.h"
 #include "hal/frame_source.h"
+#include "platform/realtime/heartbeat.h"
 
 namespace haustra {
 
@@ -60,11 +61,10 @@ class SupervisedSource final : public FrameSource {
   // The first one since the last call, and how many came after it. Of a recording also the end of a pause of ten
   // seconds.
   std::optional<TimeJump> TakeTimeJump();
-  // When the inner source last answered.
-  TimePoint last_answer() const { return TimePoint(Duration(last_answer_ns_.load(std::memory_order_relaxed))); }
+  // One beat at Begin, then one for each answer of the inner source.
+  const Heartbeat& answers() const { return answers_; }
 
  private:
-  void Answered();
   void LookAtTime(const Frame& frame);
   // Takes the lock where something changes only.
   void SetSignal(SignalState signal, const std::string& text = {});
@@ -81,7 +81,7 @@ class SupervisedSource final : public FrameSource {
   mutable std::mutex mutex_;
   std::string signal_text_;  // written by Next
   std::optional<TimeJump> time_jump_;
-  std::atomic<std::int64_t> last_answer_ns_{0};
+  Heartbeat answers_;
 };
 
 }  // namespace haustra

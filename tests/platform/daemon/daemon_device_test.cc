@@ -755,6 +755,18 @@ TEST_F(DaemonDevice, CameraThatIsSlowToComeBackCostsNoWorker) {
   EXPECT_EQ(StatusValue("worker_faults"), "");
 }
 
+// Memory is taken and locked before.
+TEST_F(DaemonDevice, CaptureHasTheTimeOfAJobForItsFirstSignOfLife) {
+  RecordProperty("req", "DMN-002");
+  script_->is_live = true;
+  script_->first_frame_ms = 5000;
+  config_.watchdog.capture_limit_ms = 2000;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Begin(""), 1u);
+  EXPECT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
+  EXPECT_EQ(StatusValue("worker_faults"), "") << Ask("status");
+}
+
 // Its journal may be started anew while it runs.
 TEST_F(DaemonDevice, LogThatNobodyReadsEndsNeitherServiceNorWorker) {
   RecordProperty("req", "DMN-010");

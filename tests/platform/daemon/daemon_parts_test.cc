@@ -170,15 +170,15 @@ TEST(Health, ThreadThatIsSilentForTooLongHangs) {
   EXPECT_EQ(FindHang(signs, now, limits), "merging thread hangs for 31.0 s");
 }
 
-// Between the start and the first beat of tracking memory is taken and locked.
-TEST(Health, TrackingIsAtWorkUntilItHasBegun) {
+// Between the start and its first beat memory is taken and locked.
+TEST(Health, ThreadIsAtWorkUntilItHasBegun) {
   RecordProperty("req", "DMN-002");
   const WatchdogConfig limits;
   const TimePoint begin{seconds(100)};
   Heartbeat beat;
   beat.Beat(begin);
   const auto hang_at = [&](TimePoint now) {
-    const TimePoint tracking = SignOfTracking(beat, now, milliseconds(limits.work_limit_ms));
+    const TimePoint tracking = SignOfThread(beat, now, milliseconds(limits.work_limit_ms));
     return FindHang({tracking, now, now, now}, now, limits);
   };
   EXPECT_EQ(hang_at(begin + seconds(5)), "");
@@ -522,6 +522,23 @@ TEST(SupervisedSource, WitnessSeesAFrameWhenItHasBeenHandedOver) {
   EXPECT_EQ(seen, (std::vector<std::uint32_t>{0, 1}));
 }
 
+// Until the first answer the capture thread may not have begun.
+TEST(SupervisedSource, BeginIsTheFirstBeatOfItsAnswers) {
+  RecordProperty("req", "DMN-002");
+  ManualClock clock(TimePoint(seconds(10)));
+  auto inner = std::make_unique<ScriptedFrameSource>(SmallCamera());
+  inner->AddFrame(TimePoint{});
+  SupervisedSource source(std::move(inner), clock);
+  clock.Advance(seconds(2));
+  source.Begin();
+  EXPECT_EQ(source.answers().count(), 1u);
+  EXPECT_EQ(source.answers().last(), TimePoint(seconds(12)));
+  clock.Advance(seconds(2));
+  EXPECT_TRUE(source.Next(kNoDeadline).ok());
+  EXPECT_EQ(source.answers().count(), 2u);
+  EXPECT_EQ(source.answers().last(), TimePoint(seconds(14)));
+}
+
 TEST(SupervisedSource, RecordingThatIsOverWaitsForTheStopAndShowsThatItLives) {
   const SystemClock clock;
   auto inner = std::make_unique<ScriptedFrameSource>(SmallCamera());
@@ -532,7 +549,7 @@ TEST(SupervisedSource, RecordingThatIsOverWaitsForTheStopAndShowsThatItLives) {
   std::thread reader([&] { code = static_cast<int>(source.Next(kNoDeadline).code()); });
   while (source.signal() != SignalState::kOver) std::this_thread::sleep_for(milliseconds(1));
   const TimePoint seen = clock.Now();
-  while (source.last_answer() <= seen) std::this_thread::sleep_for(milliseconds(1));
+  while (source.answers().last() <= seen) std::this_thread::sleep_for(milliseconds(1));
   EXPECT_EQ(code, -1);
   source.RequestStop();
   reader.join();

@@ -81,7 +81,7 @@ class LiveColonSource final : public ColonSource {
     return call_ns == 0 ? std::optional<TimePoint>() : TimePoint(Duration(call_ns));
   }
   Result<Frame> Next(TimePoint deadline) override {
-    std::this_thread::sleep_for(milliseconds(10));
+    std::this_thread::sleep_for(milliseconds(10 + script_.first_frame_ms.exchange(0)));
     while (script_.num_slow_calls > 0 || script_.has_stuck_call) {
       call_ns_ = SystemClock().Now().time_since_epoch().count();
       do {

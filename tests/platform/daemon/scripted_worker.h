@@ -26,6 +26,7 @@ struct WorkerScript {
   std::atomic<bool> is_unplugged{false};    // the camera, while it runs
   std::atomic<bool> do_stamps_jump{false};  // they lie an hour ahead
   std::atomic<bool> are_all_torn{false};    // pictures that cannot be read
+  std::atomic<int> first_frame_ms{0};       // that it takes, as where the session first locks much memory
   std::atomic<int> num_slow_calls{0};       // of the camera's driver, a second each, to bring it back
   std::atomic<bool> has_stuck_call{false};  // likewise, and it does not return
   std::atomic<bool> is_making_held{false};  // the device is not made

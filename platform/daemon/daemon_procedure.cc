@@ -83,6 +83,7 @@ void Daemon::SendSettings() {
   WorkerRequest settings{.command = WorkerCommand::kSettings};
   settings.log_level = static_cast<std::uint32_t>(LogLevelFrom(config_.log.level));
   settings.snapshot_interval_ns = Duration(milliseconds(config_.publish.snapshot_interval_ms)).count();
+  settings.work_limit_ns = Duration(milliseconds(config_.watchdog.work_limit_ms)).count();
   SendToWorker(settings);
 }
 

@@ -76,11 +76,7 @@ Result<std::unique_ptr<Procedure>> Procedure::Prepare(const DaemonConfig& config
 }
 
 Procedure::Procedure(const DaemonConfig& config, const Context& context)
-    : config_(config),
-      context_(context),
-      snapshot_(std::make_unique<haustra_snapshot>()),
-      snapshot_interval_ns_(
-          std::chrono::nanoseconds(std::chrono::milliseconds(config.publish.snapshot_interval_ms)).count()) {
+    : config_(config), context_(context), snapshot_(std::make_unique<haustra_snapshot>()) {
   snapshot_points_.reserve(static_cast<std::size_t>(config.engine.memory.max_map_points));
   if (context.view != nullptr) {
     matched_pixels_.resize(HAUSTRA_MATCHES_POINTS);
@@ -153,7 +149,7 @@ std::optional<Status> Procedure::ended() const {
 
 SignsOfLife Procedure::signs() const {
   const TimePoint now = context_.clock.Now();
-  const Duration work_limit = std::chrono::milliseconds(config_.watchdog.work_limit_ms);
+  const Duration work_limit = context_.settings.work_limit;
   const TimePoint tracking = SignOfThread(tracking_beat_, now, work_limit);
   const TimePoint answer = SignOfThread(source_->answers(), now, work_limit);
   const TimePoint capture =
@@ -253,7 +249,7 @@ void Procedure::BetweenMapSteps() {
   num_changes_.store(changes, std::memory_order_relaxed);
   if (now >= next_snapshot_ && changes != published_changes_) {
     published_changes_ = changes;
-    next_snapshot_ = now + Duration(snapshot_interval_ns_.load());
+    next_snapshot_ = now + context_.settings.snapshot_interval.load();
     PublishSnapshot(now);
   }
   if (engine_->depths() != nullptr) CountDepths(*engine_->depths());
@@ -294,7 +290,7 @@ void Procedure::CountDepths(const DepthKeeper& depths) {
 
 // What had to wait comes in the next step.
 void Procedure::PublishDepths(TimePoint now) {
-  if (!depth_publisher_->Publish(*engine_)) next_depths_ = now + Duration(snapshot_interval_ns_.load());
+  if (!depth_publisher_->Publish(*engine_)) next_depths_ = now + context_.settings.snapshot_interval.load();
 }
 
 // What the system refused of the real-time settings, once a procedure. The session has taken its memory: pictures lie

@@ -33,12 +33,19 @@ namespace haustra {
 using MakeVisionDevice =
     std::function<Result<std::unique_ptr<VisionDevice>>(const DaemonConfig&, const CameraCalibration&)>;
 
+// What a reload changes while a procedure runs. thread-safe.
+struct LiveSettings {
+  std::atomic<Duration> snapshot_interval{std::chrono::milliseconds(PublishConfig().snapshot_interval_ms)};
+  std::atomic<Duration> work_limit{std::chrono::milliseconds(WatchdogConfig().work_limit_ms)};
+};
+
 // Everything but what is marked is thread-bound(one thread of the worker).
 class Procedure final : private SessionObserver, private SessionHooks {
  public:
   // What it works with; all outlive it.
   struct Context {
     const Clock& clock;
+    const LiveSettings& settings;
     PoseRingWriter& ring;
     ViewRingWriter* view;     // may be null
     DepthTableWriter* depth;  // may be null
@@ -84,7 +91,6 @@ class Procedure final : private SessionObserver, private SessionHooks {
   std::string signal_text() const { return source_->signal_text(); }
   std::optional<TimeJump> TakeTimeJump() { return source_->TakeTimeJump(); }
   ProcedureCounts counts() const;
-  void SetSnapshotInterval(Duration interval) { snapshot_interval_ns_.store(interval.count()); }
 
  private:
   struct SaveRequest {
@@ -137,8 +143,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
   Heartbeat tracking_beat_;
   Heartbeat capture_beat_;  // while a frame is not due; the source tells of the rest
   Heartbeat mapping_beat_;
-  Heartbeat merging_beat_;  // by the mapping thread, which waits for its answers
-  std::atomic<std::int64_t> snapshot_interval_ns_{0};
+  Heartbeat merging_beat_;                          // by the mapping thread, which waits for its answers
   std::atomic<std::uint64_t> num_changes_{0};       // by the mapping thread
   TimePoint next_snapshot_;                         // mapping thread
   TimePoint next_depths_;                           // mapping thread

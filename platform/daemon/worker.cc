@@ -77,9 +77,8 @@ class Worker {
       case WorkerCommand::kPrepare: jobs_.Do([this, files = std::move(files)] { Prepare(files); }); return;
       case WorkerCommand::kSettings:
         SetLogLevel(static_cast<LogLevel>(request.log_level));
-        snapshot_interval_ns_.store(request.snapshot_interval_ns);
-        if (Procedure* procedure = procedure_.load())
-          procedure->SetSnapshotInterval(Duration(request.snapshot_interval_ns));
+        settings_.snapshot_interval = Duration(request.snapshot_interval_ns);
+        settings_.work_limit = Duration(request.work_limit_ns);
         return;
       case WorkerCommand::kLoad: jobs_.Do([this, files = std::move(files)] { Load(files); }); return;
       case WorkerCommand::kBegin:
@@ -146,11 +145,9 @@ class Worker {
       std::this_thread::sleep_for(kSourceRetry);
     }
     Result<std::unique_ptr<Procedure>> made = Procedure::Prepare(
-        config, std::move(source), {clock_, *ring_, view_.get(), depth_.get(), parts_.make_device, [this] { Wake(); }});
+        config, std::move(source),
+        {clock_, settings_, *ring_, view_.get(), depth_.get(), parts_.make_device, [this] { Wake(); }});
     HAUSTRA_TRY(made.status());
-    if (const std::int64_t interval_ns = snapshot_interval_ns_.load(); interval_ns > 0) {
-      (*made)->SetSnapshotInterval(Duration(interval_ns));
-    }
     procedure_.store(made->release());
     return config.vision.device;
   }
@@ -269,7 +266,7 @@ class Worker {
   std::atomic<bool> is_running_{false};
   bool has_said_end_ = false;
   TimePoint next_jump_log_;
-  std::atomic<std::int64_t> snapshot_interval_ns_{0};
+  LiveSettings settings_;
   std::mutex mutex_;
   std::deque<WorkerReport> news_;
   FileWorker jobs_;

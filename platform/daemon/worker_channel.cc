@@ -141,6 +141,7 @@ Result<WorkerRequest> ParseWorkerRequest(std::span<const std::uint8_t> bytes) {
   if (!std::isfinite(request.pixel[0]) || !std::isfinite(request.pixel[1])) return Nonsense("its pixel");
   if (request.log_level > static_cast<std::uint32_t>(LogLevel::kDebug)) return Nonsense("its log level");
   if (request.snapshot_interval_ns < 0) return Nonsense("its interval");
+  if (request.work_limit_ns < 0) return Nonsense("its limit");
   return request;
 }
 

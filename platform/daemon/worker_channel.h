@@ -41,6 +41,7 @@ struct WorkerRequest {
   std::uint32_t log_level = 0;            // kSettings: LogLevel
   std::uint64_t number = 0;               // kBegin: of the procedure; kSave and those of marks: what its answer bears
   std::int64_t snapshot_interval_ns = 0;  // kSettings
+  std::int64_t work_limit_ns = 0;         // kSettings
   // kMark; kUnmark: the label.
   std::uint32_t frame_index = 0;
   std::uint32_t reserved = 0;

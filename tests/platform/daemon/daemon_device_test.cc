@@ -767,6 +767,24 @@ TEST_F(DaemonDevice, CaptureHasTheTimeOfAJobForItsFirstSignOfLife) {
   EXPECT_EQ(StatusValue("worker_faults"), "") << Ask("status");
 }
 
+TEST_F(DaemonDevice, LimitOfWorkThatWasReloadedIsThatOfTheWorkerThatRuns) {
+  RecordProperty("req", "DMN-003");
+  script_->is_live = true;
+  config_.watchdog.capture_limit_ms = 2000;
+  config_.watchdog.work_limit_ms = 600000;
+  config_source_.assignments = {"watchdog.capture_limit_ms=2000", "watchdog.work_limit_ms=3000", "log.level=error"};
+  for (const std::string key : {"tracking", "worker", "stop"}) {
+    config_source_.assignments.push_back("watchdog." + key + "_limit_ms=60000");
+  }
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Begin(""), 1u);
+  ASSERT_TRUE(Until([&] { return StatusValue("service") == "running"; })) << Ask("status");
+  ::kill(::getpid(), SIGHUP);
+  script_->has_stuck_call = true;
+  EXPECT_TRUE(Until([&] { return StatusValue("worker_faults") == "1"; }, seconds(30))) << Ask("status");
+  script_->has_stuck_call = false;
+}
+
 // Its journal may be started anew while it runs.
 TEST_F(DaemonDevice, LogThatNobodyReadsEndsNeitherServiceNorWorker) {
   RecordProperty("req", "DMN-010");

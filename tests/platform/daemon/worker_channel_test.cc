@@ -191,6 +191,9 @@ TEST(WorkerRequest, WhatNoSupervisorSaysIsRefused) {
   request = {};
   request.log_level = static_cast<std::uint32_t>(LogLevel::kDebug) + 1;
   EXPECT_EQ(ParseWorkerRequest(BytesOf(request)).code(), StatusCode::kDataLoss);
+  request = {};
+  request.work_limit_ns = -1;
+  EXPECT_EQ(ParseWorkerRequest(BytesOf(request)).code(), StatusCode::kDataLoss);
   EXPECT_EQ(ParseWorkerRequest({}).code(), StatusCode::kDataLoss);
 }
 

@@ -20,6 +20,8 @@ constexpr Duration kPictureInterval = std::chrono::milliseconds(100);
 constexpr Duration kDamageLogInterval = std::chrono::seconds(1);
 // Somebody who clicks; more come from a program that does not wait.
 constexpr std::size_t kMaxMarkOrders = 16;
+// A checkpoint and what people ask for. A stop does those that wait, each a second at most, and has its limit.
+constexpr std::size_t kMaxSaveRequests = 4;
 
 // Grows with everything that changes a map.
 std::uint64_t NumChanges(const MapperCounters& counters) {
@@ -132,14 +134,10 @@ void Procedure::Stop() {
   if (!thread_.joinable()) return;
   RequestStop();
   is_at_rest_.wait(false);
-  // Nobody is left to take it.
-  std::optional<SaveRequest> request;
-  {
-    const std::lock_guard lock(mutex_);
-    request.swap(save_request_);
-  }
+  // Nobody else is left to take them.
   DoOrders();
-  if (request) WriteMaps(std::move(*request));
+  while (ServeSave()) {
+  }
 }
 
 std::optional<Status> Procedure::ended() const {
@@ -167,12 +165,24 @@ void Procedure::Save(std::unique_ptr<DescriptorSink> sink, Saved saved) {
   if (!thread_.joinable() || is_at_rest_) return WriteMaps(std::move(request));
   {
     const std::lock_guard lock(mutex_);
-    if (!save_request_) {
-      save_request_ = std::move(request);
+    if (save_requests_.size() < kMaxSaveRequests) {
+      save_requests_.push_back(std::move(request));
       return;
     }
   }
-  request.saved(Unavailable("another save has not finished"));
+  request.saved(Unavailable("too many saves wait"));
+}
+
+bool Procedure::ServeSave() {
+  std::optional<SaveRequest> request;
+  {
+    const std::lock_guard lock(mutex_);
+    if (save_requests_.empty()) return false;
+    request = std::move(save_requests_.front());
+    save_requests_.pop_front();
+  }
+  WriteMaps(std::move(*request));
+  return true;
 }
 
 void Procedure::Order(MarkOrder order) {
@@ -254,12 +264,7 @@ void Procedure::BetweenMapSteps() {
   }
   if (engine_->depths() != nullptr) CountDepths(*engine_->depths());
   if (depth_publisher_ && now >= next_depths_) PublishDepths(now);
-  std::optional<SaveRequest> request;
-  {
-    const std::lock_guard lock(mutex_);
-    request.swap(save_request_);
-  }
-  if (request) WriteMaps(std::move(*request));
+  ServeSave();
 }
 
 void Procedure::PublishSnapshot(TimePoint now) {

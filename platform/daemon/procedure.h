@@ -4,6 +4,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -70,7 +71,8 @@ class Procedure final : private SessionObserver, private SessionHooks {
 
   using Saved = std::function<void(const Status&)>;
   // All maps, while the session runs or after it. `saved` is called on the mapping thread or this one when they are
-  // handed to the system, or when that failed. A request that finds another one waiting fails at once (kUnavailable).
+  // handed to the system, or when that failed. One is done in each mapping step. Refused at once when too many wait
+  // (kUnavailable).
   void Save(std::unique_ptr<DescriptorSink> sink, Saved saved);
 
   // Done while the session runs, or after it; `done` is called on the mapping thread or this one. Refused at once when
@@ -118,6 +120,8 @@ class Procedure final : private SessionObserver, private SessionHooks {
   void PublishSnapshot(TimePoint now);
   void PublishDepths(TimePoint now);
   void CountDepths(const DepthKeeper& depths);
+  // Of the request that has waited longest; false: there is none.
+  bool ServeSave();
   void WriteMaps(SaveRequest request);
   void DoOrders();
 
@@ -154,7 +158,7 @@ class Procedure final : private SessionObserver, private SessionHooks {
 
   mutable std::mutex mutex_;  // never taken by the tracking thread
   ProcedureCounts counts_;
-  std::optional<SaveRequest> save_request_;
+  std::deque<SaveRequest> save_requests_;
   std::vector<MarkOrder> mark_orders_;
   std::optional<Status> ended_;
 };

@@ -16,6 +16,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "platform/clock/system_clock.h"
 #include "platform/control/control_client.h"
@@ -529,6 +530,23 @@ TEST_F(DaemonDevice, EndKeepsBesideASaveOfThatNameThatIsUnderWay) {
   EXPECT_EQ(saved, "saved " + folder_ + "/saved/case-1.atlas\n");
   EXPECT_EQ(kept, "kept as case-1-2\n");
   EXPECT_EQ(NamesInSaved(), (std::set<std::string>{"case-1-2.atlas", "case-1.atlas"}));
+}
+
+TEST_F(DaemonDevice, SavesThatAreAskedForAtATimeWaitForEachOther) {
+  RecordProperty("req", "DMN-005");
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  // A checkpoint may come between.
+  for (const std::string round : {"a", "b", "c", "d", "e", "f"}) {
+    std::array<std::string, 3> answers;
+    std::vector<std::thread> clients;
+    for (std::size_t i = 0; i < answers.size(); ++i) {
+      clients.emplace_back([&, i] { answers[i] = Ask("save " + round + std::to_string(i)); });
+    }
+    for (std::thread& client : clients) client.join();
+    for (std::size_t i = 0; i < answers.size(); ++i) {
+      EXPECT_EQ(answers[i], "saved " + folder_ + "/saved/" + round + std::to_string(i) + ".atlas\n");
+    }
+  }
 }
 
 // What is in a save that somebody asked for does not help after a crash.

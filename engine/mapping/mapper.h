@@ -78,7 +78,7 @@ class Mapper {
   // As of the last snapshot. thread-safe; each figure for itself.
   PoolUse pool_use() const { return publisher_.pool_use(); }
   const EvictionCounters& evictions() const { return evictor_.counters(); }
-  // Events since the last call, oldest first; the same thread as Step, or after the mapping thread has ended.
+  // Events, oldest first. Step fills the ring, and one thread empties it, whichever it is.
   SpscRing<MapEvent>& events() { return events_; }
   // Poses of frames that were answered before their map stood; read like events.
   SpscRing<LatePose>& late_poses() { return late_poses_; }

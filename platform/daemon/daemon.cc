@@ -301,7 +301,7 @@ void Daemon::Do(ServiceAction action) {
     case ServiceAction::kKeepCheckpoint: return KeepCheckpoint();
     case ServiceAction::kSaveCheckpoint: return StartSave(SaveKind::kFinal, store_->checkpoint_path());
     case ServiceAction::kKillWorker:
-      is_worker_given_up_ = true;
+      is_worker_dismissed_ = true;
       if (worker_ != nullptr) worker_->Kill();
       return;
     case ServiceAction::kWipe: return Wipe();

@@ -176,8 +176,8 @@ class Daemon {
 
   std::unique_ptr<WorkerProcess> worker_;
   std::uint64_t num_workers_ = 0;
-  bool is_worker_given_up_ = false;
-  std::string device_;  // on which its worker sees; empty: none is ready
+  bool is_worker_dismissed_ = false;  // in order, or of no further use: how it ends is no news
+  std::string device_;                // on which its worker sees; empty: none is ready
   TimePoint last_heard_;
   WorkerReport report_;        // the last one
   bool has_signs_ = false;     // of the running procedure, in report_

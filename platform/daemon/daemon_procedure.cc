@@ -53,7 +53,7 @@ struct Descriptor {
 
 void Daemon::StartNextWorker() {
   report_ = {};
-  is_worker_given_up_ = has_signs_ = false;
+  is_worker_dismissed_ = has_signs_ = false;
   signal_logged_.clear();
   last_heard_ = clock_.Now();
   ++num_workers_;
@@ -102,7 +102,7 @@ void Daemon::HearWorker() {
       last_heard_ = clock_.Now();
       Hear(*report);
     } else if (report.code() == StatusCode::kDataLoss) {
-      if (!is_worker_given_up_) Fault(report.status().message());
+      if (!is_worker_dismissed_) Fault(report.status().message());
     } else {
       break;
     }
@@ -114,7 +114,7 @@ void Daemon::HearWorker() {
 }
 
 void Daemon::TakeLeaveOfWorker(const std::string& how) {
-  if (!is_worker_given_up_) {
+  if (!is_worker_dismissed_) {
     ++num_faults_;
     last_fault_ = "the worker ended: " + how;
     failure_ = Unavailable(last_fault_);
@@ -146,7 +146,7 @@ void Daemon::Fault(const std::string& what) {
   ++num_faults_;
   last_fault_ = what;
   failure_ = Unavailable(what);
-  is_worker_given_up_ = true;
+  is_worker_dismissed_ = true;
   Log(LogLevel::kError, "worker_fails", {{"what", what}, {"during", std::string(ToString(state_.phase))}});
   Tell(ServiceEventKind::kFault);
 }
@@ -190,7 +190,7 @@ void Daemon::Hear(const WorkerReport& report) {
     case WorkerNews::kSaved: return Commit(report);
     case WorkerNews::kMarked: return AnswerOfMarks(report);
     case WorkerNews::kSessionEnds:
-      if (is_worker_given_up_) return;
+      if (is_worker_dismissed_) return;
       report_ = report;
       if (report.fault == WorkerFault::kLost) return Fault("the vision device is lost");
       if (report.fault == WorkerFault::kHung) return Fault("the vision device hangs");
@@ -216,7 +216,7 @@ void Daemon::HearOfSignal() {
 }
 
 void Daemon::WatchWorker(TimePoint now) {
-  if (worker_ == nullptr || is_worker_given_up_) return;
+  if (worker_ == nullptr || is_worker_dismissed_) return;
   // The start has a limit of its own.
   if (state_.phase == ServicePhase::kStarting) return;
   if (now - last_heard_ > Duration(milliseconds(config_.watchdog.worker_limit_ms))) {

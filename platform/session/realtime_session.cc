@@ -18,6 +18,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
+// A thread that waits looks around after it: end of the session, heartbeat of capture.
 constexpr Duration kLongestWait = milliseconds(100);
 // After a stop; a source that answers no later than it should is done by then.
 constexpr Duration kPatienceWithCapture = 5 * kLongestWait;
@@ -330,7 +331,7 @@ class RealTimeSession {
     while (true) {
       if (hooks_ != nullptr) hooks_->BetweenMapSteps();
       const bool is_stopping = stop_mapping_.load(std::memory_order_acquire);
-      // Who stops a session waits for its maps, not for better ones; behind the last frame of a recording nobody waits.
+      // After a stop only what the maps need is done, as somebody waits for it. A recording that is over gets all.
       const MapWork work = stop.load(std::memory_order_relaxed) ? MapWork::kNeeded : MapWork::kAll;
       if (MappingTimes times; TimedMapStep(engine_, clock_, work, &times)) {
         times.frame_index = newest_tracked_.load(std::memory_order_relaxed);
@@ -436,7 +437,6 @@ class RealTimeSession {
 
   // How long a thread waits for work before it looks around: heartbeat, end of the session.
   static constexpr Duration kIdle = milliseconds(20);
-  static constexpr Duration kLongestWait = milliseconds(100);
 
   FrameSource& source_;
   Engine& engine_;

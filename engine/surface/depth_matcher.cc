@@ -474,9 +474,11 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
 void DepthMatcher::EraseSurround(ImageView grey, DepthMap* map) const {
   GoInFromEdges(width_, height_, [&](int x, int y) {
     const Cell& cell = cells_[std::size_t(y) * width_ + x];
-    const std::uint8_t* row = grey.row(static_cast<int>(cell.centre_y)) + static_cast<int>(cell.centre_x);
-    const std::uint8_t* below = row + grey.pitch_bytes;
-    if (row[0] + row[1] + below[0] + below[1] >= 4 * kDarkThreshold) return false;
+    // With a pixel a cell there is none behind the last column, nor below the last row.
+    const int left = static_cast<int>(cell.centre_x), right = std::min(left + 1, grey.width - 1);
+    const int top = static_cast<int>(cell.centre_y), bottom = std::min(top + 1, grey.height - 1);
+    const std::uint8_t *row = grey.row(top), *below = grey.row(bottom);
+    if (row[left] + row[right] + below[left] + below[right] >= 4 * kDarkThreshold) return false;
     map->Erase(y * width_ + x);
     return true;
   });

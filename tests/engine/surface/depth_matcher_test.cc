@@ -1,6 +1,8 @@
 #include "engine/surface/depth_matcher.h"
 
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,6 +23,32 @@ class DepthMatcherTest : public ::testing::Test {
 
   std::unique_ptr<DepthScene> scene_;
   DepthMap depth_;
+};
+
+// A copy of a picture; what reads beyond its last byte ends the program.
+class GuardedPicture {
+ public:
+  explicit GuardedPicture(const Picture& picture) : width_(picture.width), height_(picture.height) {
+    const auto page = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+    const std::size_t num_readable = (picture.pixels.size() + page - 1) / page * page;
+    num_bytes_ = num_readable + page;
+    pages_ = static_cast<std::uint8_t*>(
+        mmap(nullptr, num_bytes_, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+    EXPECT_EQ(mprotect(pages_ + num_readable, page, PROT_NONE), 0);
+    pixels_ = pages_ + num_readable - picture.pixels.size();
+    std::copy(picture.pixels.begin(), picture.pixels.end(), pixels_);
+  }
+  ~GuardedPicture() { munmap(pages_, num_bytes_); }
+  GuardedPicture(const GuardedPicture&) = delete;
+  GuardedPicture& operator=(const GuardedPicture&) = delete;
+
+  ImageView view() const { return {pixels_, width_, height_, width_, PixelFormat::kGrey8}; }
+
+ private:
+  int width_, height_;
+  std::size_t num_bytes_ = 0;
+  std::uint8_t* pages_ = nullptr;
+  std::uint8_t* pixels_ = nullptr;
 };
 
 TEST_F(DepthMatcherTest, SlantedPlaneThroughAPinholeIsFound) {
@@ -184,6 +212,32 @@ TEST_F(DepthMatcherTest, HiddenByTheMaskHasNoDepth) {
     }
   }
   EXPECT_GT(num_shown, 800);
+}
+
+// With a pixel a cell the last row and column have none behind them.
+TEST(DepthMatcher, WithAPixelACellNothingBeyondThePictureIsRead) {
+  CameraCalibration calibration = SmallPinhole();
+  calibration.width_px = 40;
+  calibration.height_px = 32;
+  calibration.cx = 19.5;
+  calibration.cy = 15.5;
+  const CameraModel camera = *CameraModel::Create(calibration);
+  const Wall wall = PlaneWall(Eigen::Vector3d::UnitZ(), 2.0);
+  const SE3 there(Eigen::Matrix3d::Identity(), Eigen::Vector3d(-0.05, 0.0, 0.0));
+  const GuardedPicture reference(TakePicture(wall, camera, SE3(), 0.05, 1.0));
+  const GuardedPicture source(TakePicture(wall, camera, there, 0.05, 1.0));
+  DepthOptions options;
+  options.step_px = 1;
+  DepthMatcher matcher(camera, ImageView{}, options);
+  DepthMap depth(matcher.width(), matcher.height());
+  std::vector<DepthSeed> seeds;
+  for (int cell = 0; cell < depth.num_cells(); cell += 23) {
+    const Eigen::Vector3d& bearing = matcher.bearing(cell);
+    seeds.push_back({Eigen::Vector2d(cell % 40, cell / 40), bearing, (1.0 + 0.01 * (cell % 3)) * bearing.z() / 2.0});
+  }
+  const std::vector<DepthView> sources{{source.view(), there}};
+  EXPECT_TRUE(matcher.Match({reference.view(), SE3()}, sources, seeds, &depth).ok());
+  EXPECT_TRUE(depth.has_depth(16 * 40 + 20));
 }
 
 TEST_F(DepthMatcherTest, BadInputIsRefused) {

@@ -221,7 +221,8 @@ float DepthMatcher::SourceCost(int i, const InversePlane& plane, const Source& s
     for (int u = -radius; u <= radius; ++u, ++k) {
       const float x = px + static_cast<float>(u) * ux + static_cast<float>(v) * vx;
       const float y = py + static_cast<float>(u) * uy + static_cast<float>(v) * vy;
-      const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+      // Rounding may carry a corner of the window to the last row or column, of which there is no next one.
+      const int x0 = std::min(static_cast<int>(x), width - 2), y0 = std::min(static_cast<int>(y), height - 2);
       const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
       const std::uint8_t* p = data + y0 * pitch + x0;
       const float above = static_cast<float>(p[0]) + fx * static_cast<float>(p[1] - p[0]);

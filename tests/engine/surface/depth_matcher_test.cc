@@ -240,6 +240,46 @@ TEST(DepthMatcher, WithAPixelACellNothingBeyondThePictureIsRead) {
   EXPECT_TRUE(depth.has_depth(16 * 40 + 20));
 }
 
+// The window of a source may end at its last row but for rounding, and a sample of it lie upon that row. Far down in a
+// high picture numbers are coarse, and turned windows round twice, so that this is met.
+TEST(DepthMatcher, AWindowThatEndsAtTheLastRowReadsNothingBeyondIt) {
+  constexpr int kWidth = 32, kHeight = 6000, kFirstRow = 5970;
+  CameraCalibration calibration;
+  calibration.kind = CameraModelKind::kPinhole;
+  calibration.width_px = kWidth;
+  calibration.height_px = kHeight;
+  calibration.fx = calibration.fy = 60.0;
+  calibration.cx = 15.5;
+  calibration.cy = 5985.0;
+  const CameraModel camera = *CameraModel::Create(calibration);
+  const Wall wall = PlaneWall(Eigen::Vector3d::UnitZ(), 2.0);
+  const Picture picture = TakePicture(wall, camera, SE3(), 0.05, 1.0);
+  std::vector<std::uint8_t> pixels(picture.pixels.size(), 0);
+  std::fill(pixels.begin() + kFirstRow * kWidth, pixels.end(), std::uint8_t{255});
+  const Picture mask{pixels, kWidth, kHeight};
+  DepthOptions options;
+  options.step_px = 1;
+  options.num_iterations = 10;
+  DepthMatcher matcher(camera, mask.view(), options);
+  DepthMap depth(matcher.width(), matcher.height());
+  std::vector<DepthSeed> seeds;
+  for (int cell = kFirstRow * kWidth + 7; cell < depth.num_cells(); cell += 23) {
+    const Eigen::Vector3d& bearing = matcher.bearing(cell);
+    seeds.push_back({Eigen::Vector2d(cell % kWidth, cell / kWidth), bearing,
+                     (1.0 + 0.01 * static_cast<double>(cell % 3)) * bearing.z() / 2.0});
+  }
+  const GuardedPicture source(picture);
+  for (int match = 0; match < 3; ++match) {
+    std::vector<DepthView> sources;
+    for (int i = 0; i < 6; ++i) {
+      const double angle_rad = 0.1 + 0.1 * i + 0.02 * match;
+      sources.push_back(
+          {source.view(), SE3(ExpSO3(Eigen::Vector3d(0.0, 0.0, angle_rad)), Eigen::Vector3d(0.0, -0.1, 0.0))});
+    }
+    EXPECT_TRUE(matcher.Match({picture.view(), SE3()}, sources, seeds, &depth).ok());
+  }
+}
+
 TEST_F(DepthMatcherTest, BadInputIsRefused) {
   Use(SmallPinhole(), PlaneWall(Eigen::Vector3d::UnitZ(), 2.0), 0.15);
   const std::vector<DepthSeed> seeds = scene_->Seeds();

@@ -12,7 +12,12 @@ namespace {
 constexpr double kMinSquareness = 0.1;
 // Cells beside each other whose ranges differ by more lie on two walls.
 constexpr double kEdge = 0.12;
-constexpr int kMaxVote = 8;  // of one keyframe at most, of the 255 that a voxel counts up to
+constexpr int kMaxVote = 8;  // of one keyframe at most: a voxel counts more of them than a map has
+
+// The mean that had `weight`, with `vote` more of `value`.
+double Mean(double mean, int weight, double value, int vote) {
+  return (mean * weight + value * vote) / (weight + vote);
+}
 
 }  // namespace
 
@@ -105,21 +110,23 @@ void DepthFusion::UpdateBlock(int block, const DepthMap& depth, ImageView colour
     const double vote = 1.0 + (kMaxVote - 1) * (confidence / 255.0) * squareness;
     const int weight = static_cast<int>(std::lround(vote));
     Voxel& voxel = voxels[i];
-    const double sum = voxel.weight + weight;
-    voxel.distance = static_cast<std::int16_t>(
-        std::lround((voxel.distance * static_cast<double>(voxel.weight) + share * Voxel::kUnit * weight) / sum));
-    if (share < 1.0) {
+    voxel.distance =
+        static_cast<std::int16_t>(std::lround(Mean(voxel.distance, voxel.weight, share * Voxel::kUnit, weight)));
+    voxel.weight = static_cast<std::uint16_t>(std::min(voxel.weight + weight, Voxel::kMaxWeight));
+    // What is seen through has not the colour of what lies behind it.
+    const int colour_vote = std::min(weight, Voxel::kMaxColourWeight - voxel.colour_weight);
+    if (share < 1.0 && colour_vote > 0) {
       const Eigen::Vector2d place = colour.width == depth.width() ? Eigen::Vector2d(u, v) : pixel;
       const std::uint8_t* p =
           colour.row(static_cast<int>(std::lround(place.y()))) + std::lround(place.x()) * BytesPerPixel(colour.format);
       const bool is_colour = colour.format == PixelFormat::kBgr8;
       for (int c = 0; c < 3; ++c) {
         const double value = is_colour ? p[2 - c] : p[0];
-        voxel.rgb[c] = static_cast<std::uint8_t>(
-            std::lround((voxel.rgb[c] * static_cast<double>(voxel.weight) + value * weight) / sum));
+        voxel.rgb[c] =
+            static_cast<std::uint8_t>(std::lround(Mean(voxel.rgb[c], voxel.colour_weight, value, colour_vote)));
       }
+      voxel.colour_weight = static_cast<std::uint8_t>(voxel.colour_weight + colour_vote);
     }
-    voxel.weight = static_cast<std::uint8_t>(std::min(voxel.weight + weight, Voxel::kMaxWeight));
   }
 }
 

@@ -27,8 +27,9 @@ class DepthFusion {
 
   void Reset() { blocks_.Reset(); }
   // colour: kBgr8 or kGrey8, of the camera's size or a pixel a cell. A voxel counts a depth by its confidence and by
-  // how squarely the ray meets the wall. The result depends on the order of the calls by rounding only; same order,
-  // same bits.
+  // how squarely the ray meets the wall. Its distance depends on the order of the calls by rounding only. Its colour is
+  // that of the first 32 keyframes or more that see it near the wall: later ones would no longer move eight bits. Same
+  // order, same bits.
   void Integrate(const DepthMap& depth, ImageView colour, const SE3& cam_from_map);
 
   const VoxelBlocks& blocks() const { return blocks_; }

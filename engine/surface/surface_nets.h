@@ -12,7 +12,7 @@
 namespace haustra {
 
 struct MeshOptions {
-  // A voxel that counts less has not been seen well enough, [1, 255]: two keyframes at a slant, or one squarely.
+  // A voxel that counts less has not been seen well enough, [1, 65535]: two keyframes at a slant, or one squarely.
   int min_weight = 3;
   // Parts that hang together and have fewer triangles are left out: they are errors, not wall.
   int min_part_triangles = 200;

@@ -12,15 +12,18 @@
 
 namespace haustra {
 
-// Six bytes.
+// Eight bytes.
 struct Voxel {
   static constexpr double kUnit = 32767.0;  // the stored distance at the truncation
-  static constexpr int kMaxWeight = 255;
+  static constexpr int kMaxWeight = 65535;
+  static constexpr int kMaxColourWeight = 255;
 
-  std::int16_t distance = 0;  // share of the truncation times kUnit; positive: before the wall
-  std::uint8_t weight = 0;    // 0: never seen
+  std::int16_t distance = 0;       // share of the truncation times kUnit; positive: before the wall
+  std::uint16_t weight = 0;        // 0: never seen
+  std::uint8_t colour_weight = 0;  // 0: never seen near a wall
   std::array<std::uint8_t, 3> rgb{};
 };
+static_assert(sizeof(Voxel) == 8);
 
 class VoxelBlocks {
  public:

@@ -22,7 +22,7 @@ struct SurfaceOptions {
   // Side of a voxel as a share of the median depth: twice the error that depths are to have, so that what remains of it
   // does not make the wall rough.
   double voxel_share = 0.02;
-  int max_blocks = 16384;  // 52 MB
+  int max_blocks = 16384;  // 68 MB
   int num_threads = 1;     // the result does not depend on it
   // Once it is set the work ends with kCancelled; looked at once a keyframe. Null: it is always done.
   const std::atomic<bool>* stop = nullptr;

@@ -1,6 +1,7 @@
 // From true depths to a mesh: volume, fusion, triangles.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <set>
 
@@ -112,6 +113,59 @@ TEST_F(FusionTest, TheSameDepthsGiveTheSameMesh) {
   EXPECT_EQ(first.rgb, second.rgb);
   ASSERT_EQ(first.positions.size(), second.positions.size());
   for (std::size_t i = 0; i < first.positions.size(); ++i) ASSERT_EQ(first.positions[i], second.positions[i]);
+}
+
+// Of one colour, and seen from the middle: a wall at each of the ranges in turn.
+class FusionOrderTest : public ::testing::Test {
+ protected:
+  static constexpr std::uint8_t kGrey = 200;
+  DepthFusion Fuse(const std::vector<double>& ranges) const {
+    const int width = camera_.width_px() / kStep, height = camera_.height_px() / kStep;
+    const std::vector<std::uint8_t> grey(std::size_t(width) * height, kGrey);
+    FusionOptions options;
+    options.voxel_mu = 0.05;
+    DepthFusion fusion(camera_, kStep, options, 20000);
+    DepthMap depth(width, height);
+    for (const double range : ranges) {
+      depth.Clear(0.4);
+      for (int i = 0; i < depth.num_cells(); ++i) depth.Set(i, 1.0 / range, 255);
+      fusion.Integrate(depth, {grey.data(), width, height, width}, SE3());
+    }
+    return fusion;
+  }
+  // Of all voxels that both have.
+  static int LargestDifference(const VoxelBlocks& a, const VoxelBlocks& b) {
+    int largest = 0;
+    for (int block = 0; block < a.num_blocks(); ++block) {
+      const int other = b.Find(a.place(block));
+      for (int i = 0; other != VoxelBlocks::kNoBlock && i < VoxelBlocks::kVoxels; ++i) {
+        largest = std::max(largest, std::abs(a.block(block)[i].distance - b.block(other)[i].distance));
+      }
+    }
+    return largest;
+  }
+
+  CameraModel camera_ = *CameraModel::Create(SmallFisheye());
+};
+
+TEST_F(FusionOrderTest, AVoxelThatWasFirstSeenThroughHasTheColourOfItsWall) {
+  const DepthFusion fusion = Fuse({1.8, 1.5});
+  int num_coloured = 0;
+  for (int block = 0; block < fusion.blocks().num_blocks(); ++block) {
+    for (const Voxel& voxel : fusion.blocks().block(block)) {
+      ASSERT_TRUE(voxel.rgb[0] == 0 || voxel.rgb[0] == kGrey) << static_cast<int>(voxel.rgb[0]);
+      num_coloured += voxel.rgb[0] == kGrey ? 1 : 0;
+    }
+  }
+  EXPECT_GT(num_coloured, 10000);
+}
+
+TEST_F(FusionOrderTest, ManyKeyframesCountAlikeInAnyOrder) {
+  std::vector<double> ranges(80, 1.45);
+  std::fill(ranges.begin() + 40, ranges.end(), 1.55);
+  const DepthFusion fusion = Fuse(ranges);
+  std::reverse(ranges.begin(), ranges.end());
+  EXPECT_LT(LargestDifference(fusion.blocks(), Fuse(ranges).blocks()), Voxel::kUnit / 100);
 }
 
 TEST_F(FusionTest, AFullPoolKeepsAPartOfTheWall) {

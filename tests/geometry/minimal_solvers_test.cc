@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "engine/geometry/five_point.h"
 #include "engine/geometry/p3p.h"
@@ -37,6 +39,47 @@ TEST(PolynomialRoots, PolynomialWithoutRealRootsHasNone) {
   EXPECT_EQ(RealRoots(coefficients, &roots), 0);
   const std::array<double, 1> constant = {3.0};
   EXPECT_EQ(RealRoots(constant, &roots), 0);
+}
+
+std::vector<double> RootsOf(const std::vector<double>& coefficients) {
+  std::array<double, kMaxPolynomialDegree> roots;
+  const int count = RealRoots(coefficients, &roots);
+  std::sort(roots.begin(), roots.begin() + count);
+  return {roots.begin(), roots.begin() + count};
+}
+
+TEST(PolynomialRoots, ALineHasOneRootWhereverItLies) {
+  for (const double root : {-1.0, 1.0, 0.0, 0.5, -0.5, 2.0, -1e6, std::nextafter(1.0, 0.0), std::nextafter(1.0, 2.0)}) {
+    for (const double slope : {1.0, -3.0}) {
+      const std::vector<double> roots = RootsOf({-slope * root, slope});
+      ASSERT_EQ(roots.size(), 1u) << root;
+      EXPECT_NEAR(roots[0], root, 1e-15 * std::max(1.0, std::abs(root)));
+    }
+  }
+}
+
+TEST(PolynomialRoots, RootsOfEvenMultiplicityAreNotReported) {
+  EXPECT_TRUE(RootsOf({0.0, 0.0, 1.0}).empty());
+  EXPECT_TRUE(RootsOf({1.0, -2.0, 1.0}).empty()) << "at 1";
+  EXPECT_TRUE(RootsOf({1.0, 2.0, 1.0}).empty()) << "at -1";
+  EXPECT_TRUE(RootsOf({4.0, 0.0, -8.0, 0.0, 4.0}).empty()) << "at 1 and -1";
+  EXPECT_TRUE(RootsOf({0.0, 0.0, 0.0}).empty()) << "everywhere";
+}
+
+TEST(PolynomialRoots, RootsOfOddMultiplicityAreReportedOnce) {
+  EXPECT_EQ(RootsOf({0.0, 0.0, 0.0, 1.0}), std::vector<double>{0.0});
+  EXPECT_EQ(RootsOf({-1.0, 3.0, -3.0, 1.0}), std::vector<double>{1.0});
+  EXPECT_EQ(RootsOf({1.0, 3.0, 3.0, 1.0}), std::vector<double>{-1.0});
+  const std::vector<double> both = RootsOf({-1.0, 0.0, 1.0});
+  ASSERT_EQ(both.size(), 2u);
+  EXPECT_EQ(both[0], -1.0);
+  EXPECT_EQ(both[1], 1.0);
+  // (x + 1)^2 (x - 2), and x^2 (x - 0.25).
+  const std::vector<double> beyond = RootsOf({-2.0, -3.0, 0.0, 1.0}), inside = RootsOf({0.0, 0.0, -0.25, 1.0});
+  ASSERT_EQ(beyond.size(), 1u);
+  EXPECT_NEAR(beyond[0], 2.0, 1e-14);
+  ASSERT_EQ(inside.size(), 1u);
+  EXPECT_NEAR(inside[0], 0.25, 1e-14);
 }
 
 TEST(P3P, OneOfTheSolutionsIsTheTruthInTenThousandTrials) {

@@ -428,24 +428,25 @@ Status DepthMatcher::Match(const DepthView& reference, std::span<const DepthView
     return Status(StatusCode::kInvalidArgument);
   }
   map->Clear(1.0);
+  const auto has_range = [](const DepthSeed& seed) { return seed.inverse_range > 0.0; };
+  const auto num_seeds = static_cast<std::size_t>(std::count_if(seeds.begin(), seeds.end(), has_range));
+  if (num_seeds < kMinSeeds || sources.empty()) return Status(StatusCode::kFailedPrecondition);
   // The range of the seeds without its ends: by counting, since nothing may be sorted in a memory that is not there.
+  // Equal ones stand by each other, so that some are always left.
   double least = std::numeric_limits<double>::infinity(), most = 0.0;
-  std::size_t num_seeds = 0;
   for (const DepthSeed& seed : seeds) {
-    if (!(seed.inverse_range > 0.0)) continue;
-    ++num_seeds;
+    if (!has_range(seed)) continue;
     std::size_t num_below = 0, num_above = 0;
     for (const DepthSeed& other : seeds) {
-      if (!(other.inverse_range > 0.0)) continue;
-      num_below += other.inverse_range < seed.inverse_range ? 1 : 0;
-      num_above += other.inverse_range > seed.inverse_range ? 1 : 0;
+      if (&other == &seed || !has_range(other)) continue;
+      num_below += other.inverse_range <= seed.inverse_range ? 1 : 0;
+      num_above += other.inverse_range >= seed.inverse_range ? 1 : 0;
     }
-    const double limit = kSeedQuantile * static_cast<double>(seeds.size());
+    const double limit = kSeedQuantile * static_cast<double>(num_seeds);
     if (static_cast<double>(std::min(num_below, num_above)) <= limit) continue;
     least = std::min(least, seed.inverse_range);
     most = std::max(most, seed.inverse_range);
   }
-  if (num_seeds < kMinSeeds || most == 0.0 || sources.empty()) return Status(StatusCode::kFailedPrecondition);
   min_inverse_ = least / kRangeMargin;
   max_inverse_ = most * kRangeMargin;
   map->Clear(0.9 / max_inverse_);

@@ -294,6 +294,17 @@ TEST_F(DepthMatcherTest, BadInputIsRefused) {
   EXPECT_EQ(scene_->matcher().Match(wide, scene_->Sources(), seeds, &depth_).code(), StatusCode::kInvalidArgument);
 }
 
+// A flat wall seen squarely, or seeds of one depth: neither end holds an outlier.
+TEST_F(DepthMatcherTest, SeedsOfOneRangeAreEnough) {
+  Use(SmallPinhole(), SphereWall(Eigen::Vector3d::Zero(), 2.0), 0.15);
+  std::vector<DepthSeed> seeds = scene_->Seeds();
+  ASSERT_GE(seeds.size(), 20u);
+  seeds.resize(20);
+  for (DepthSeed& seed : seeds) seed.inverse_range = 0.5;
+  ASSERT_TRUE(scene_->matcher().Match(scene_->View(0), scene_->Sources(), seeds, &depth_).ok());
+  EXPECT_LT(Judge().median, 0.01);
+}
+
 TEST(DepthOptions, EachFieldOutOfRangeIsNamed) {
   EXPECT_TRUE(DepthOptions().Validate().ok());
   const auto message = [](auto change) {

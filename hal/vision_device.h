@@ -105,6 +105,9 @@ struct Ticket {
   std::uint64_t value = 0;
 };
 
+// A lane knows the tickets of so many requests, the newest ones.
+inline constexpr int kKnownTickets = 64;
+
 // Where a feature that was to be followed is now, input pixels.
 struct FollowedPoint {
   float x_px = 0.0f;
@@ -221,8 +224,8 @@ class VisionDevice {
   virtual Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) = 0;
 
   // kDeadlineExceeded: not done yet. Wait again for the results; or leave it: the next request on the lane then drops
-  // them, touches no buffer but the image's, and leaves the set empty. kFailedPrecondition: dropped so. kUnavailable:
-  // device lost.
+  // them, touches no buffer but the image's, and leaves the set empty. kFailedPrecondition: dropped so.
+  // kInvalidArgument: never given out, or no longer one of kKnownTickets. kUnavailable: device lost.
   virtual Status Wait(Ticket ticket, TimePoint deadline) = 0;
 
   // Gives up, without a wait, a request whose Wait came to its deadline. True: it is dropped as above, or was done

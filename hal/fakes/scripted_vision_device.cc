@@ -240,7 +240,9 @@ Status ScriptedVisionDevice::Wait(Ticket ticket, TimePoint deadline) {
   const auto lane_idx = static_cast<std::size_t>(ticket.value % kNumLanes);
   const std::uint64_t number = ticket.value / kNumLanes;
   LaneState& lane = lanes_[lane_idx];
-  if (number == 0 || number > lane.num_queued) return InvalidArgument("wait: no such ticket");
+  if (number == 0 || number > lane.num_queued || lane.num_queued - number >= kMaxPending) {
+    return InvalidArgument("wait: no such ticket");
+  }
   if (is_lost_.load(std::memory_order_acquire)) return Status(StatusCode::kUnavailable);
   while (lane.num_done < number) {
     const Job& job = lane.jobs[lane.num_done % kMaxPending];
@@ -255,7 +257,6 @@ Status ScriptedVisionDevice::Wait(Ticket ticket, TimePoint deadline) {
     ++lane.num_done;
   }
   // A job's outcome stays in its slot until the ring comes round.
-  if (lane.num_queued - number >= kMaxPending) return Status::Ok();
   return Status(lane.jobs[(number - 1) % kMaxPending].failure);
 }
 

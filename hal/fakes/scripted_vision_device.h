@@ -74,7 +74,7 @@ class ScriptedVisionDevice final : public VisionDevice {
 
  private:
   static constexpr int kNumLanes = static_cast<int>(Lane::kNumLanes);
-  static constexpr std::uint64_t kMaxPending = 64;
+  static constexpr std::uint64_t kMaxPending = kKnownTickets;
 
   struct FeatureSet {
     std::vector<ScriptedFeature> features;  // [0, num)

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 
+#include "kernels/common/lane_requests.h"
 #include "kernels/common/request_checks.h"
 #include "kernels/cpu/brute_force_matcher.h"
 #include "kernels/cpu/feature_set_pool.h"
@@ -17,8 +18,6 @@
 namespace haustra {
 namespace kernels {
 namespace {
-
-constexpr std::uint64_t kNumLanes = static_cast<std::uint64_t>(Lane::kNumLanes);
 
 class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
  public:
@@ -105,21 +104,16 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   }
 
   Status Wait(Ticket ticket, TimePoint deadline) override {
-    const std::uint64_t number = ticket.value / kNumLanes;
-    LaneWork& work = *lanes_[ticket.value % kNumLanes];
-    if (number == 0 || number > work.last_number) {
-      return InvalidArgument("ticket " + std::to_string(ticket.value) + " was never given out");
-    }
-    if (number == work.dropped_number) return Status(StatusCode::kFailedPrecondition);
-    if (number != work.last_number || work.kind == WorkKind::kNone) return Status::Ok();  // handed over before
+    LaneWork& work = *lanes_[LaneRequests::LaneIndexOf(ticket)];
+    HAUSTRA_TRY(work.requests.Check(ticket));
+    if (!IsUnderWay(work, ticket)) return Status::Ok();  // handed over before
     work.is_left = !Finish(work, deadline);
     return work.is_left ? Status(StatusCode::kDeadlineExceeded) : Status::Ok();
   }
 
   bool Abandon(Ticket ticket) override {
-    LaneWork& work = *lanes_[ticket.value % kNumLanes];
-    const bool is_under_way = ticket.value / kNumLanes == work.last_number && work.kind != WorkKind::kNone;
-    return !is_under_way || Drop(work, TimePoint{});
+    LaneWork& work = *lanes_[LaneRequests::LaneIndexOf(ticket)];
+    return !IsUnderWay(work, ticket) || Drop(work, TimePoint{});
   }
 
   Status ServeThisThread(Lane lane) override {
@@ -171,13 +165,16 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
     GuidedMatcher guided;
 
     WorkKind kind = WorkKind::kNone;
-    std::uint64_t last_number = 0;
-    std::uint64_t dropped_number = 0;  // of the last one that was
-    bool is_left = false;              // a wait gave up on it: the next request drops it
+    LaneRequests requests;
+    bool is_left = false;  // a wait gave up on the last one: the next request drops it
     ExtractRequest extract;
     FeatureSet* set = nullptr;            // that is extracted into
     std::int32_t* num_matches = nullptr;  // where the caller wants it
   };
+
+  static bool IsUnderWay(const LaneWork& work, Ticket ticket) {
+    return LaneRequests::NumberOf(ticket) == work.requests.last() && work.kind != WorkKind::kNone;
+  }
 
   static bool Continue(LaneWork& work, TimePoint deadline) {
     switch (work.kind) {
@@ -216,7 +213,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
       sets_.Release(work.extract.set);
     }
     work.kind = WorkKind::kNone;
-    work.dropped_number = work.last_number;
+    work.requests.Drop(work.requests.last());
     return true;
   }
 
@@ -241,9 +238,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   }
 
   LaneWork& WorkOf(Lane lane) { return *lanes_[static_cast<int>(lane)]; }
-  Ticket NextTicket(Lane lane) {
-    return Ticket{++WorkOf(lane).last_number * kNumLanes + static_cast<std::uint64_t>(lane)};
-  }
+  Ticket NextTicket(Lane lane) { return LaneRequests::TicketOf(lane, WorkOf(lane).requests.Next()); }
 
   const VisionPlan plan_;
   const int max_list_;
@@ -251,7 +246,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   FeatureSetPool sets_;
   AlignedBuffer<std::uint8_t> static_mask_;
   ImageView static_mask_view_;
-  std::optional<LaneWork> lanes_[kNumLanes];
+  std::optional<LaneWork> lanes_[LaneRequests::kNumLanes];
 };
 
 }  // namespace

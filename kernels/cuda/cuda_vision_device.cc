@@ -15,6 +15,7 @@
 
 #include "hal/core/percentile.h"
 #include "kernels/common/feature_set_slots.h"
+#include "kernels/common/lane_requests.h"
 #include "kernels/common/match_acceptance.h"
 #include "kernels/common/request_checks.h"
 #include "kernels/cuda/cuda_memory.h"
@@ -26,8 +27,8 @@ namespace haustra {
 namespace kernels::cuda {
 namespace {
 
-constexpr int kNumLanes = static_cast<int>(Lane::kNumLanes);
 constexpr int kQueueLength = CudaVisionDevice::kQueueLength;
+static_assert(kQueueLength < kKnownTickets, "what is queued is known");
 
 TimePoint Now() {
   timespec now;
@@ -53,9 +54,9 @@ enum class WorkKind { kNone, kExtraction, kMatching, kGuidedMatching };
 struct Work {
   WorkKind kind = WorkKind::kNone;
   std::uint64_t number = 0;
-  // A Wait gave up on it: unless another one comes first, its results are dropped.
+  // A Wait gave up on it: unless another one comes first, the next request on the lane drops its results. The device
+  // may still be at it then: its place and its feature set are free when that is done.
   bool is_overdue = false;
-  std::uint64_t dropped_number = 0;  // of the last one that was
   // When it is done, the word has the number; the event comes later, and tells of errors. No word: nothing was
   // launched. Brute-force matching has no word: each result has the mark when it is there; of that many it is known.
   const DoneWord* done_word = nullptr;
@@ -117,7 +118,7 @@ struct LaneState {
 
   cudaStream_t stream = nullptr;
   std::unique_ptr<Extractor> extractor;  // when the lane extracts
-  std::uint64_t last_number = 0;
+  LaneRequests requests;
   Work queue[kQueueLength];          // of matching; number n has its place at n % kQueueLength
   Work extraction;                   // shares the events of nobody
   std::vector<std::int32_t> owners;  // query that holds each feature, for guided matching
@@ -207,7 +208,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(Select());
     HAUSTRA_TRY(CheckExtractRequest(lane, request, plan_, mask_width_, mask_height_));
     LaneState& state = StateOf(lane);
-    HAUSTRA_TRY(Finish(state.extraction, state));
+    HAUSTRA_TRY(Settle(state));
     switch (slots_.BeginWrite(request.set)) {
       case FeatureSetSlots::WriteClaim::kGranted: break;
       case FeatureSetSlots::WriteClaim::kStale: return InvalidArgument("feature set to write: stale or invalid handle");
@@ -225,7 +226,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     // One owner more until the work is done: the caller may release the set before, and its slot must not be reused.
     (void)slots_.Retain(request.set);
     work.kind = WorkKind::kExtraction;
-    work.number = ++state.last_number;
+    work.number = state.requests.Next();
     work.done_word = state.extractor->done_word();
     work.done_number = state.extractor->number();
     work.set = request.set;
@@ -233,14 +234,14 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     work.count = request.num_keypoints;
     work.num_followed = request.num_followed;
     work.followed_to = request.followed_to;
-    return TicketOf(lane, work.number);
+    return LaneRequests::TicketOf(lane, work.number);
   }
 
   Result<Ticket> EnqueueMatch(Lane lane, const MatchRequest& request) override {
     HAUSTRA_TRY(CheckLane(lane));
     HAUSTRA_TRY(Select());
     LaneState& state = StateOf(lane);
-    HAUSTRA_TRY(Finish(state.extraction, state));
+    HAUSTRA_TRY(Settle(state));
     HAUSTRA_TRY(CheckMatchRequest(request, plan_, *this));
     Work* work = nullptr;
     HAUSTRA_TRY(Claim(state, WorkKind::kMatching, &work));
@@ -255,14 +256,14 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
         return RecordLoss(status);
       }
     }
-    return TicketOf(lane, work->number);
+    return LaneRequests::TicketOf(lane, work->number);
   }
 
   Result<Ticket> EnqueueGuidedMatch(Lane lane, const GuidedMatchRequest& request) override {
     HAUSTRA_TRY(CheckLane(lane));
     HAUSTRA_TRY(Select());
     LaneState& state = StateOf(lane);
-    HAUSTRA_TRY(Finish(state.extraction, state));
+    HAUSTRA_TRY(Settle(state));
     HAUSTRA_TRY(CheckGuidedMatchRequest(request, plan_, *this));
     Work* work = nullptr;
     HAUSTRA_TRY(Claim(state, WorkKind::kGuidedMatching, &work));
@@ -277,27 +278,29 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
         return RecordLoss(status);
       }
     }
-    return TicketOf(lane, work->number);
+    return LaneRequests::TicketOf(lane, work->number);
   }
 
   Status Wait(Ticket ticket, TimePoint deadline) override {
-    const std::uint64_t number = ticket.value / kNumLanes;
-    LaneState& state = lanes_[ticket.value % kNumLanes];
-    if (number == 0 || number > state.last_number) {
-      return InvalidArgument("ticket " + std::to_string(ticket.value) + " was never given out");
-    }
+    LaneState& state = lanes_[LaneRequests::LaneIndexOf(ticket)];
+    HAUSTRA_TRY(state.requests.Check(ticket));
     HAUSTRA_TRY(Select());
-    for (Work* work : {&state.extraction, &state.queue[number % kQueueLength]}) {
-      if (work->dropped_number == number) {
-        return FailedPrecondition("ticket " + std::to_string(ticket.value) +
-                                  ": its results were dropped by a later request, after the deadline of a wait");
-      }
-      if (work->kind == WorkKind::kNone || work->number != number) continue;
-      const Status status = WaitFor(*work, deadline);
-      work->is_overdue = status.code() == StatusCode::kDeadlineExceeded;
-      return status.ok() ? Finish(*work, state) : status;
-    }
-    return Status::Ok();  // handed over before
+    Work* work = Find(state, ticket);
+    if (work == nullptr) return Status::Ok();  // handed over before
+    const Status status = WaitFor(*work, deadline);
+    work->is_overdue = status.code() == StatusCode::kDeadlineExceeded;
+    return status.ok() ? Finish(*work, state) : status;
+  }
+
+  bool Abandon(Ticket ticket) override {
+    LaneState& state = lanes_[LaneRequests::LaneIndexOf(ticket)];
+    Work* work = Find(state, ticket);
+    if (work == nullptr) return true;
+    // The device reads the picture where the caller has it. Of matching it has all that it needs.
+    if (work->kind == WorkKind::kExtraction && !HasWord(*work)) return false;
+    work->is_overdue = true;
+    state.requests.Drop(work->number);
+    return work->kind != WorkKind::kExtraction || Finish(*work, state).ok();
   }
 
   // The driver allocates for a thread when that selects a device for the first time.
@@ -356,7 +359,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
                          double* p99_us) override {
     HAUSTRA_TRY(Select());
     LaneState& state = StateOf(Lane::kBackground);
-    HAUSTRA_TRY(Finish(state.extraction, state));
+    HAUSTRA_TRY(Settle(state));
     const std::int64_t num_rows = static_cast<std::int64_t>(plan_.max_feature_sets) * plan_.max_features;
     if (num_query > max_list_ || num_query + num_train > num_rows || (mutual && num_train > max_list_)) {
       return CapacityExceeded("matching of " + std::to_string(num_query) + " and " + std::to_string(num_train) +
@@ -476,8 +479,13 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   }
 
   LaneState& StateOf(Lane lane) { return lanes_[static_cast<int>(lane)]; }
-  static Ticket TicketOf(Lane lane, std::uint64_t number) {
-    return Ticket{number * kNumLanes + static_cast<std::uint64_t>(lane)};
+  // The request that is queued under the ticket; null: there is none any more.
+  static Work* Find(LaneState& lane, Ticket ticket) {
+    const std::uint64_t number = LaneRequests::NumberOf(ticket);
+    for (Work* work : {&lane.extraction, &lane.queue[number % kQueueLength]}) {
+      if (work->kind != WorkKind::kNone && work->number == number) return work;
+    }
+    return nullptr;
   }
 
   // Makes the device current for the calling thread; refuses when it was lost.
@@ -492,12 +500,20 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     return status;
   }
 
+  // Makes the lane free for another request: drops what waits have left, and has the extraction done.
+  Status Settle(LaneState& lane) {
+    for (const Work& work : lane.queue) {
+      if (work.kind != WorkKind::kNone && work.is_overdue) lane.requests.Drop(work.number);
+    }
+    return Finish(lane.extraction, lane);
+  }
+
   // The next place of the queue, after whoever had it has been served.
   Status Claim(LaneState& lane, WorkKind kind, Work** out) {
-    Work& work = lane.queue[(lane.last_number + 1) % kQueueLength];
+    Work& work = lane.queue[(lane.requests.last() + 1) % kQueueLength];
     HAUSTRA_TRY(Finish(work, lane));
     work.kind = kind;
-    work.number = ++lane.last_number;
+    work.number = lane.requests.Next();
     work.done_word = nullptr;
     work.done_number = static_cast<std::uint32_t>(work.number);
     work.num_there = 0;
@@ -578,7 +594,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
         slots_.AbandonWrite(work.set);
         slots_.Release(work.set);
       }
-      work.dropped_number = work.number;
+      lane.requests.Drop(work.number);
       work.kind = WorkKind::kNone;
       work.is_overdue = false;
       return Status::Ok();
@@ -757,7 +773,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
   DeviceBlock device_block_;  // all memory on the device, and all that it shares with the host
   PinnedBlock pinned_block_;
   SetBuffers sets_;
-  LaneState lanes_[kNumLanes];
+  LaneState lanes_[LaneRequests::kNumLanes];
   std::mutex utility_mutex_;  // guards utility_stream_ and what transfer_ points to
   TransferMemory transfer_;
   cudaStream_t utility_stream_ = nullptr;

@@ -185,6 +185,26 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
     return matches;
   }
 
+  // Requests of matching that are queued one after the other, each with buffers of its own. Several of them, since a
+  // device that works by itself may be done with one before the first look.
+  struct QueuedMatches {
+    QueuedMatches(VisionDevice& device, FeatureSetHandle set, Lane lane, int num_requests)
+        : matches(num_requests, std::vector<Match>(device.plan().max_features)), counts(num_requests, -7) {
+      for (int i = 0; i < num_requests; ++i) {
+        const auto ticket =
+            device.EnqueueMatch(lane, {DescriptorList::Whole(set), DescriptorList::Whole(set),
+                                       MatchOptions{0.3f, 0.95f, true}, nullptr, nullptr, matches[i], &counts[i]});
+        EXPECT_TRUE(ticket.ok()) << ticket.status().ToString();
+        tickets.push_back(ticket.ok() ? *ticket : Ticket{});
+      }
+    }
+    bool IsLastUntouched() const { return counts.back() == -7 && matches.back()[0].query == -1; }
+
+    std::vector<std::vector<Match>> matches;
+    std::vector<std::int32_t> counts;
+    std::vector<Ticket> tickets;
+  };
+
   static void ExpectSameMatches(const std::vector<Match>& actual, const std::vector<Match>& expected) {
     ASSERT_EQ(actual.size(), expected.size());
     for (std::size_t i = 0; i < actual.size(); ++i) {
@@ -1635,6 +1655,105 @@ TEST_P(VisionDeviceContract, AbandonedRequestIsTouchedNoMore) {
   EXPECT_EQ(count, -7);
   // Empty as it was: it can be written.
   EXPECT_TRUE(device->WriteFeatures(left, expected.keypoints, expected.descriptors).ok());
+  ExpectSameFeatures(Extract(*device, picture.view()), expected);
+}
+
+TEST_P(VisionDeviceContract, MatchingThatAWaitHasLeftIsDroppedByTheNextRequestOfAnyKind) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures features = RandomFeatures(500, 1);
+  const FeatureSetHandle set = Write(*device, features);
+  const MatchOptions options{0.3f, 0.95f, true};
+  const std::vector<Match> expected = NaiveMatch(AllOf(features), AllOf(features), options);
+  const std::vector<GuidedQuery> queries{{{set, 0}, 100.0f, 100.0f, 50.0f, 0.0f, 20.0f}};
+  int num_left = 0;
+  for (int kind = 0; kind < 3; ++kind) {
+    QueuedMatches queued(*device, set, Lane::kTracking, 12);
+    if (device->Wait(queued.tickets.back(), TimePoint{}).ok()) continue;
+    ++num_left;
+    if (kind == 0) {
+      ExpectSameMatches(RunMatch(*device, DescriptorList::Whole(set), DescriptorList::Whole(set), options), expected);
+    } else if (kind == 1) {
+      (void)RunGuided(*device, queries, set, options);
+    } else {
+      (void)Extract(*device, picture.view());
+    }
+    EXPECT_EQ(device->Wait(queued.tickets.back(), kNoDeadline).code(), StatusCode::kFailedPrecondition) << kind;
+    EXPECT_TRUE(queued.IsLastUntouched()) << kind;
+    // Those before it that no wait has left are served all the same.
+    for (int i = 0; i < 11; ++i) {
+      EXPECT_TRUE(device->Wait(queued.tickets[i], kNoDeadline).ok());
+      EXPECT_EQ(queued.counts[i], static_cast<std::int32_t>(expected.size()));
+    }
+  }
+  if (num_left == 0) GTEST_SKIP() << "the device was done before the wait looked";
+}
+
+TEST_P(VisionDeviceContract, EachDroppedRequestIsKnownAsDropped) {
+  const auto device = Create();
+  const FeatureSetHandle set = Write(*device, RandomFeatures(500, 1));
+  QueuedMatches first(*device, set, Lane::kTracking, 12);
+  const bool is_first_left = !device->Wait(first.tickets.back(), TimePoint{}).ok();
+  QueuedMatches second(*device, set, Lane::kTracking, 12);
+  const bool is_second_left = !device->Wait(second.tickets.back(), TimePoint{}).ok();
+  if (!is_first_left || !is_second_left) GTEST_SKIP() << "the device was done before the wait looked";
+  const QueuedMatches third(*device, set, Lane::kTracking, 1);
+  EXPECT_EQ(device->Wait(first.tickets.back(), kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(device->Wait(second.tickets.back(), kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  EXPECT_TRUE(device->Wait(third.tickets.back(), kNoDeadline).ok());
+  EXPECT_EQ(device->Wait(first.tickets.back(), kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  EXPECT_TRUE(first.IsLastUntouched());
+  EXPECT_TRUE(second.IsLastUntouched());
+}
+
+TEST_P(VisionDeviceContract, TicketsOfLongAgoAreKnownNoMore) {
+  const auto device = Create();
+  const FeatureSetHandle set = Write(*device, RandomFeatures(20, 1));
+  const QueuedMatches queued(*device, set, Lane::kTracking, kKnownTickets);
+  EXPECT_TRUE(device->Wait(queued.tickets.back(), kNoDeadline).ok());
+  EXPECT_TRUE(device->Wait(queued.tickets.front(), kNoDeadline).ok());
+  const QueuedMatches another(*device, set, Lane::kTracking, 1);
+  EXPECT_EQ(device->Wait(queued.tickets.front(), kNoDeadline).code(), StatusCode::kInvalidArgument);
+  EXPECT_TRUE(device->Wait(queued.tickets[1], kNoDeadline).ok());
+  EXPECT_TRUE(device->Wait(another.tickets.back(), kNoDeadline).ok());
+}
+
+// What matching reads of the caller's it has read when it is queued, or reads no more: it can be given up at any time.
+TEST_P(VisionDeviceContract, AbandonedMatchingIsTouchedNoMore) {
+  const auto device = Create();
+  const HostFeatures features = RandomFeatures(500, 1);
+  const FeatureSetHandle set = Write(*device, features);
+  const MatchOptions options{0.3f, 0.95f, true};
+  QueuedMatches queued(*device, set, Lane::kTracking, 12);
+  if (device->Wait(queued.tickets.back(), TimePoint{}).ok()) {
+    EXPECT_TRUE(device->Abandon(queued.tickets.back()));
+    GTEST_SKIP() << "the device was done before the wait looked";
+  }
+  ASSERT_TRUE(device->Abandon(queued.tickets.back()));
+  EXPECT_TRUE(device->Abandon(queued.tickets.back())) << "dropped before";
+  EXPECT_EQ(device->Wait(queued.tickets.back(), kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  ExpectSameMatches(RunMatch(*device, DescriptorList::Whole(set), DescriptorList::Whole(set), options),
+                    NaiveMatch(AllOf(features), AllOf(features), options));
+  EXPECT_TRUE(queued.IsLastUntouched());
+}
+
+TEST_P(VisionDeviceContract, AbandonIsTrueWhenTheDeviceIsDone) {
+  const auto device = Create();
+  const Picture picture = Texture(4);
+  const HostFeatures expected = Extract(*device, picture.view());
+  const FeatureSetHandle set = NewSet(*device);
+  std::vector<Keypoint> keypoints(500);
+  std::int32_t count = -7;
+  const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), set, keypoints, &count});
+  ASSERT_TRUE(ticket.ok());
+  const bool is_left = !device->Wait(*ticket, TimePoint{}).ok();
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // a device that works by itself needs a few
+  EXPECT_TRUE(device->Abandon(*ticket));
+  EXPECT_EQ(count, is_left ? -7 : expected.size());
+  if (is_left) {
+    EXPECT_EQ(device->Wait(*ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
+    EXPECT_TRUE(device->WriteFeatures(set, expected.keypoints, expected.descriptors).ok()) << "empty as it was";
+  }
   ExpectSameFeatures(Extract(*device, picture.view()), expected);
 }
 

@@ -6,6 +6,7 @@
 #include <new>
 #include <optional>
 #include <string>
+#include <system_error>
 
 #include "kernels/common/lane_requests.h"
 #include "kernels/common/request_checks.h"
@@ -295,6 +296,9 @@ Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& pl
     return CapacityExceeded("not enough memory for " + std::to_string(plan.max_feature_sets) + " feature sets of " +
                             std::to_string(plan.max_features) + " features and images of " +
                             std::to_string(plan.max_width_px) + "x" + std::to_string(plan.max_height_px));
+  } catch (const std::system_error& error) {
+    return CapacityExceeded("the system refuses helper threads, of " + std::to_string(num_threads - 1) +
+                            " for each lane: " + error.code().message());
   }
 }
 

@@ -19,7 +19,7 @@ inline constexpr int kMaxCpuVisionThreads = 64;
 // num_threads counts the calling thread, [1, kMaxCpuVisionThreads]; each lane has so many less one of its own. Takes
 // all memory: per lane about 110 bytes a pixel of the plan's image (only the tracking lane's is touched before it is
 // used), per feature set about 160 bytes a feature. kInvalidArgument: plan or options out of range (the message names
-// the field); kCapacityExceeded: not enough memory.
+// the field); kCapacityExceeded: not enough memory, or too few threads.
 Result<std::unique_ptr<VisionDevice>> CreateCpuVisionDevice(const VisionPlan& plan, const ExtractOptions& options,
                                                             int num_threads);
 

@@ -27,13 +27,20 @@ bool IsOver(TimePoint deadline) {
 
 LanePool::LanePool(int num_threads) {
   HAUSTRA_CHECK(sem_init(&helpers_done_, 0, 0) == 0);
-  threads_.reserve(static_cast<std::size_t>(std::max(num_threads - 1, 0)));
-  for (int i = 1; i < num_threads; ++i) {
-    threads_.emplace_back([this, i] { HelperLoop(i); });
+  try {
+    threads_.reserve(static_cast<std::size_t>(std::max(num_threads - 1, 0)));
+    for (int i = 1; i < num_threads; ++i) {
+      threads_.emplace_back([this, i] { HelperLoop(i); });
+    }
+  } catch (...) {
+    EndHelpers();
+    throw;
   }
 }
 
-LanePool::~LanePool() {
+LanePool::~LanePool() { EndHelpers(); }
+
+void LanePool::EndHelpers() {
   Close();
   is_stopping_.store(true);
   call_.fetch_add(1);

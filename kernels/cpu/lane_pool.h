@@ -25,7 +25,8 @@ bool IsOver(TimePoint deadline);
 
 class LanePool {
  public:
-  // num_threads counts the caller: 1 starts no thread.
+  // num_threads counts the caller: 1 starts no thread. Throws std::system_error where the system gives too few, and
+  // leaves none behind.
   explicit LanePool(int num_threads);
   ~LanePool();
   LanePool(const LanePool&) = delete;
@@ -60,6 +61,7 @@ class LanePool {
  private:
   static constexpr std::size_t kMaxTaskBytes = 64;
 
+  void EndHelpers();
   // Hands what is left to the helpers.
   void Open();
   // Takes it back.

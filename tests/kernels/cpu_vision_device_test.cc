@@ -3,9 +3,14 @@
 #include "kernels/cpu/cpu_vision_device.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <iterator>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -325,6 +330,28 @@ TEST(CpuVisionDevice, CreateRefusesWhatThisMachineCannotDo) {
     if (kernels::IsSupported(level)) continue;
     EXPECT_EQ(CreateCpuVisionDevice(SmallPlan(), options, 1, level).code(), StatusCode::kUnavailable);
   }
+}
+
+// In a process of its own, whose user may have so few. The administrator has no such limit.
+TEST(CpuVisionDevice, CreateSaysSoWhereThereAreNoMoreThreads) {
+  constexpr int kGood = 0, kIsMade = 1, kHasThreads = 2, kCannotTell = 77;
+  const pid_t child = ::fork();
+  if (child == 0) {
+    constexpr uid_t kNobody = 65534;
+    constexpr rlimit kLimit{3, 3};
+    if (::getuid() == 0 && ::setuid(kNobody) != 0) ::_exit(kCannotTell);
+    if (::setrlimit(RLIMIT_NPROC, &kLimit) != 0) ::_exit(kCannotTell);
+    ExtractOptions options;
+    options.num_features = 500;
+    if (CreateCpuVisionDevice(SmallPlan(), options, 8).code() != StatusCode::kCapacityExceeded) ::_exit(kIsMade);
+    const auto num_threads = std::distance(std::filesystem::directory_iterator("/proc/self/task"), {});
+    ::_exit(num_threads == 1 ? kGood : kHasThreads);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFEXITED(status)) << "signal " << WTERMSIG(status);
+  if (WEXITSTATUS(status) == kCannotTell) GTEST_SKIP() << "the number of threads cannot be limited here";
+  EXPECT_EQ(WEXITSTATUS(status), kGood);
 }
 
 }  // namespace

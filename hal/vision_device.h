@@ -130,7 +130,8 @@ struct ExtractRequest {
   // (kernels/common/flow_parameters.h), where the set has room for more than ExtractOptions::num_features. Those that
   // are surely found, and that detection has not found, become features like any other: scale, angle, octave and
   // response as before, a descriptor of their own. None are followed after a picture of another size, a request that
-  // failed or was given up, or by a device that cannot. At most twice the plan's max_features.
+  // failed or was given up, or by a device that cannot. Each lies in this picture, after one of another size in
+  // any of the plan. At most twice the plan's max_features.
   std::span<const Keypoint> follow = {};
   // Of the first so many of them no features come: the caller only asks where they are. They need no room in the set.
   int num_only_followed = 0;

@@ -176,17 +176,25 @@ Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const Visio
     return InvalidArgument("room for " + std::to_string(request.followed_to.size()) + " followed features, " +
                            std::to_string(num_follow) + " are to be followed");
   }
-  for (const Keypoint& keypoint : request.follow) {
-    // Negated to catch NaN.
-    if (keypoint.octave < kFirstOctave || keypoint.octave >= kFirstOctave + CountOctaves(image.width, image.height) ||
-        !(keypoint.x_px >= 0.0f && keypoint.x_px < static_cast<float>(image.width)) ||
-        !(keypoint.y_px >= 0.0f && keypoint.y_px < static_cast<float>(image.height)) || !(keypoint.scale_px > 0.0f)) {
-      return InvalidArgument("a feature to follow lies outside the picture or its octaves");
-    }
-  }
   if (request.num_keypoints == nullptr || request.keypoints.size() < static_cast<std::size_t>(plan.max_features)) {
     return InvalidArgument("room for " + std::to_string(request.keypoints.size()) + " keypoints, " +
                            std::to_string(plan.max_features) + " and their number are needed");
+  }
+  return Status::Ok();
+}
+
+Status CheckPlacesToFollow(const ExtractRequest& request, const VisionPlan& plan, int last_width_px,
+                           int last_height_px) {
+  const bool is_same_size = request.image.width == last_width_px && request.image.height == last_height_px;
+  const int width = is_same_size ? request.image.width : plan.max_width_px;
+  const int height = is_same_size ? request.image.height : plan.max_height_px;
+  for (const Keypoint& keypoint : request.follow) {
+    // Negated to catch NaN.
+    if (keypoint.octave < kFirstOctave || keypoint.octave >= kFirstOctave + CountOctaves(width, height) ||
+        !(keypoint.x_px >= 0.0f && keypoint.x_px < static_cast<float>(width)) ||
+        !(keypoint.y_px >= 0.0f && keypoint.y_px < static_cast<float>(height)) || !(keypoint.scale_px > 0.0f)) {
+      return InvalidArgument("a feature to follow lies outside the picture or its octaves");
+    }
   }
   return Status::Ok();
 }

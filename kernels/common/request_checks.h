@@ -22,6 +22,10 @@ int NumExtractingLanes(const VisionPlan& plan);
 // Lane and all but the set. static_mask_*: 0 without a static mask.
 Status CheckExtractRequest(Lane lane, const ExtractRequest& request, const VisionPlan& plan, int static_mask_width,
                            int static_mask_height);
+// That all to be followed lie in the picture. After one of another size none are followed: they lie in any of the plan
+// then. last_*: of the picture before on the lane; 0: there was none.
+Status CheckPlacesToFollow(const ExtractRequest& request, const VisionPlan& plan, int last_width_px,
+                           int last_height_px);
 Status CheckMatchRequest(const MatchRequest& request, const VisionPlan& plan, const FeatureCounts& counts);
 Status CheckGuidedMatchRequest(const GuidedMatchRequest& request, const VisionPlan& plan, const FeatureCounts& counts);
 // All but the set.

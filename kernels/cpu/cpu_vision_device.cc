@@ -69,6 +69,7 @@ class CpuVisionDevice final : public VisionDevice, private FeatureCounts {
   Result<Ticket> EnqueueExtract(Lane lane, const ExtractRequest& request) override {
     HAUSTRA_TRY(CheckExtractRequest(lane, request, plan_, static_mask_view_.width, static_mask_view_.height));
     LaneWork& work = WorkOf(lane);
+    HAUSTRA_TRY(CheckPlacesToFollow(request, plan_, work.extractor->width_px(), work.extractor->height_px()));
     Settle(work);
     bool is_stale = false;
     FeatureSet* set = sets_.BeginWrite(request.set, &is_stale);

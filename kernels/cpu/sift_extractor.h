@@ -37,6 +37,9 @@ class SiftExtractor {
   // True when the extraction is done. False when the deadline is over before; then it can be continued. The deadline is
   // looked at about once a millisecond.
   bool Continue(TimePoint deadline);
+  // Of the last picture; 0: there was none.
+  int width_px() const { return width_px_; }
+  int height_px() const { return height_px_; }
   // Nothing is followed from the picture of an extraction that was dropped.
   void ForgetPicture() { has_levels_ = false; }
   // Of the extraction that is done.

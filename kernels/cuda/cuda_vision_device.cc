@@ -208,6 +208,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     HAUSTRA_TRY(Select());
     HAUSTRA_TRY(CheckExtractRequest(lane, request, plan_, mask_width_, mask_height_));
     LaneState& state = StateOf(lane);
+    HAUSTRA_TRY(CheckPlacesToFollow(request, plan_, state.extractor->width_px(), state.extractor->height_px()));
     HAUSTRA_TRY(Settle(state));
     switch (slots_.BeginWrite(request.set)) {
       case FeatureSetSlots::WriteClaim::kGranted: break;

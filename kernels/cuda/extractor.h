@@ -39,6 +39,9 @@ class Extractor {
   Status Enqueue(const ImageView& image, std::uint32_t set_index, int max_features, std::span<const Keypoint> follow,
                  int num_only_followed);
 
+  // Of the last picture; before the first, the plan's.
+  int width_px() const { return layout_.width; }
+  int height_px() const { return layout_.height; }
   // Nothing is followed from the picture of a frame that was dropped.
   void ForgetPicture() { has_levels_ = false; }
   // What tells of the end of the last frame that was queued; the host's view of the word.

@@ -862,6 +862,28 @@ TEST_P(VisionDeviceContract, FollowRefusesFeaturesOutsideThePicture) {
   }
 }
 
+// None are followed into a picture of another size, and none are refused.
+TEST_P(VisionDeviceContract, FollowTakesFeaturesOfALargerPictureAndFollowsNone) {
+  const auto device = Create();
+  const Picture picture = Texture(3);
+  const std::vector<Keypoint> before = Extract(*device, picture.view()).keypoints;
+  Picture small{kWidth / 4, kHeight / 4, {}};
+  small.pixels.resize(static_cast<std::size_t>(small.width) * small.height);
+  for (int y = 0; y < small.height; ++y) std::copy_n(picture.view().row(y), small.width, &small.at(0, y));
+  std::vector<FollowedPoint> followed_to = StalePoints(before.size());
+  std::int32_t num_followed = -1;
+  const HostFeatures seen = Follow(*device, small, before, 0, &num_followed, 0, followed_to);
+  EXPECT_EQ(num_followed, 0);
+  EXPECT_FALSE(std::any_of(followed_to.begin(), followed_to.end(), [](const FollowedPoint& p) { return p.is_found; }));
+  ExpectSameFeatures(seen, Extract(*Create(), small.view()));
+  // Into a second one of that size some would be followed from outside.
+  std::vector<Keypoint> keypoints(device->plan().max_features);
+  std::int32_t count = -7;
+  ExtractRequest request{small.view(), NewSet(*device), keypoints, &count};
+  request.follow = before;
+  EXPECT_EQ(device->EnqueueExtract(Lane::kTracking, request).status().code(), StatusCode::kInvalidArgument);
+}
+
 TEST_P(VisionDeviceContract, FollowRefusesListsOfWrongLength) {
   const auto device = Create();
   const std::size_t max_features = device->plan().max_features;

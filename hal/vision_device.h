@@ -79,7 +79,7 @@ struct DisparityWindow {
 
 // Only pairs that satisfy the epipolar constraint, on unit bearings (x, y, z) of both lists, indexed by feature (not by
 // position in the list): |b_train . (E b_query)| / |E b_query| <= train_tolerance[train feature], and likewise for the
-// query with E^T and query_tolerance. Tolerances are sines of angles. E row-major.
+// query with E^T and query_tolerance. Tolerances are sines of angles. E row-major. |E b| = 0 passes no tolerance.
 struct EpipolarGate {
   std::array<float, 9> train_from_query_essential{};
   std::span<const std::array<float, 3>> query_bearings;

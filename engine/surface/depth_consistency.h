@@ -20,8 +20,9 @@ struct ConsistencyOptions {
   double tolerance = 0.04;
   // A keyframe whose wall is farther than the claimed one by more than this share sees through it, > tolerance.
   double seen_through = 0.06;
-  // So many other keyframes must agree, all of them where there are fewer, >= 0. One of sixteen agrees with a false
-  // depth too easily, where the wall has little texture.
+  // So many other keyframes must agree, all of them where there are fewer, >= 0; without any no depth stands, but for
+  // 0. Only what is checked, not what is filled in, asks for it. One of sixteen agrees with a false depth too easily,
+  // where the wall has little texture.
   int min_agreeing = 2;
   // So many may see through it for each that agrees, the claiming one among them, >= 0. Windows at the edge of a fold
   // see its texture and claim its range beside it: most of what is wrong in a depth is such a strip, and it is nearer

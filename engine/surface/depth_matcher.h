@@ -33,8 +33,8 @@ struct DepthView {
   SE3 cam_from_map;
 };
 
-// thread-bound(its owner). All memory is taken at construction, but for what more seeds than ever before need; Match
-// does not lock or wait.
+// thread-bound(its owner). All memory is taken at construction and by SearchOn, but for what more seeds than ever
+// before need. Match does not lock or wait; with a solver it waits for that.
 class DepthMatcher {
  public:
   static constexpr std::size_t kMinSeeds = 8;
@@ -95,7 +95,7 @@ class DepthMatcher {
   Status Search(ImageView reference, DepthMap* map);
   Status SearchElsewhere(ImageView reference, DepthMap* map);
   void PrepareWindows(ImageView grey);
-  // False where the window carries no source's picture.
+  // Mean over the sources that match best; kNoCost where the cell has no window, or no source shows it.
   float DataCost(int cell, const InversePlane& plane) const;
   float SourceCost(int cell, const InversePlane& plane, const Source& source, bool* is_seen) const;
   // By distance, then left, right, up, down; -1: there is no usable cell.

@@ -15,7 +15,7 @@ bool PassesThresholds(const Match& match, const MatchOptions& options) {
          Angle(match.similarity) <= options.max_angle_ratio * Angle(match.second_similarity);
 }
 
-// Whether `to` lies on the epipolar plane of `from`, to within the sine `tolerance`.
+// Whether `to` lies on the epipolar plane of `from`, to within the sine `tolerance`. Without a plane none does.
 bool IsOnEpipolarPlane(const std::array<float, 9>& e, bool is_transposed, const Vector3& from, const Vector3& to,
                        float tolerance) {
   Vector3 normal{};
@@ -26,7 +26,7 @@ bool IsOnEpipolarPlane(const std::array<float, 9>& e, bool is_transposed, const 
   }
   const float length = std::sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
   const float distance = std::abs(normal[0] * to[0] + normal[1] * to[1] + normal[2] * to[2]);
-  return distance <= tolerance * length;
+  return length > 0.0f && distance <= tolerance * length;
 }
 
 // Which pairs may be compared at all.

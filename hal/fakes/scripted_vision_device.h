@@ -1,11 +1,13 @@
 // A vision device without vision: which features a frame has is written down beforehand, and features of one landmark
 // look alike wherever they are seen. With it the engine is tested without images, exactly and quickly. It keeps the
-// contract of hal/vision_device.h to the letter and is unforgiving where a real device would be undefined:
+// contract of hal/vision_device.h but for one thing: what a wait has left is not dropped, the next wait on its lane
+// does it. It is unforgiving where a real device would be undefined:
 //   - results are written when Wait returns ok, not before, so a caller that reads early reads nothing;
 //   - time passes on a ManualClock, with a latency for each operation and lanes that work in order and side by side;
 //   - errors come at the calls that the script names;
 //   - a queued request whose feature set was released before it ran stops the process: that is a bug in the caller.
-// A descriptor is the landmark id and the look-alike group (little-endian, 4 bytes each) and 120 zeros.
+// A descriptor is the landmark id and the look-alike group (little-endian, 4 bytes each) and 120 bytes by which
+// appearances differ in distance, too: those of look-alikes are the same.
 #pragma once
 
 #include <array>

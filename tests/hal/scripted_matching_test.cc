@@ -128,6 +128,15 @@ TEST(ScriptedMatching, EpipolarGateAdmitsWhatLiesOnThePlane) {
   EXPECT_THAT(Pairs(RunMatch(query, train, kStrict, nullptr, &gate)), ElementsAre(Pair(0, 0)));
 }
 
+TEST(ScriptedMatching, BearingsWithoutAnEpipolarPlanePassNoGate) {
+  EpipolarGate gate;  // E = 0
+  const std::vector<std::array<float, 3>> bearings{{0.0f, 0.6f, 0.8f}};
+  const std::vector<float> tolerance{1.0f};
+  gate.query_bearings = gate.train_bearings = bearings;
+  gate.query_tolerance = gate.train_tolerance = tolerance;
+  EXPECT_TRUE(RunMatch({Entry(0, 7)}, {Entry(0, 7)}, kStrict, nullptr, &gate).empty());
+}
+
 TEST(ScriptedMatching, EpipolarBearingsAreFoundByFeatureAndNotByPosition) {
   EpipolarGate gate;
   gate.train_from_query_essential = {0, 0, 0, 0, 0, 1, 0, -1, 0};

@@ -1434,6 +1434,17 @@ TEST_P(VisionDeviceContract, MatchThroughEpipolarGateAgreesWithDoubleLoop) {
                     }));
 }
 
+TEST_P(VisionDeviceContract, MatchOfBearingsWithoutAnEpipolarPlaneFindsNothing) {
+  const auto device = Create();
+  const FeatureSetHandle set = Write(*device, RandomFeatures(50, 1));
+  const std::vector<std::array<float, 3>> bearings(50, {0.0f, 0.6f, 0.8f});
+  const std::vector<float> tolerance(50, 1.0f);
+  const EpipolarGate gate{{}, bearings, bearings, tolerance, tolerance};
+  EXPECT_TRUE(
+      RunMatch(*device, DescriptorList::Whole(set), DescriptorList::Whole(set), {0.0f, 1.0f, false}, nullptr, &gate)
+          .empty());
+}
+
 TEST_P(VisionDeviceContract, MatchCountsOnlyAdmissibleDescriptorsAsSecondBest) {
   const auto device = Create();
   HostFeatures train = RandomFeatures(2, 1);

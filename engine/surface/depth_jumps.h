@@ -7,12 +7,13 @@
 #include "engine/camera/camera_model.h"
 #include "engine/surface/depth_consistency.h"
 #include "engine/surface/depth_map.h"
+#include "hal/depth_search.h"
 
 namespace haustra {
 
 struct JumpOptions {
   // A wall that a ray meets at less than this is not seen, degrees, (0, 90): the matcher's own limit.
-  double min_slant_deg = 5.0;
+  double min_slant_deg = depth_search::kMinSlantDeg;
   // Ranges that differ by less than this share are one wall, >= 0: each may be off by the tolerance of agreement. On a
   // fine grid a noisy wall is steeper from cell to cell than any slant.
   double one_wall = 2.0 * ConsistencyOptions().tolerance;

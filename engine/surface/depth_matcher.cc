@@ -9,25 +9,19 @@
 #include "engine/camera/dark_surround.h"
 #include "engine/camera/lit_window.h"
 #include "hal/core/check.h"
+#include "hal/depth_search.h"
 
 namespace haustra {
 namespace {
 
-constexpr float kNoCost = 2.0f;           // of a window that no source shows: that of an inverted picture
-constexpr int kGlare = 250;               // grey; a wet highlight moves with the lamp, not with the wall
-constexpr float kMinWindowWeight = 0.4f;  // share of the window that must be scene without glare
-constexpr double kRangeMargin = 2.0;      // beyond the seeds
-constexpr double kSeedQuantile = 0.02;    // of the seeds' ranges that are taken for wrong, at each end
-constexpr double kFirstDepthStep = 0.08;  // relative, of the first iteration; halved with each
-constexpr double kFirstSlantStep = 0.5;   // of the plane's part across the ray, relative to its part along
-constexpr double kSeedPull = 0.05;        // cost of being far from the seeds' plane
-constexpr double kSeedReach = 0.15;       // relative distance that costs all of it
+using namespace depth_search;
+
+constexpr double kRangeMargin = 2.0;    // beyond the seeds
+constexpr double kSeedQuantile = 0.02;  // of the seeds' ranges that are taken for wrong, at each end
 // Of a cell, along its row and its column. All are of the other colour of the checkerboard: none of them changes while
 // the cell does. Each may have its plane, and is continued by it: what lies behind the edge of a fold and has little
 // texture shall go on like the wall around it, not like the cell beside it.
-constexpr std::array<int, 4> kNeighbourDistances{1, 3, 5, 9};
-constexpr int kNumNeighbours = 16, kNumNearNeighbours = 8;
-constexpr double kSharpPeak = 0.10;  // rise of the cost a pixel beside a peak that is beyond doubt
+constexpr std::array<int, kNumNeighbours / 4> kNeighbourDistances{1, 3, 5, 9};
 
 // Evenly spread in [-1, 1), the same on every machine: SplitMix64 (Steele, Lea, Flood 2014) of what it is for.
 double Noise(int cell, int iteration, int which) {
@@ -44,6 +38,7 @@ double Noise(int cell, int iteration, int which) {
 DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const DepthOptions& options)
     : camera_(camera),
       options_(options),
+      max_cosine_(std::cos(options.min_parallax_deg * std::numbers::pi / 180.0)),
       width_(camera.width_px() / options.step_px),
       height_(camera.height_px() / options.step_px),
       seed_grid_(width_, height_),
@@ -190,7 +185,7 @@ float DepthMatcher::SourceCost(int i, const InversePlane& plane, const Source& s
   // The angle at the wall between both rays.
   const Eigen::Vector3d turned = source.rotation * cell.bearing;
   const double cosine = turned.dot(ray) / ray.norm();
-  if (cosine > std::cos(options_.min_parallax_deg * std::numbers::pi / 180.0)) return kNoCost;
+  if (cosine > max_cosine_) return kNoCost;
   Eigen::Vector2d pixel;
   CameraModel::ProjectionJacobian jacobian;
   if (!camera_.Project(ray, &pixel, &jacobian)) return kNoCost;
@@ -261,8 +256,7 @@ float DepthMatcher::DataCost(int cell, const InversePlane& plane) const {
 bool DepthMatcher::IsPossible(int cell, const InversePlane& plane) const {
   const double inverse_range = plane.dot(cells_[cell].bearing);
   if (!(inverse_range >= min_inverse_ && inverse_range <= max_inverse_)) return false;
-  // A wall at less than five degrees to the ray is not seen.
-  return inverse_range > 0.087 * plane.norm();
+  return inverse_range > kMinSlantSine * plane.norm();
 }
 
 int DepthMatcher::NeighbourOf(int cell, int which) const {

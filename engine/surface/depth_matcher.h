@@ -95,7 +95,7 @@ class DepthMatcher {
   Status Search(ImageView reference, DepthMap* map);
   Status SearchElsewhere(ImageView reference, DepthMap* map);
   void PrepareWindows(ImageView grey);
-  // Mean over the sources that match best; kNoCost where the cell has no window, or no source shows it.
+  // Mean over the sources that match best; depth_search::kNoCost where the cell has no window, or no source shows it.
   float DataCost(int cell, const InversePlane& plane) const;
   float SourceCost(int cell, const InversePlane& plane, const Source& source, bool* is_seen) const;
   // By distance, then left, right, up, down; -1: there is no usable cell.
@@ -111,6 +111,7 @@ class DepthMatcher {
 
   CameraModel camera_;
   DepthOptions options_;
+  double max_cosine_ = 1.0;  // of the angle between the rays of reference and source
   int width_ = 0, height_ = 0;
   SeedGrid seed_grid_;
   DepthMedian median_;

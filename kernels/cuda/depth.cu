@@ -2,22 +2,20 @@
 // sample by sample in the order of the host. Costs and planes are in single precision.
 #include <cstdint>
 
+#include "hal/depth_search.h"
 #include "kernels/cuda/depth_kernels.h"
 
 namespace haustra::kernels::cuda {
 namespace {
 
-// As in depth_matcher.cc, which has the reasons.
-constexpr float kNoCost = 2.0f;
-constexpr int kGlare = 250;
-constexpr float kMinWindowWeight = 0.4f;
-constexpr float kFirstDepthStep = 0.08f;
-constexpr float kFirstSlantStep = 0.5f;
-constexpr float kSeedPull = 0.05f;
-constexpr float kSeedReach = 0.15f;
-constexpr int kNumNeighbours = 16, kNumNearNeighbours = 8;
-constexpr float kSharpPeak = 0.10f;
-constexpr float kMinSlantSine = 0.087f;
+using depth_search::kGlare, depth_search::kMinWindowWeight, depth_search::kNoCost;
+using depth_search::kNumNearNeighbours, depth_search::kNumNeighbours;
+constexpr auto kFirstDepthStep = static_cast<float>(depth_search::kFirstDepthStep);
+constexpr auto kFirstSlantStep = static_cast<float>(depth_search::kFirstSlantStep);
+constexpr auto kSeedPull = static_cast<float>(depth_search::kSeedPull);
+constexpr auto kSeedReach = static_cast<float>(depth_search::kSeedReach);
+constexpr auto kSharpPeak = static_cast<float>(depth_search::kSharpPeak);
+constexpr auto kMinSlantSine = static_cast<float>(depth_search::kMinSlantSine);
 
 constexpr int kLanes = 8;  // of a cell
 constexpr int kCells = 16;

@@ -3,16 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/common/selection_parameters.h"
 #include "kernels/common/sift_parameters.h"
 
 namespace haustra::kernels {
 namespace {
 
-constexpr int kCellPx = 60;
-// Of the points that every square would get if all got the same.
-constexpr float kSharesPerHalving = 2.0f;
-
-int NumCells(int size_px) { return (size_px + kCellPx - 1) / kCellPx; }
+int NumCells(int size_px) { return (size_px + kSelectionCellPx - 1) / kSelectionCellPx; }
 
 }  // namespace
 
@@ -41,8 +38,8 @@ std::span<const std::int32_t> FeatureSelection::Select(std::span<const ScaleSpac
   const int num_points = static_cast<int>(points.size());
   const auto cell_of = [&](const ScaleSpacePoint& point) {
     const float to_input = std::ldexp(1.0f, point.octave);
-    const int column = std::clamp(static_cast<int>(point.x * to_input) / kCellPx, 0, num_columns - 1);
-    const int row = std::clamp(static_cast<int>(point.y * to_input) / kCellPx, 0, num_rows - 1);
+    const int column = std::clamp(static_cast<int>(point.x * to_input) / kSelectionCellPx, 0, num_columns - 1);
+    const int row = std::clamp(static_cast<int>(point.y * to_input) / kSelectionCellPx, 0, num_rows - 1);
     return row * num_columns + column;
   };
   std::int32_t* starts = cell_starts_.data();

@@ -8,6 +8,7 @@
 
 #include "hal/vision_device.h"
 #include "kernels/common/gaussian_kernel.h"
+#include "kernels/common/selection_parameters.h"
 #include "kernels/common/sift_parameters.h"
 #include "kernels/cuda/band_weights.h"
 #include "kernels/cuda/completion.h"
@@ -20,8 +21,7 @@ inline constexpr int kOctaveTilePx = 60;
 inline constexpr int kMaxExtremaPerTile = 512;
 // Slots of octaves from here on are made from their own level 0, finer ones from the grey image.
 inline constexpr int kFirstCoarseSlot = 2;
-// Selection (kernels/cpu/feature_selection.h): side of the squares, and how many points of one are kept at most.
-inline constexpr int kSelectionCellPx = 60;
+// Selection: how many points of a square are kept at most.
 inline constexpr int kMaxPointsPerCell = 1536;
 // Priorities are positive floats below 1: bins of their exponent and first four bits of mantissa.
 inline constexpr int kPriorityBins = 4096;

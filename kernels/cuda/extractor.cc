@@ -16,10 +16,6 @@ constexpr int kPixelsPerLoad = 16;
 
 int AlignUp(int size, int alignment) { return (size + alignment - 1) / alignment * alignment; }
 
-// Points that every square would get if all got the same, times this, make one halving of priority
-// (kernels/cpu/feature_selection.cc).
-constexpr float kSharesPerHalving = 2.0f;
-
 }  // namespace
 
 Result<std::unique_ptr<Extractor>> Extractor::Create(const VisionPlan& plan, const ExtractOptions& options,

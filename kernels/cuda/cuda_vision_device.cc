@@ -536,8 +536,8 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     return is_done;
   }
 
-  // The same of brute-force matching.
-  static bool HasMatches(Work& work) {
+  // The same of brute-force matching: goes on to the first result that is not there yet. True: all are.
+  static bool AdvanceToResults(Work& work) {
     if (work.num_train == 0) return true;
     while (work.num_there < work.num_queries) {
       const volatile std::int32_t& state = work.results[work.num_there].state;
@@ -560,7 +560,7 @@ class Device final : public CudaVisionDevice, private FeatureCounts {
     TimePoint next_doubt = begin + kDoubt;
     while (true) {
       for (int look = 0; look < kLooksPerTime; ++look) {
-        if (work.kind == WorkKind::kMatching ? HasMatches(work) : HasWord(work)) return Status::Ok();
+        if (work.kind == WorkKind::kMatching ? AdvanceToResults(work) : HasWord(work)) return Status::Ok();
       }
       const TimePoint now = Now();
       const bool is_over = deadline != kNoDeadline && now >= deadline;

@@ -16,6 +16,7 @@ constexpr int kWarps = kThreads / 32;
 // Pixels of a patch: those of a column and every second row to a lane.
 constexpr int kPixelsPerLane = kFlowPatchArea / 32;
 static_assert(kFlowPatchPx == 16);
+constexpr float kMinVariance = 1.0f;  // of counts (plane_value.cuh): kFlowMinVariance, but for 3 %
 
 struct Level {
   const PlaneValue* values;
@@ -54,7 +55,7 @@ __device__ float Normalise(LanePatch* patch) {
     value -= mean;
     squares += value * value;
   }
-  const float deviation = sqrtf(fmaxf(WarpSum(squares) / kFlowPatchArea, 1.0f));
+  const float deviation = sqrtf(fmaxf(WarpSum(squares) / kFlowPatchArea, kMinVariance));
   const float factor = 1.0f / deviation;
 #pragma unroll
   for (float& value : patch->values) value *= factor;

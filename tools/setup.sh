@@ -6,7 +6,7 @@
 set -euo pipefail
 
 packages=(
-  build-essential cmake ninja-build ccache pkg-config python3-minimal
+  build-essential cmake ninja-build ccache pkg-config python3
   libeigen3-dev libceres-dev libyaml-cpp-dev libcli11-dev nlohmann-json3-dev
   libsystemd-dev libpng-dev libjpeg-dev libturbojpeg0-dev libpugixml-dev zlib1g-dev libgtest-dev libgmock-dev libbenchmark-dev
   libavformat-dev libavcodec-dev libswscale-dev libavutil-dev

@@ -8,7 +8,7 @@ cd "$(dirname "$0")/../.." || exit 70
 for candidate in "clang-format-$required_major" clang-format; do
   if command -v "$candidate" > /dev/null &&
       "$candidate" --version | grep -q "version $required_major\."; then
-    find hal kernels capture engine platform tools tests \( -name '*.h' -o -name '*.cc' \) -print0 |
+    find hal kernels capture engine platform tools tests \( -name '*.[ch]' -o -name '*.cc' -o -name '*.cu' -o -name '*.cuh' \) -print0 |
       xargs -0 "$candidate" --dry-run --Werror || exit 1
     echo "format: clean"
     exit 0

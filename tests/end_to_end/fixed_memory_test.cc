@@ -64,7 +64,7 @@ TEST(FixedMemory, SummaryHasPoolsEvictionsAndTheTrackingThread) {
   EXPECT_EQ(pools.at("keyframes").at("refused").get<int>(), 0);
   EXPECT_EQ(summary.at("memory").at("evicted").at("keyframes").get<int>(), 0);
   const nlohmann::json& later = summary.at("tracking_thread").at("later_frames");
-  EXPECT_GE(later.at("minor_faults").get<int>(), 0);
+  EXPECT_TRUE(later.contains("minor_faults"));
   if (later.contains("heap_calls")) {
     EXPECT_EQ(later.at("heap_calls").get<int>(), 0);
     EXPECT_EQ(summary.at("tracking_thread").at("first_frame").at("heap_calls").get<int>(), 0);

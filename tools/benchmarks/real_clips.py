@@ -187,6 +187,8 @@ def main():
     arguments = parser.parse_args()
     clips = [Clip(argument) for argument in arguments.clips]
     reports, failed = runs.run_seeds(arguments, clips, judge=arguments.judge)
+    if failed:
+        sys.exit(f"{failed} runs failed: no results are written; the others are kept for the next call")
     figures = {name: {seed: figures_of(report) for seed, report in of_seed.items()} for name, of_seed in reports.items()}
     out = arguments.out.resolve()
     for clip in clips:
@@ -203,8 +205,7 @@ def main():
         {"clip": name, "frames": frames, "reference_coverage": reference, "seeds": figures[name]}
         for name, frames, reference, _ in rows]}
     (arguments.out / "figures.json").write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-    return 1 if failed else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -124,11 +124,13 @@ class RealClipsTest(ScriptTest):
             self.assertEqual(asked, [])
             self.assertNotIn("Traceback", output)
 
-    def test_failed_run_is_told_and_the_others_stay(self):
+    def test_failed_run_is_told_and_no_results_are_written(self):
         code, output, _ = self.call("real_clips.py", "--seeds", "2", "--set", "fail=true", self.clip)
         self.assertEqual(code, 1)
         self.assertIn("clip seed 2: run failed: this run fails", output)
-        self.assertIn("| clip | 10 | 0 |", output)
+        self.assertIn("2 runs failed: no results are written", output)
+        self.assertFalse((self.folder / "out" / "table.md").exists())
+        self.assertFalse((self.folder / "out" / "figures.json").exists())
 
     def test_only_what_has_changed_is_made_again(self):
         def asked(*arguments):

@@ -33,6 +33,8 @@ class HttpViewServer final : public ViewServer {
     });
     server_.new_task_queue = [] { return new httplib::ThreadPool(kMaxViewers + kOtherThreads); };
     server_.set_payload_max_length(0);
+    // One request a connection: the body of one, which is never read, would be taken for the next.
+    server_.set_keep_alive_max_count(1);
     server_.set_keep_alive_timeout(2);
     // The page takes nothing from elsewhere, shows in no other page, and tells no other page its address.
     server_.set_default_headers(

@@ -147,6 +147,25 @@ TEST_F(ViewServerTest, RefusesOthersWithoutSayingTheToken) {
   }
 }
 
+// What follows the head of a request is its body. A request in it would have the headers of its choice.
+TEST_F(ViewServerTest, NoRequestIsReadFromTheBodyOfAnother) {
+  const std::string host = Host(server_->port());
+  const std::string origin = "Origin: http://127.0.0.1:" + std::to_string(server_->port()) + "\r\n";
+  const std::string hidden =
+      "POST " + kRoot + "do?request=mark HTTP/1.1\r\n" + host + origin + "Content-Length: 0\r\n\r\n";
+  for (const std::string& head :
+       {"POST " + kRoot + "do HTTP/1.1\r\n" + host + "Origin: http://evil.example\r\n",
+        "POST " + kRoot + "do?request=no HTTP/1.1\r\n" + host + origin, "GET " + kRoot + "empty HTTP/1.1\r\n" + host}) {
+    Connection connection(server_->port());
+    connection.Send(head + "Content-Length: " + std::to_string(hidden.size()) + "\r\n\r\n");
+    connection.ReadUntil("\r\n\r\n");
+    connection.Send(hidden);
+    connection.ReadAll();
+    EXPECT_NE(asked_, "mark") << head;
+    asked_.clear();
+  }
+}
+
 TEST_F(ViewServerTest, NoFileIsReadByAName) {
   for (const char* name : {"../../../../etc/passwd", "..%2f..%2f..%2fetc%2fpasswd", "%2e%2e/%2e%2e/etc/passwd",
                            "run.json/../../../etc/passwd", "/etc/passwd", "..\\..\\etc\\passwd", "run.json%00.html"}) {

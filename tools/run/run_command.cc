@@ -334,15 +334,22 @@ int Run(const RunArguments& arguments) {
   progress.Finish(record);
   const std::string remark = StampRemark(**source);
   if (!remark.empty()) console::Warn(kRunCommand, "%s", remark.c_str());
+  engine.FinishDepth(stop_requested);
+  // Nothing has come of it: an earlier run is worth more.
+  if (record.frames().empty()) {
+    output->Discard();
+    if (!session.ok()) return console::Fail(kRunCommand, session.status());
+    if (stop_requested) {
+      console::Warn(kRunCommand, "stopped before the first frame; nothing is written");
+      return kExitStopped;
+    }
+    // How long a recording is shows only when it has been read: of it, too, a part that is empty is a mistake.
+    return console::Fail(kRunCommand, InvalidArgument(arguments.sequence + ": the sequence is empty from frame " +
+                                                      std::to_string(arguments.part.first_frame) + " on"));
+  }
   if (stop_requested && !is_live) {
     console::Warn(kRunCommand, "stopped after %zu frames; what was mapped until then is written",
                   record.frames().size());
-  }
-  engine.FinishDepth(stop_requested);
-  // How long a recording is shows only when it has been read: of it, too, a part that is empty is a mistake.
-  if (session.ok() && !stop_requested && record.frames().empty()) {
-    return console::Fail(kRunCommand, InvalidArgument(arguments.sequence + ": the sequence is empty from frame " +
-                                                      std::to_string(arguments.part.first_frame) + " on"));
   }
   Status calibration_written;
   if (estimated) calibration_written = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);

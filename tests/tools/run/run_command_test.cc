@@ -5,6 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -13,6 +16,7 @@
 #include "tests/capture/temp_folder.h"
 #include "tests/tools/command/call_command.h"
 #include "tools/command/console.h"
+#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/render/render_command.h"
 
@@ -80,6 +84,41 @@ TEST(RunCommand, WarnsOnceOfTwoViewsInEachPicture) {
                                     "same scene."));
   EXPECT_THAT(answer.err, HasSubstr("-vf crop=iw/2:ih:0:0 "));
   EXPECT_EQ(answer.err.find("same scene"), answer.err.rfind("same scene"));
+}
+
+// For a process of its own, which is told to stop before the first frame. The code of the run, or 1 where the folder of
+// the results is not as it was before.
+int RunStoppedBeforeTheFirstFrame(bool has_earlier_run) {
+  const TempFolder root;
+  const std::string colon = root.Path("colon"), out = root.Path("out");
+  EXPECT_EQ(CallCommand({AddRenderCommand}, {"render", colon, "--seconds", "0.2", "--size", "360x270"}).code, kExitOk);
+  if (has_earlier_run) {
+    std::filesystem::create_directories(out);
+    std::ofstream(out + "/frames.csv") << "earlier";
+  }
+  HandleSignals("run");
+  CatchStopSignals();
+  std::raise(SIGINT);
+  const CommandAnswer answer =
+      CallCommand({AddRunCommand}, {"run", colon, "--out", out, "--overwrite", "--device", "cpu"});
+  std::fputs(answer.err.c_str(), stderr);
+  EXPECT_EQ(std::filesystem::exists(out), has_earlier_run);
+  if (has_earlier_run) {
+    std::string kept;
+    std::ifstream(out + "/frames.csv") >> kept;
+    EXPECT_EQ(kept, "earlier");
+    const std::filesystem::directory_iterator entries(out);
+    EXPECT_EQ(std::distance(begin(entries), end(entries)), 1);
+  }
+  return testing::Test::HasFailure() ? 1 : answer.code;
+}
+
+TEST(RunCommand, StoppedBeforeTheFirstFrameLeavesTheFolderAsItWas) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  for (const bool has_earlier_run : {false, true}) {
+    EXPECT_EXIT(std::exit(RunStoppedBeforeTheFirstFrame(has_earlier_run)), testing::ExitedWithCode(kExitStopped),
+                "haustra run: warning: stopped before the first frame");
+  }
 }
 
 }  // namespace

@@ -50,14 +50,22 @@ std::int64_t DistanceNs(std::int64_t num_frames, std::int64_t period_ns) {
   return static_cast<std::int64_t>(std::clamp(distance_ns, -kLongestNs, kLongestNs));
 }
 
-// Frames of the sequence that the run's output does not have, with the times that they must have had.
-std::vector<RunFrame> FindUnansweredFrames(const RunOutput& run, const Reference& reference) {
+struct UnansweredFrames {
+  std::size_t count = 0;
+  std::size_t num_clear = 0;  // by the times that they must have had
+};
+
+// Frames of the sequence that the run's output does not have. They are counted, not kept: a damaged video may claim any
+// number of them.
+UnansweredFrames CountUnansweredFrames(const RunOutput& run, const Reference& reference) {
   if (run.frames.empty()) return {};
   const RunFrame& last = run.frames.back();
   const std::int64_t num_frames = std::max(last.frame_idx + 1, run.figures.sequence_frames.value_or(0));
+  UnansweredFrames unanswered;
+  unanswered.count = static_cast<std::size_t>(num_frames) - run.frames.size();
+  if (!reference.events) return unanswered;
   const std::int64_t period_ns = FramePeriodNs(run.frames);
   const bool are_stamps_known = reference.frame_stamps_ns.size() == static_cast<std::size_t>(num_frames);
-  std::vector<RunFrame> unanswered;
   auto next = run.frames.begin();
   for (std::int64_t i = 0; i < num_frames; ++i) {
     if (next != run.frames.end() && next->frame_idx == i) {
@@ -69,7 +77,7 @@ std::vector<RunFrame> FindUnansweredFrames(const RunOutput& run, const Reference
     frame.frame_idx = i;
     frame.timestamp_ns = are_stamps_known ? reference.frame_stamps_ns[static_cast<std::size_t>(i)]
                                           : neighbour.timestamp_ns + DistanceNs(i - neighbour.frame_idx, period_ns);
-    unanswered.push_back(frame);
+    unanswered.num_clear += IsClear(frame, run.figures.part, reference) ? 1 : 0;
   }
   return unanswered;
 }
@@ -90,15 +98,14 @@ void CountFrames(const RunOutput& run, const Reference& reference, const std::ve
     num_clear_localised += frames[i].is_localised() ? 1 : 0;
     num_clear_live += is_live ? 1 : 0;
   }
-  const std::vector<RunFrame> unanswered = FindUnansweredFrames(run, reference);
-  const std::vector<bool> is_unanswered_clear = FindClearFrames(unanswered, run.figures.part, reference);
-  num_clear += static_cast<std::size_t>(std::count(is_unanswered_clear.begin(), is_unanswered_clear.end(), true));
-  evaluation->unanswered_frames = unanswered.size();
-  evaluation->frames = frames.size() + unanswered.size();
+  const UnansweredFrames unanswered = CountUnansweredFrames(run, reference);
+  evaluation->unanswered_frames = unanswered.count;
+  evaluation->frames = frames.size() + unanswered.count;
   evaluation->interlaced = run.figures.interlaced.value_or(0);
   evaluation->live_coverage = Percent(evaluation->live_localised, evaluation->frames);
   evaluation->coverage = Percent(evaluation->localised, evaluation->frames);
   if (reference.events) {
+    num_clear += unanswered.num_clear;
     evaluation->visible_frames = num_clear;
     evaluation->live_visible_localised = num_clear_live;
     evaluation->live_visible_coverage = Percent(num_clear_live, num_clear);

@@ -150,18 +150,21 @@ std::vector<std::optional<SE3>> Associate(const std::vector<RunFrame>& frames,
   return result;
 }
 
+bool IsClear(const RunFrame& frame, const SequenceOptions& part, const Reference& reference) {
+  if (!reference.events) return true;
+  const std::vector<std::int64_t>& stamps = reference.frame_stamps_ns;
+  const std::int64_t frame_idx = stamps.empty() ? part.StoredFrame(frame.frame_idx)
+                                                : static_cast<std::int64_t>(Nearest(stamps, frame.timestamp_ns));
+  return std::none_of(reference.events->begin(), reference.events->end(), [&](const SequenceEvent& event) {
+    return !event.is_visible && frame_idx >= event.first_frame && frame_idx <= event.last_frame;
+  });
+}
+
 std::vector<bool> FindClearFrames(const std::vector<RunFrame>& frames, const SequenceOptions& part,
                                   const Reference& reference) {
-  std::vector<bool> is_clear(frames.size(), true);
-  if (!reference.events) return is_clear;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    const std::vector<std::int64_t>& stamps = reference.frame_stamps_ns;
-    const std::int64_t frame_idx = stamps.empty() ? part.StoredFrame(frames[i].frame_idx)
-                                                  : static_cast<std::int64_t>(Nearest(stamps, frames[i].timestamp_ns));
-    for (const SequenceEvent& event : *reference.events) {
-      if (!event.is_visible && frame_idx >= event.first_frame && frame_idx <= event.last_frame) is_clear[i] = false;
-    }
-  }
+  std::vector<bool> is_clear;
+  is_clear.reserve(frames.size());
+  for (const RunFrame& frame : frames) is_clear.push_back(IsClear(frame, part, reference));
   return is_clear;
 }
 

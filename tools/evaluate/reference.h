@@ -42,8 +42,11 @@ std::int64_t FramePeriodNs(const std::vector<RunFrame>& frames);
 std::vector<std::optional<SE3>> Associate(const std::vector<RunFrame>& frames,
                                           const std::vector<GroundTruthPose>& poses);
 
-// For each of these frames of a run whether the scene can be seen. `part` is what the run read of the sequence, whose
-// frames the events name; where the times of these are known they go before it. All ones when the events are not known.
+// Whether the scene can be seen in a frame of a run. `part` is what the run read of the sequence, whose frames the
+// events name; where the times of these are known they go before it. True when the events are not known.
+bool IsClear(const RunFrame& frame, const SequenceOptions& part, const Reference& reference);
+
+// The same for each of these frames.
 std::vector<bool> FindClearFrames(const std::vector<RunFrame>& frames, const SequenceOptions& part,
                                   const Reference& reference);
 

@@ -33,7 +33,8 @@ std::string MapName(int map_id) {
 struct IntegerRange {
   std::int64_t low = 0, high = 0;
 };
-constexpr IntegerRange kFrameRange{0, std::numeric_limits<std::uint32_t>::max()};
+// Of frames, eleven days at 100 Hz: a greater index is no frame of a recording.
+constexpr IntegerRange kFrameRange{0, 100'000'000};
 constexpr IntegerRange kKeyframeRange{-1, std::numeric_limits<std::uint32_t>::max()};
 constexpr IntegerRange kMapRange{-1, std::numeric_limits<int>::max()};
 constexpr IntegerRange kCountRange{0, std::numeric_limits<int>::max()};

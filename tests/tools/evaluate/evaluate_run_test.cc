@@ -111,6 +111,15 @@ TEST(EvaluateRun, FramesThatTheRunNeverReachedAreNotLocalised) {
   EXPECT_EQ(EvaluateRun(run, reference, {}).visible_frames, 460u);
 }
 
+// As the header of a damaged video may claim.
+TEST(EvaluateRun, FramesThatWereNeverReachedCostNoMemory) {
+  RunOutput run = ThreeMaps();
+  run.figures.sequence_frames = std::int64_t{1} << 60;
+  const Evaluation e = EvaluateRun(run, TrueReference(400), {});
+  EXPECT_EQ(e.unanswered_frames, (std::size_t{1} << 60) - 400);
+  EXPECT_GT(e.coverage, 0.0);
+}
+
 TEST(EvaluateRun, LiveVisibleCoverageLeavesOutWhatCannotBeSeen) {
   RunOutput run = ThreeMaps();
   for (std::int64_t i = 10; i < 30; ++i) run.frames[static_cast<std::size_t>(i)].live_map_id = -1;

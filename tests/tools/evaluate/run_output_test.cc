@@ -68,6 +68,12 @@ TEST_F(RunOutputTest, EverythingComesBack) {
   EXPECT_TRUE(run->warnings.empty());
 }
 
+TEST_F(RunOutputTest, FrameThatNoSequenceHasIsRefused) {
+  Edit("frames.csv", "\n29,", "\n4294967295,");
+  EXPECT_EQ(Read().code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv:31: frame_idx is 4294967295, not from 0 to 100000000"));
+}
+
 TEST_F(RunOutputTest, PartOfTheSequenceIsRead) {
   Edit("summary.json", "\"frames\": 30", "\"first_frame\": 100, \"every_nth\": 2, \"frames\": 30");
   const Result<RunOutput> run = Read();
@@ -195,7 +201,7 @@ TEST_F(RunOutputTest, MalformedFilesAreNamedWithTheirLine) {
 // They were cut to the size of what holds them, and another map was meant.
 TEST_F(RunOutputTest, NumbersThatNoRunWritesAreRefused) {
   Edit("frames.csv", "\n3,", "\n-3,");
-  EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv:5: frame_idx is -3, not from 0 to 4294967295"));
+  EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv:5: frame_idx is -3, not from 0 to 100000000"));
   WriteRunFolder(folder_, "out", run_);
   Edit("frames.csv", "120000000", "9223372036854775807");
   EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv:5: timestamp_ns is 9223372036854775807, not from"));

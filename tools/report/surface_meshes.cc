@@ -37,8 +37,9 @@ Result<Json> ReadMapsOfSurface(const std::string& folder) {
 }
 
 Result<std::map<int, std::string>> ReadSurfaceMeshes(const std::string& folder, const std::map<int, MapModel>& models) {
-  HAUSTRA_ASSIGN(const auto checksums, ReadChecksums(folder));
   std::map<int, std::string> meshes;
+  if (!std::filesystem::is_regular_file(std::filesystem::path(folder) / "surface.json")) return meshes;
+  HAUSTRA_ASSIGN(const auto checksums, ReadChecksums(folder));
   for (const auto& [map_id, model] : models) {
     const std::string path = (std::filesystem::path(folder) / (MapFolderName(map_id) + ".ply")).string();
     if (!std::filesystem::is_regular_file(path)) continue;

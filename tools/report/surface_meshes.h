@@ -14,9 +14,9 @@ namespace haustra::report {
 // surface` writes; kUnavailable: it cannot be read.
 Result<nlohmann::ordered_json> ReadMapsOfSurface(const std::string& folder);
 
-// PLY files as they are, by map id; of maps that are not in `models`, or have none in the folder, there is none.
-// kInvalidArgument: a file is none, or surface.json says that a mesh is of another run's map; kUnavailable: a file
-// cannot be read.
+// PLY files as they are, by map id; of maps that are not in `models`, or have none in the folder, there is none. Nor is
+// there any without surface.json, which is written last: such a surface is not whole. kInvalidArgument: a file is none,
+// or surface.json says that a mesh is of another run's map; kUnavailable: a file cannot be read.
 Result<std::map<int, std::string>> ReadSurfaceMeshes(const std::string& folder, const std::map<int, MapModel>& models);
 
 }  // namespace haustra::report

@@ -2,7 +2,6 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <system_error>
 
 #include "tools/report/surface_folder.h"
 #include "tools/surface/coverage_text.h"
@@ -43,12 +42,7 @@ Status MakeOf(const std::string& run_folder, const std::string& surface_folder, 
 Status MakeSurfaceOfRun(const std::string& folder, const surface::SurfaceOptions& options, SurfaceFigures* figures) {
   const std::string surface_folder = (std::filesystem::path(folder) / report::kSurfaceFolder).string();
   Status status = OutputFolder::Check(surface_folder, surface::kSurfaceContent, false);
-  if (status.ok()) {
-    status = MakeOf(folder, surface_folder, options, figures);
-    std::error_code error;
-    // Half a surface would be taken for a whole one.
-    if (!status.ok()) std::filesystem::remove_all(surface_folder, error);
-  }
+  if (status.ok()) status = MakeOf(folder, surface_folder, options, figures);
   if (!status.ok()) figures->why_not = status.message();
   if (status.code() == StatusCode::kCancelled) figures->why_not = "it was stopped; haustra surface makes it";
   return status;

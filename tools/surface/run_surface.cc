@@ -91,6 +91,14 @@ Status WriteMap(const SurfaceOutput& output, int map_id, const MapSurface& made,
   return Status::Ok();
 }
 
+// surface.json comes last: a surface that has it is whole.
+Status WriteFiles(const SurfaceOutput& output, const RunSurface& made, const SurfaceScore& score) {
+  for (std::size_t i = 0; i < made.maps.size(); ++i) {
+    HAUSTRA_TRY(WriteMap(output, made.maps[i].map_id, made.surfaces[i], made.coverages[i]));
+  }
+  return WriteFile(output.folder + "/surface.json", ToJson(made.maps, made.surfaces, made.coverages, score));
+}
+
 }  // namespace
 
 Result<RunSurface> MakeRunSurface(const evaluate::RunOutput& run, const SurfaceRequest& request) {
@@ -122,12 +130,13 @@ std::string WhatIsMissing(const RunSurface& made) {
 
 Status WriteRunSurface(const SurfaceOutput& output, const RunSurface& made, const SurfaceScore& score) {
   HAUSTRA_ASSIGN(OutputFolder folder, OutputFolder::Create(output.folder, kSurfaceContent, output.overwrite));
-  for (std::size_t i = 0; i < made.maps.size(); ++i) {
-    HAUSTRA_TRY(WriteMap(output, made.maps[i].map_id, made.surfaces[i], made.coverages[i]));
+  const Status written = WriteFiles(output, made, score);
+  if (written.ok()) {
+    folder.Commit();
+  } else {
+    folder.Discard();
   }
-  HAUSTRA_TRY(WriteFile(output.folder + "/surface.json", ToJson(made.maps, made.surfaces, made.coverages, score)));
-  folder.Commit();
-  return Status::Ok();
+  return written;
 }
 
 }  // namespace haustra::surface

@@ -64,7 +64,7 @@ Result<ViewSite> MakeRunSite(const RunSiteRequest& request) {
     return NotFound(folder + ": no such folder");
   }
   if (walls.empty() && !request.surface.empty()) {
-    return NotFound(folder + ": no surface of a map of this run (map_NNNN.ply)");
+    return NotFound(folder + ": no whole surface of a map of this run (surface.json, map_NNNN.ply)");
   }
   site.resources["run.json"] = {"application/json", MakeRunData(run, models, walls)};
   return site;

@@ -17,6 +17,7 @@
 #include "engine/surface/depth_map.h"
 #include "tests/capture/temp_folder.h"
 #include "tests/tools/command/call_command.h"
+#include "tests/tools/command/file_size_limit.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tests/tools/report/small_report.h"
 #include "tools/evaluate/colmap_reader.h"
@@ -24,6 +25,7 @@
 #include "tools/run/run_command.h"
 #include "tools/run/surface_of_run.h"
 #include "tools/surface/keyframe_pictures.h"
+#include "tools/surface/run_surface.h"
 #include "tools/surface/surface_text.h"
 
 namespace haustra {
@@ -198,6 +200,32 @@ TEST_F(SurfaceCommandTest, AnEarlierSurfaceIsKept) {
   EXPECT_EQ(folder_.Read("to/map_0000.ply"), "mine");
   EXPECT_EQ(Surface("", {"--overwrite"}), kExitOk) << err_;
   EXPECT_NE(folder_.Read("to/map_0000.ply"), "mine");
+}
+
+TEST_F(SurfaceCommandTest, AFullDiskCostsNoEarlierSurface) {
+  surface::RunSurface made;
+  made.maps.resize(1);
+  made.surfaces.resize(1);
+  made.coverages.resize(1);
+  made.surfaces[0].mesh = {{{0, 0, 1}, {1, 0, 1}, {0, 1, 1}}, {{9, 9, 9}, {9, 9, 9}, {9, 9, 9}}, {{0, 1, 2}}};
+  surface::SurfaceOutput output;
+  output.folder = folder_.At("to");
+  ASSERT_EQ(WriteRunSurface(output, made, {}).message(), "");
+  const std::string ply = folder_.Read("to/map_0000.ply"), json = folder_.Read("to/surface.json");
+  ASSERT_GT(folder_.Read("to/map_0000.glb").size(), ply.size());
+  made.surfaces[0].mesh.rgb[0] = {1, 2, 3};
+  output.overwrite = true;
+  Status status;
+  {
+    const FileSizeLimit full(ply.size());  // room for the first file
+    status = WriteRunSurface(output, made, {});
+  }
+  EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+  EXPECT_EQ(folder_.Read("to/map_0000.ply"), ply);
+  EXPECT_EQ(folder_.Read("to/surface.json"), json);
+  for (const auto& entry : std::filesystem::directory_iterator(output.folder)) {
+    EXPECT_FALSE(entry.is_directory()) << entry.path();
+  }
 }
 
 TEST_F(SurfaceCommandTest, ADamagedTruthOfTheWallIsNamedWithItsLine) {

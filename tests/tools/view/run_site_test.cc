@@ -97,15 +97,28 @@ TEST_F(RunSiteTest, MarksHaveAPlaceAndAStateInEachFrame) {
 
 TEST_F(RunSiteTest, ASurfaceIsFoundBesideTheRunOrWhereItIsSaid) {
   folder_.Write("out/surface/map_0000.ply", "ply\nformat ascii 1.0\nend_header\n");
+  folder_.Write("out/surface/surface.json", R"({"maps":[]})");
   folder_.Write("mesh/map_0000.ply", "ply\nformat ascii 1.0\ncomment other\nend_header\n");
+  folder_.Write("mesh/surface.json", R"({"maps":[]})");
   EXPECT_EQ(DataOf(*Make())["maps"][0]["surface"], "map_0000.ply");
   const Result<ViewSite> other = Make("mesh");
   ASSERT_TRUE(other.ok());
   EXPECT_THAT(other->resources.at("map_0000.ply").bytes, HasSubstr("comment other"));
 }
 
+// surface.json is written last: without it the making of the surface was broken off.
+TEST_F(RunSiteTest, HalfASurfaceIsNotShown) {
+  folder_.Write("out/surface/map_0000.ply", "ply\nend_header\n");
+  const Result<ViewSite> site = Make();
+  ASSERT_TRUE(site.ok()) << site.status().message();
+  EXPECT_TRUE(DataOf(*site)["maps"][0]["surface"].is_null());
+  EXPECT_FALSE(site->resources.contains("map_0000.ply"));
+  EXPECT_EQ(Make("out/surface").code(), StatusCode::kNotFound);
+}
+
 TEST_F(RunSiteTest, WhatWasLookedAtComesWithTheSurface) {
   folder_.Write("out/surface/map_0000.ply", "ply\nend_header\n");
+  folder_.Write("out/surface/surface.json", R"({"maps":[]})");
   EXPECT_TRUE(DataOf(*Make())["maps"][0]["wall"].is_null()) << "of before there was a coverage";
   folder_.Write("out/surface/surface.json",
                 R"({"maps":[{"map_id":0,"lumen":{"found":true},"wall_coverage":0.75},{"map_id":7,"lumen":{}}]})");
@@ -145,7 +158,8 @@ TEST_F(RunSiteTest, ASurfaceThatIsNotThereOrIsNoneIsNamed) {
   EXPECT_THAT(Make("none").status().message(), HasSubstr("none: no such folder"));
   folder_.Write("mesh/map_0007.ply", "ply\n");
   EXPECT_EQ(Make("mesh").code(), StatusCode::kNotFound);
-  EXPECT_THAT(Make("mesh").status().message(), HasSubstr("no surface of a map of this run"));
+  EXPECT_THAT(Make("mesh").status().message(), HasSubstr("no whole surface of a map of this run"));
+  folder_.Write("mesh/surface.json", R"({"maps":[]})");
   folder_.Write("mesh/map_0000.ply", "solid");
   EXPECT_EQ(Make("mesh").code(), StatusCode::kInvalidArgument);
   EXPECT_THAT(Make("mesh").status().message(), HasSubstr("map_0000.ply: not a PLY file"));

@@ -21,7 +21,6 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kMaxPointsPerMap = 5000;
 constexpr std::size_t kMaxTruePositions = 4000;
-constexpr std::size_t kMaxMapsOnTheirOwn = 6;  // views of maps that could not be aligned
 
 // Segments that are not in a map.
 constexpr int kLost = -1, kInitialising = -2, kDropped = -3, kHidden = -4;

@@ -18,6 +18,9 @@
 
 namespace haustra::report {
 
+// So many maps at most that could not be aligned to a ground truth have a view, the largest.
+inline constexpr std::size_t kMaxMapsOnTheirOwn = 6;
+
 // models: of the maps that were exported, by map id.
 std::string MakeChartData(const evaluate::RunOutput& run, const evaluate::Reference& reference,
                           const evaluate::Evaluation& evaluation, const std::map<int, MapModel>& models);

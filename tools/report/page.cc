@@ -130,7 +130,7 @@ bool AreShown(const std::map<int, std::string>& meshes) {
   return bytes <= kMaxMeshBytes;
 }
 
-std::string ViewsHtml(bool has_truth, const std::map<int, std::string>& meshes) {
+std::string ViewsHtml(const Evaluation& e, bool has_truth, const std::map<int, std::string>& meshes) {
   std::string text =
       "Camera paths (lines) and map points (dots): in 3D, to be turned with the mouse, and seen along the smallest and "
       "the middle principal axis of the path. ";
@@ -139,6 +139,12 @@ std::string ViewsHtml(bool has_truth, const std::map<int, std::string>& meshes) 
   if (!meshes.empty()) {
     text += AreShown(meshes) ? " In 3D the surface of the wall is shown in place of the points."
                              : " The surface of the wall is too large for this page; haustra view shows it.";
+  }
+  const auto num_alone = static_cast<std::size_t>(
+      std::count_if(e.per_map.begin(), e.per_map.end(), [](const auto& map) { return !map.truth_from_map; }));
+  if (num_alone > kMaxMapsOnTheirOwn) {
+    text += " The " + std::to_string(kMaxMapsOnTheirOwn) + " largest of " + std::to_string(num_alone) + " maps " +
+            (has_truth ? "that could not be aligned " : "") + "are shown; haustra view shows all.";
   }
   std::string html = Paragraph(text) + "<div id=\"views\"></div>\n";
   if (has_truth) html += "<h3>Position error over time</h3>\n" + Plot("errors", 240);
@@ -174,18 +180,26 @@ std::string MotionHtml(const evaluate::RunOutput& run) {
          Wide(MakeMotionTable(run));
 }
 
-TextTable EventTable(const evaluate::RunOutput& run) {
+// Nothing where all rows are in the table.
+std::string HowManyAreListed(std::size_t num_listed, std::size_t num_rows) {
+  if (num_rows <= num_listed) return {};
+  return Paragraph("The first " + std::to_string(num_listed) + " of " + std::to_string(num_rows) +
+                   " are listed; events.csv has all.");
+}
+
+std::string EventsHtml(const evaluate::RunOutput& run) {
   TextTable table;
   table.header = {"event", "details", "frame", "map", "other map"};
   table.num_left = 2;
+  std::size_t num_events = 0;
   for (const evaluate::RunEventRow& event : run.events) {
     if (event.event == "merge_rejected" || event.event == "frame_not_found") continue;
-    if (table.rows.size() == kMaxEventRows) break;
+    if (++num_events > kMaxEventRows) continue;
     table.rows.push_back({event.event, event.details, std::to_string(event.frame_idx),
                           event.map_id < 0 ? kNothing : std::to_string(event.map_id),
                           event.other_map_id < 0 ? kNothing : std::to_string(event.other_map_id)});
   }
-  return table;
+  return "<div class=\"scroll\">" + TableHtml(table) + "</div>\n" + HowManyAreListed(kMaxEventRows, num_events);
 }
 
 std::string RejectionsHtml(const evaluate::RunOutput& run) {
@@ -205,11 +219,7 @@ std::string RejectionsHtml(const evaluate::RunOutput& run) {
   }
   html += "</select></label> <span id=\"reason-count\"></span></p>\n<div class=\"scroll\" id=\"rejections\">\n" +
           TableHtml(MakeRejectionTable(rejections, run.frames, kMaxRejectionRows)) + "</div>\n";
-  if (rejections.size() > kMaxRejectionRows) {
-    html += Paragraph("The first " + std::to_string(kMaxRejectionRows) + " of " + std::to_string(rejections.size()) +
-                      " are listed; events.csv has all.");
-  }
-  return html;
+  return html + HowManyAreListed(kMaxRejectionRows, rejections.size());
 }
 
 std::string DataScript(const std::string& id, const std::string& json) {
@@ -238,7 +248,7 @@ std::string MakePage(const PageContent& content) {
   page += WarningsHtml(e);
   page += Section("summary", "Summary", Wide(SummaryTable(e)));
   page += Section("coverage-section", "Coverage over time", CoverageHtml(e));
-  page += Section("views-section", "Trajectories and map points", ViewsHtml(has_truth, content.meshes));
+  page += Section("views-section", "Trajectories and map points", ViewsHtml(e, has_truth, content.meshes));
   if (!content.run.marks.set.empty() || !content.run.marks.refused.empty()) {
     page += Section("marks-section", "Marks", MarksHtml(content.run));
   }
@@ -254,8 +264,7 @@ std::string MakePage(const PageContent& content) {
               content.pictures_html.empty() ? Paragraph("No sequence was given (--sequence), so there are no pictures.")
                                             : content.pictures_html);
   if (!content.wall_html.empty()) page += Section("wall-section", "The wall that was looked at", content.wall_html);
-  page += Section("events-section", "What happened",
-                  "<div class=\"scroll\">" + TableHtml(EventTable(content.run)) + "</div>\n");
+  page += Section("events-section", "What happened", EventsHtml(content.run));
   page += Section("rejections-section", "Why no merge here", RejectionsHtml(content.run));
   page += PlotCredits() + SceneCredits();
   page += DataScript("evaluation", ToJson(e));

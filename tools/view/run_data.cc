@@ -90,11 +90,12 @@ Json MapOf(const evaluate::RunMap& map, const report::MapModel& model, const Sho
           {"wall", wall.coverage.empty() ? Json(nullptr) : Json::parse(wall.coverage)}};
 }
 
-Json EventsOf(const RunOutput& run) {
+// *num_events: those that the page would show if there were fewer.
+Json EventsOf(const RunOutput& run, std::size_t* num_events) {
   Json events = Json::array();
   for (const evaluate::RunEventRow& event : run.events) {
     if (event.event == "merge_rejected" || event.event == "frame_not_found") continue;
-    if (events.size() == kMaxEvents) break;
+    if (++*num_events > kMaxEvents) continue;
     events.push_back({{"frame", event.frame_idx},
                       {"event", event.event},
                       {"map", event.map_id},
@@ -159,7 +160,9 @@ std::string MakeRunData(const RunOutput& run, const std::map<int, report::MapMod
     json["maps"].push_back(MapOf(map, model->second, wall == walls.end() ? ShownWall() : wall->second));
   }
   json["frames"] = FramesOf(run, states);
-  json["events"] = EventsOf(run);
+  std::size_t num_events = 0;
+  json["events"] = EventsOf(run, &num_events);
+  json["num_events"] = num_events;
   json["mark_states"] = mark_states;
   json["marks"] = MarksOf(run, mark_states);
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);

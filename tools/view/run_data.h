@@ -1,11 +1,11 @@
-// What page/view.js shows of a finished run, as JSON:
+// What page/run.js shows of a finished run, as JSON:
 //   name, mode, device, period_ms
 //   maps    id, status, keyframes, points (float32 x y z), rgb (uint8), surface (name of a resource, or null),
 //           wall (its entry in surface.json, with map and picture (name of a resource, or null); or null)
 //   frames  columns: index (int32), time_s, map (int32, at the end; -1: none), live_map (int32), state (uint8),
 //           inliers (int32), latency_ms (float32, NaN: not known), position (float32 x y z), orientation (x y z w)
 //   states  words that the column of states counts
-//   events  frame, event, map, other_map, details
+//   events  frame, event, map, other_map, details; no more than num_events, the first
 //   marks   label, map, position (in that map at the end, or null), frame (that it was set in, -1: in an earlier run),
 //           and a row a frame: state (uint8, 255: its map was not tracked), distance (float32, depths of the scene)
 //   mark_states  words that the column of states of marks counts

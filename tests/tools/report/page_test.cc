@@ -137,6 +137,29 @@ TEST_F(PageTest, RejectedCandidatesAreListedWithTheirReasons) {
   EXPECT_THAT(page, HasSubstr("<td class=\"left\">merge</td><td class=\"left\">no_similarity</td><td>35</td>"));
 }
 
+TEST_F(PageTest, EventsThatAreNotListedAreCounted) {
+  EXPECT_THAT(Page(), Not(HasSubstr("events.csv has all")));
+  const std::size_t num_small = 4;  // those that are listed: no rejection, and no search for a frame
+  for (std::int64_t i = 0; i < 1200; ++i) run_.events.push_back(EventWith(59, "lost", 0, -1, "few_matches"));
+  EXPECT_THAT(Page(), HasSubstr("<p>The first 1000 of " + std::to_string(1200 + num_small) +
+                                " are listed; events.csv has all.</p>"));
+}
+
+TEST_F(PageTest, MapsThatAreNotShownAreCounted) {
+  reference_ = {};
+  EXPECT_THAT(Page(), Not(HasSubstr("largest of")));
+  // Nine maps of six frames each, and one of five.
+  for (std::size_t i = 0; i < run_.frames.size(); ++i) {
+    run_.frames[i] = evaluate::MakeRunFrame(static_cast<std::int64_t>(i), static_cast<int>(i / 6),
+                                            static_cast<int>(i / 6), evaluate::TruePose(static_cast<std::int64_t>(i)));
+  }
+  run_.maps.clear();
+  for (int map_id = 0; map_id < 10; ++map_id) run_.maps.push_back({map_id, "stored", 2, 30});
+  const std::string page = Page();
+  EXPECT_EQ(nlohmann::json::parse(ScriptText(page, "chart-data"))["views"].size(), 6u);
+  EXPECT_THAT(page, HasSubstr("The 6 largest of 10 maps are shown"));
+}
+
 TEST_F(PageTest, RunWithoutAnyMapOrEventIsAPageToo) {
   evaluate::RunOutput empty;
   empty.folder = "out";

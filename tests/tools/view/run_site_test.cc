@@ -70,6 +70,16 @@ TEST_F(RunSiteTest, DataAreThoseOfTheRun) {
   EXPECT_EQ(data["events"][0]["event"], "map_created");
 }
 
+TEST_F(RunSiteTest, EventsThatAreNotShownAreCounted) {
+  EXPECT_EQ(DataOf(*Make())["num_events"], DataOf(*Make())["events"].size());
+  evaluate::RunOutput run = report::SmallRun();
+  for (int i = 0; i < 2500; ++i) run.events.push_back(evaluate::Event(59, "lost", 0));
+  WriteRunFolder(folder_, "out", run);
+  const nlohmann::json data = DataOf(*Make());
+  EXPECT_EQ(data["events"].size(), 2000u);
+  EXPECT_EQ(data["num_events"], 2504);
+}
+
 TEST_F(RunSiteTest, MarksHaveAPlaceAndAStateInEachFrame) {
   EXPECT_TRUE(DataOf(*Make())["marks"].empty());
   evaluate::RunOutput run = report::SmallRun();

@@ -131,6 +131,11 @@
       byId('events').append(item);
     }
     if (items.length === 0) byId('events').textContent = 'None.';
+    if (run.num_events > items.length) {
+      const rest = document.createElement('li');
+      rest.textContent = 'The first ' + items.length + ' of ' + run.num_events + ' are listed; events.csv has all.';
+      byId('events').append(rest);
+    }
 
     // --- The strip: states, and below them maps where there are several.
     const drawStrip = () => {

@@ -127,6 +127,7 @@ MapEvaluation EvaluateMap(int map_id, const RunOutput& run, const std::vector<Ev
     num_observations += run.frames[i].num_inliers;
     if (frames[i].truth) pairs.push_back(frames[i].pair());
   }
+  map.true_frames = pairs.size();
   *alignment = Align(pairs);
   if (*alignment) {
     map.ate_frames = pairs.size();

@@ -17,7 +17,8 @@ namespace haustra::evaluate {
 struct MapEvaluation {
   int map_id = -1;
   std::size_t frames = 0;         // localised in it
-  std::size_t ate_frames = 0;     // of these with a true pose
+  std::size_t true_frames = 0;    // of these with a true pose
+  std::size_t ate_frames = 0;     // that the error is of: these, or none
   std::optional<double> rms_ate;  // after its own Sim(3); nothing when left out (too few frames, all on a line)
   std::optional<double> max_error;
   std::optional<double> scene_depth;               // median over its frames, ground-truth units; nothing: not known

@@ -1,9 +1,11 @@
 #include "tools/evaluate/report_text.h"
 
+#include <algorithm>
 #include <span>
 
 #include "tools/evaluate/number_text.h"
 #include "tools/evaluate/paper_tables.h"
+#include "tools/evaluate/trajectory_error.h"
 
 namespace haustra::evaluate {
 namespace {
@@ -44,19 +46,29 @@ std::string CoverageLines(const Evaluation& e) {
   return text;
 }
 
+bool HasTruth(const Evaluation& e) { return e.frames_without_groundtruth + e.unanswered_frames < e.frames; }
+
+std::string WhyThereIsNoError(const Evaluation& e) {
+  if (e.maps == 0) return "no frame is localised in a map";
+  if (!HasTruth(e)) return "there is no true pose of any frame";
+  const std::string enough = std::to_string(kMinAteFrames);
+  const bool has_enough = std::any_of(e.per_map.begin(), e.per_map.end(),
+                                      [](const MapEvaluation& map) { return map.true_frames >= kMinAteFrames; });
+  return has_enough ? "the paths of all maps with " + enough + " frames lie on a line"
+                    : "no map has " + enough + " localised frames with a true pose";
+}
+
 std::string ErrorLines(const Evaluation& e) {
   std::string text;
   if (e.rms_ate) {
     text += Item("RMS ATE", Fixed(e.rms_ate, 4) + " " + e.unit + "   (max " + Fixed(e.max_error, 3) + ", " +
                                 Count(e.ate_frames, "frame", "frames") + " in " +
                                 Count(e.maps - e.left_out_maps, "map", "maps") + ", each with its own Sim(3))");
-  } else if (e.maps == 0) {
-    text += Item("RMS ATE", "-   (no frame is localised in a map)");
   } else {
-    text += Item("RMS ATE", "-   (no map has 10 localised frames with a true pose)");
+    text += Item("RMS ATE", "-   (" + WhyThereIsNoError(e) + ")");
   }
-  if (e.left_out_maps > 0 || e.left_out_frames > 0) {
-    text += Item("", "left out: " + Count(e.left_out_maps, "map", "maps") + " with too few frames or on a line, " +
+  if (HasTruth(e) && (e.left_out_maps > 0 || e.left_out_frames > 0)) {
+    text += Item("", "left out: " + Count(e.left_out_maps, "map", "maps") + " with too few true poses or on a line, " +
                          Count(e.left_out_frames, "localised frame", "localised frames") + " in all");
   }
   if (e.scene_depth) text += Item("scene depth", Fixed(e.scene_depth, 2) + " " + e.unit);

@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 
 #include "tests/tools/evaluate/synthetic_run.h"
+#include "tools/evaluate/report_text.h"
 
 namespace haustra::evaluate {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 // 400 frames: map 1 from 10 to 109 (0.2 mm off, alternately), map 2 from 200 to 299 (0.4 mm off), map 3 from 350 to
 // 354.
@@ -118,6 +120,24 @@ TEST(EvaluateRun, FramesThatWereNeverReachedCostNoMemory) {
   const Evaluation e = EvaluateRun(run, TrueReference(400), {});
   EXPECT_EQ(e.unanswered_frames, (std::size_t{1} << 60) - 400);
   EXPECT_GT(e.coverage, 0.0);
+}
+
+TEST(EvaluateRun, WhyThereIsNoErrorIsSaid) {
+  RunOutput run = ThreeMaps();
+  const std::string without_truth = ToText(EvaluateRun(run, {}, {}));
+  EXPECT_THAT(without_truth, HasSubstr("RMS ATE           -   (there is no true pose of any frame)\n"));
+  EXPECT_THAT(without_truth, Not(HasSubstr("left out")));
+
+  for (RunFrame& frame : run.frames) frame.world_from_cam.translation = {0.01 * double(frame.frame_idx), 0.0, 0.0};
+  EXPECT_THAT(ToText(EvaluateRun(run, TrueReference(400), {})),
+              HasSubstr("RMS ATE           -   (the paths of all maps with 10 frames lie on a line)\n"));
+
+  for (RunFrame& frame : run.frames) {
+    if (frame.map_id != 3) frame.map_id = -1;
+  }
+  const std::string too_few = ToText(EvaluateRun(run, TrueReference(400), {}));
+  EXPECT_THAT(too_few, HasSubstr("RMS ATE           -   (no map has 10 localised frames with a true pose)\n"));
+  EXPECT_THAT(too_few, HasSubstr("left out: 1 map with too few true poses or on a line, 5 localised frames in all"));
 }
 
 TEST(EvaluateRun, LiveVisibleCoverageLeavesOutWhatCannotBeSeen) {

@@ -80,12 +80,13 @@ int Export(const ExportArguments& arguments) {
   if (const Status status = OutputFolder::Check(arguments.out, kExportContent, arguments.overwrite); !status.ok()) {
     return console::FailWriting(kExportCommand, status);
   }
-  const Result<std::vector<ExportedMap>> maps = exporting::ReadExportedMaps(arguments.run);
-  if (!maps.ok()) return console::Fail(kExportCommand, maps.status());
+  const Result<exporting::ExportedMaps> exported = exporting::ReadExportedMaps(arguments.run);
+  if (!exported.ok()) return console::Fail(kExportCommand, exported.status());
+  for (const std::string& warning : exported->warnings) console::Warn(kExportCommand, "%s", warning.c_str());
   Result<OutputFolder> output = OutputFolder::Create(arguments.out, kExportContent, arguments.overwrite);
   if (!output.ok()) return console::FailWriting(kExportCommand, output.status());
   const std::atomic<bool>& stop_requested = CatchStopSignals();
-  for (const ExportedMap& map : *maps) {
+  for (const ExportedMap& map : exported->maps) {
     const Result<std::vector<ExportedFile>> files =
         stop_requested ? Status(StatusCode::kCancelled, "stopped") : FilesOf(arguments, map);
     const Status written =

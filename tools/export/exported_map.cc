@@ -9,24 +9,25 @@
 
 namespace haustra::exporting {
 
-Result<std::vector<ExportedMap>> ReadExportedMaps(const std::string& run) {
+Result<ExportedMaps> ReadExportedMaps(const std::string& run) {
   HAUSTRA_ASSIGN(const evaluate::RunOutput output, evaluate::ReadRunOutput(run));
   std::map<int, ExportedMap> maps;
   for (const evaluate::RunFrame& frame : output.frames) {
     if (frame.map_id < 0) continue;
     maps[frame.map_id].frames.push_back({frame.frame_idx, frame.timestamp_ns, frame.world_from_cam});
   }
-  std::vector<ExportedMap> list;
+  ExportedMaps exported;
+  exported.warnings = output.warnings;
   for (auto& [map_id, map] : maps) {
     map.map_id = map_id;
     const std::filesystem::path folder = std::filesystem::path(run) / "maps" / report::MapFolderName(map_id);
     HAUSTRA_ASSIGN(report::MapModel model, report::ReadMapModel(folder.string()));
     map.points = std::move(model.points);
     map.rgb = std::move(model.rgb);
-    list.push_back(std::move(map));
+    exported.maps.push_back(std::move(map));
   }
-  if (list.empty()) return NotFound(run + ": the run has no map");
-  return list;
+  if (exported.maps.empty()) return NotFound(run + ": the run has no map");
+  return exported;
 }
 
 }  // namespace haustra::exporting

@@ -1,4 +1,5 @@
-// One map of a run as the formats of `haustra export` need it, read from the run's output folder. thread-bound(caller).
+// The maps of a run as the formats of `haustra export` need it, read from the run's output folder.
+// thread-bound(caller).
 #pragma once
 
 #include <array>
@@ -26,8 +27,12 @@ struct ExportedMap {
   std::vector<std::array<std::uint8_t, 3>> rgb;  // one a point
 };
 
-// All maps that exist at the end with at least one localised frame, by id. Errors of evaluate::ReadRunOutput and
-// report::ReadMapModel; kNotFound: there is no such map.
-Result<std::vector<ExportedMap>> ReadExportedMaps(const std::string& run);
+struct ExportedMaps {
+  std::vector<ExportedMap> maps;      // that exist at the end with at least one localised frame, by id; one or more
+  std::vector<std::string> warnings;  // of evaluate::RunOutput
+};
+
+// Errors of evaluate::ReadRunOutput and report::ReadMapModel; kNotFound: the run has no such map.
+Result<ExportedMaps> ReadExportedMaps(const std::string& run);
 
 }  // namespace haustra::exporting

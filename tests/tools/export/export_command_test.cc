@@ -186,6 +186,15 @@ TEST_F(ExportTest, GlbHoldsPointsWithColoursAndThePath) {
   }
 }
 
+TEST_F(ExportTest, ATrajectoryThatWasCutIsSaid) {
+  ASSERT_EQ(Export("tum"), kExitOk);
+  EXPECT_EQ(err_, "");
+  const std::string path = "out/trajectory/map_0000.tum", whole = folder_.Read(path);
+  folder_.Write(path, whole.substr(0, whole.rfind('\n', whole.size() - 2) + 1));
+  ASSERT_EQ(Export("tum", {"--overwrite"}), kExitOk) << err_;
+  EXPECT_THAT(err_, HasSubstr("haustra export: warning: " + folder_.At(path) + ": no pose for 1 frames"));
+}
+
 TEST_F(ExportTest, WhatIsThereIsKeptAndWhatIsMissingNamed) {
   ASSERT_EQ(Export("csv"), kExitOk);
   EXPECT_EQ(Export("tum"), kExitInTheWay);

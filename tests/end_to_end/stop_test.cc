@@ -228,6 +228,26 @@ INSTANTIATE_TEST_SUITE_P(Commands, StoppedCommand,
                                          std::vector<std::string>{"surface", "RUN", "--out", "OUT"}),
                          [](const auto& commands) { return commands.param.front(); });
 
+// What has no end of its own.
+class StoppedOnlooker : public testing::TestWithParam<const char*> {};
+
+TEST_P(StoppedOnlooker, SaysSo) {
+  const std::string scratch = ScratchFolder(), said = scratch + "/said";
+  std::vector<std::string> arguments = HaustraCommand({GetParam(), "--folder", scratch});
+  arguments.insert(arguments.begin(), {"/bin/bash", "-c", "exec \"$@\" > " + said, "bash"});
+  Command command(arguments);
+  while (command.IsRunning() && (!Exists(said) || ReadBytes(said).empty())) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  command.Signal(SIGINT);
+  const CommandResult result = command.Wait(kHangLimit);
+  EXPECT_EQ(result.exit_code, kExitStopped) << result.ToString();
+  EXPECT_TRUE(result.err.ends_with("haustra " + std::string(GetParam()) + ": stopped\n")) << result.ToString();
+}
+
+INSTANTIATE_TEST_SUITE_P(Commands, StoppedOnlooker, testing::Values("view", "watch"),
+                         [](const auto& commands) { return std::string(commands.param); });
+
 // One that writes from its start on.
 TEST(StoppedRender, PutsTheEarlierSequenceBack) {
   const std::string out = ScratchFolder() + "/out";

@@ -217,7 +217,7 @@ class PageTest(unittest.TestCase):
                 self.assertEqual(page.messages, [])
                 origins = page.value("[...new Set(performance.getEntriesByType('resource').map(e => new URL(e.name).origin))]")
                 self.assertEqual(origins, [page.value("location.origin")])
-            self.assertEqual(server.code, 0)
+            self.assertEqual(server.code, 130)
 
     def test_marks_of_a_run(self):
         with page_of(put_marks) as (page, run):

@@ -3,7 +3,6 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -13,7 +12,6 @@
 
 #include "platform/control/control_client.h"
 #include "tools/command/console.h"
-#include "tools/command/stop_signal.h"
 #include "tools/exit_codes.h"
 #include "tools/service/runtime_folder.h"
 #include "tools/service/watch_view.h"
@@ -132,9 +130,9 @@ int Watch(const WatchArguments& arguments) {
     console::Print("%s", WatchPage(model, 1000).c_str());
     return model.is_connected ? kExitOk : kExitUnavailable;
   }
-  const std::atomic<bool>& stop_requested = CatchStopSignals();
   const bool is_terminal = ::isatty(STDOUT_FILENO) != 0;
-  for (int step = 0; !stop_requested; ++step) {
+  // Nothing is written: a stop may end it here and now (stop_signal.h).
+  for (int step = 0;; ++step) {
     const WatchModel& model = watcher.Look();
     if (is_terminal) {
       // Home, then each line cleared to its end, then what is below: nothing flickers.

@@ -90,8 +90,8 @@ int Surface(const SurfaceArguments& arguments) {
   if (!arguments.groundtruth.empty() && !score->depth && !score->coverage) {
     console::Warn(kSurfaceCommand, "no map could be aligned to %s: nothing is judged", arguments.groundtruth.c_str());
   }
-  console::Print("%s: a mesh for each map, as .ply and .glb; maps have frames and scales of their own\n",
-                 output.folder.c_str());
+  console::Tell("%s: a mesh for each map, as .ply and .glb; maps have frames and scales of their own\n",
+                output.folder.c_str());
   return kExitOk;
 }
 

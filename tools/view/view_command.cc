@@ -1,16 +1,14 @@
 #include "tools/view/view_command.h"
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cstdio>
 #include <memory>
 #include <string>
-#include <thread>
 #include <utility>
 
 #include "tools/command/console.h"
-#include "tools/command/stop_signal.h"
-#include "tools/exit_codes.h"
 #include "tools/service/runtime_folder.h"
 #include "tools/view/live_stream.h"
 #include "tools/view/live_wall.h"
@@ -24,7 +22,6 @@ namespace haustra {
 namespace {
 
 constexpr const char* kViewCommand = "view";
-constexpr std::chrono::milliseconds kStep{50};
 
 struct ViewArguments {
   view::RunSiteRequest request;  // without a run: a running haustrad
@@ -48,7 +45,6 @@ view::ViewSite MakeLiveSite(const std::string& folder, bool may_mark) {
 }
 
 int View(const ViewArguments& arguments) {
-  const std::atomic<bool>& stop_requested = CatchStopSignals();
   view::ViewServerOptions options;
   options.port = arguments.port;
   Result<std::string> token = arguments.token_file.empty() ? view::MakeToken() : view::ReadToken(arguments.token_file);
@@ -63,8 +59,8 @@ int View(const ViewArguments& arguments) {
   console::Print("%s\n", (*server)->address().c_str());
   std::fflush(stdout);
   console::Note(kViewCommand, "open this address in a browser of this machine; Ctrl-C ends it");
-  while (!stop_requested) std::this_thread::sleep_for(kStep);
-  return kExitOk;
+  // Nothing is written: a stop may end it here and now (stop_signal.h).
+  while (true) ::pause();
 }
 
 }  // namespace

@@ -20,6 +20,7 @@
 #include "tests/tools/command/file_size_limit.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tests/tools/report/small_report.h"
+#include "tools/command/console.h"
 #include "tools/evaluate/colmap_reader.h"
 #include "tools/exit_codes.h"
 #include "tools/run/run_command.h"
@@ -32,6 +33,7 @@ namespace haustra {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 class SurfaceCommandTest : public ::testing::Test {
  protected:
@@ -226,6 +228,16 @@ TEST_F(SurfaceCommandTest, AFullDiskCostsNoEarlierSurface) {
   for (const auto& entry : std::filesystem::directory_iterator(output.folder)) {
     EXPECT_FALSE(entry.is_directory()) << entry.path();
   }
+}
+
+TEST_F(SurfaceCommandTest, QuietHidesWhatWasWrittenAndNoFigure) {
+  KeepWall();
+  console::SetQuiet(true);
+  const int code = Surface("");
+  console::SetQuiet(false);
+  ASSERT_EQ(code, kExitOk) << err_;
+  EXPECT_THAT(out_, HasSubstr("map 0: 2 keyframes with depth"));
+  EXPECT_THAT(out_, Not(HasSubstr(folder_.At("to"))));
 }
 
 TEST_F(SurfaceCommandTest, ADamagedTruthOfTheWallIsNamedWithItsLine) {

@@ -183,7 +183,7 @@ struct VisionPlan {
   bool extracts_in_background = true;
 };
 
-// What the extractor does; one for the life of the device. Lowe 2004; system.md 2.
+// What the extractor does; one for the life of the device. Lowe 2004.
 struct ExtractOptions {
   int num_features = 2000;          // [1, plan.max_features]
   float contrast_threshold = 0.0f;  // minimum |DoG| response on intensities in [0, 1]; 0: the device's default

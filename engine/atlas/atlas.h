@@ -2,8 +2,7 @@
 // Every connection is kept in both directions (keyframe.points and point.observations) by the methods of Atlas alone.
 // Covisibility is counted from the observations when it is asked for, so it can never be out of date.
 // thread-bound(mapping): the one writer; everybody else reads LocalMap snapshots (local_map.h).
-// Lengths are map units (monocular scale, no metric meaning). Source: Campos et al. 2021 for the entities,
-// system.md 10.
+// Lengths are map units (monocular scale, no metric meaning). The entities are those of Campos et al. 2021.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Founds maps (system.md 6): adjusts the two views of a founding, and when they carry a map fills it with two keyframes
+// Founds maps: adjusts the two views of a founding, and when they carry a map fills it with two keyframes
 // and their points, finds the frames between the views in it, and adjusts all of them once more. The unit of a new map
 // is its median depth in the first view. thread-bound(mapping); uses the heap (Ceres).
 #pragma once

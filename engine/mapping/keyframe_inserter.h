@@ -1,4 +1,4 @@
-// Takes a proposed keyframe into the active map (system.md 7): links it by appearance, checks
+// Takes a proposed keyframe into the active map: links it by appearance, checks
 // the relief of a young map, searches its neighbours' points
 // in it and back, judges points on trial, makes new points, adjusts the window, culls keyframes that add nothing. In
 // real-time mode the new points are published before the window is adjusted. While a seam is open (mapping_state.h)

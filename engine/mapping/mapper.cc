@@ -117,7 +117,7 @@ Status Mapper::SaveAtlas(ByteSink& sink) const {
 }
 
 void Mapper::FoundMap(const KeyframeProposal& proposal) {
-  // Relocalisation came first: the half-made map is dropped (system.md 8).
+  // Relocalisation came first: the half-made map is dropped.
   const bool is_overtaken = proposal.num_found_heard != publisher_.num_found();
   // A map that is not made takes no other's place.
   if (is_overtaken || !founder_.Adjust(proposal) || !HasRoomForMap()) {

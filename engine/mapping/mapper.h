@@ -1,4 +1,4 @@
-// The one writer of the atlas (system.md 7): takes proposals from the tracker, founds maps, inserts keyframes, makes,
+// The one writer of the atlas: takes proposals from the tracker, founds maps, inserts keyframes, makes,
 // joins and culls points, adjusts the window, culls keyframes, and publishes a LocalMap snapshot after every proposal
 // that changed something. Looks for lost frames in all maps and makes the map that shows one the active one. Asks the
 // recogniser (engine/place) whether a new keyframe shows a known place, and joins maps when the answer comes: it never

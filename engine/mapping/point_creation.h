@@ -1,6 +1,6 @@
 // New map points: the features of a keyframe that show no point yet are matched with its best covisible keyframes by
-// brute force under the epipolar constraint, and triangulated when parallax, reprojection and scale agree (system.md
-// 7). thread-bound(mapping).
+// brute force under the epipolar constraint, and triangulated when parallax, reprojection and scale agree.
+// thread-bound(mapping).
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// Applies a merge plan (system.md 9): two maps become one, or a loop inside one map is closed, by the same steps:
+// Applies a merge plan: two maps become one, or a loop inside one map is closed, by the same steps:
 //   merge  the map with fewer keyframes (of equal ones the younger) is moved by the Sim(3) into the frame of the other,
 //          which takes over its keyframes and points and keeps its id; matched points are fused, more are found by
 //          guided search across the seam; the seam is welded by bundle adjustment; what is left of the map that moved

@@ -1,4 +1,4 @@
-// Parameters of merging and loop closing (system.md 9), with default, unit, range and reason. Plain data.
+// Parameters of merging and loop closing, with default, unit, range and reason. Plain data.
 #pragma once
 
 namespace haustra {

@@ -1,5 +1,5 @@
-// Proof that two keyframes show one piece of wall, and the similarity between their maps (system.md 9; paper, section
-// on place recognition and map merging):
+// Proof that two keyframes show one piece of wall, and the similarity between their maps (paper, section on place
+// recognition and map merging):
 //   1. mutual brute-force matches between K_a and the group {K_b, its best covisible keyframes}, features with a point
 //   2. Sim(3) by RANSAC with reprojection checks in both directions, non-linear refinement; where that tells none, by
 //      the poses of K_a and its neighbours in map b (group_similarity.h)

@@ -1,4 +1,4 @@
-// Parameters of place recognition and relocalisation (system.md 8 and 9), with default, unit, range and reason. Plain
+// Parameters of place recognition and relocalisation, with default, unit, range and reason. Plain
 // data; the gates that all stages share (noise, similarity, scale tolerance) are those of engine/config.h.
 #pragma once
 

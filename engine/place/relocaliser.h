@@ -1,4 +1,4 @@
-// Where a frame without a pose stands in a stored map (system.md 8): retrieves the most similar keyframes, matches the
+// Where a frame without a pose stands in a stored map: retrieves the most similar keyframes, matches the
 // frame by brute force against the points of each and its best covisible ones, pose by RANSAC, guided search around it,
 // robust pose optimisation, acceptance. Then its rivals are asked: when another place of the same map agrees as well
 // and says something else, nobody knows. Reads the atlas only; runs on request of the tracker, whose own recovery knows

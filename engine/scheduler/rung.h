@@ -1,4 +1,4 @@
-// The ladder that a frame walks down before it misses its deadline (architecture.md, 'Bounded latency').
+// The ladder that a frame walks down before it misses its deadline.
 #pragma once
 
 #include <cstdint>

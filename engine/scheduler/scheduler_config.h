@@ -1,4 +1,4 @@
-// How a frame keeps its deadline (architecture.md, 'Bounded latency'). Real-time mode only: sequential mode has no
+// How a frame keeps its deadline. Real-time mode only: sequential mode has no
 // deadline. Plain data.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Answers every frame with a camera pose or an honest 'lost' (system.md 5, 6 and 8). Reads the newest LocalMap
+// Answers every frame with a camera pose or an honest 'lost'. Reads the newest LocalMap
 // snapshot, never the atlas; proposes keyframes and new maps through a ring and never waits for the mapper.
 //   tracking: predict, guided search of the last frame's points, pose; guided search of the local map, pose
 //             (pose_search.h); too little found: brute force against the local map (pose_recovery.h)

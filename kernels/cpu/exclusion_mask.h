@@ -1,5 +1,5 @@
 // Where no feature may lie: reflections, the dark surround of the scope's window and what a static mask leaves out; one
-// mask for each octave, dilated more the coarser the octave (system.md 2).
+// mask for each octave, dilated more the coarser the octave.
 //
 // Masks hold 255 where pixels are excluded. Mask pixel (x, y) of octave o >= 0 stands for the 2^o x 2^o input pixels
 // from (x, y) * 2^o on. Level 0 serves the octave at twice the input's size as well, with half the dilation.

@@ -1,5 +1,5 @@
-// SIFT on the CPU: scale space, extrema, refinement, masks, selection, orientations, descriptors (Lowe 2004; system.md
-// 2). The output does not depend on the number of threads.
+// SIFT on the CPU: scale space, extrema, refinement, masks, selection, orientations, descriptors (Lowe 2004).
+// The output does not depend on the number of threads.
 #pragma once
 
 #include <array>

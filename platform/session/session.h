@@ -1,4 +1,4 @@
-// Drives an engine over a frame source, in one of the two ways of running (system.md 11), and tells an observer about
+// Drives an engine over a frame source, in one of the two ways of running, and tells an observer about
 // every frame. The same engine classes serve both; only the threads differ.
 #pragma once
 

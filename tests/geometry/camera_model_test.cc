@@ -15,7 +15,7 @@
 namespace haustra {
 namespace {
 
-// C3VD v1 as published (cameras.md): the axes of the polynomial's affine part are those of the header.
+// C3VD v1 as published (config/cameras): the axes of the polynomial's affine part are those of the header.
 CameraCalibration C3vdOcam() {
   CameraCalibration c;
   c.kind = CameraModelKind::kOcamCalib;
@@ -262,7 +262,7 @@ TEST(CameraModel, C3vdOcamAgreesWithItsKannalaBrandtFit) {
     }
   }
   EXPECT_GT(compared, 3000);
-  EXPECT_LT(worst_px, 1.2);  // the residual that cameras.md states
+  EXPECT_LT(worst_px, 1.2);  // the residual that config/cameras/c3vd_v1_kannala_brandt.yaml states
   EXPECT_GT(worst_px, 0.1);  // two different formulas: a perfect match would mean that one test object is the other
 }
 

@@ -119,16 +119,17 @@ TEST_F(FusionTest, TheSameDepthsGiveTheSameMesh) {
 class FusionOrderTest : public ::testing::Test {
  protected:
   static constexpr std::uint8_t kGrey = 200;
-  DepthFusion Fuse(const std::vector<double>& ranges) const {
+  // A keyframe for each range, in the grey of its number; those beyond the greys in the last one.
+  DepthFusion Fuse(const std::vector<double>& ranges, const std::vector<std::uint8_t>& greys = {kGrey}) const {
     const int width = camera_.width_px() / kStep, height = camera_.height_px() / kStep;
-    const std::vector<std::uint8_t> grey(std::size_t(width) * height, kGrey);
     FusionOptions options;
     options.voxel_mu = 0.05;
     DepthFusion fusion(camera_, kStep, options, 20000);
     DepthMap depth(width, height);
-    for (const double range : ranges) {
+    for (std::size_t k = 0; k < ranges.size(); ++k) {
       depth.Clear(0.4);
-      for (int i = 0; i < depth.num_cells(); ++i) depth.Set(i, 1.0 / range, 255);
+      for (int i = 0; i < depth.num_cells(); ++i) depth.Set(i, 1.0 / ranges[k], 255);
+      const std::vector<std::uint8_t> grey(std::size_t(width) * height, greys[std::min(k, greys.size() - 1)]);
       fusion.Integrate(depth, {grey.data(), width, height, width}, SE3());
     }
     return fusion;
@@ -155,6 +156,18 @@ TEST_F(FusionOrderTest, AVoxelThatWasFirstSeenThroughHasTheColourOfItsWall) {
     for (const Voxel& voxel : fusion.blocks().block(block)) {
       ASSERT_TRUE(voxel.rgb[0] == 0 || voxel.rgb[0] == kGrey) << static_cast<int>(voxel.rgb[0]);
       num_coloured += voxel.rgb[0] == kGrey ? 1 : 0;
+    }
+  }
+  EXPECT_GT(num_coloured, 10000);
+}
+
+TEST_F(FusionOrderTest, KeyframesThatSeeAWallAlikeShareInItsColour) {
+  const DepthFusion fusion = Fuse({1.5, 1.5}, {100, 200});
+  int num_coloured = 0;
+  for (int block = 0; block < fusion.blocks().num_blocks(); ++block) {
+    for (const Voxel& voxel : fusion.blocks().block(block)) {
+      ASSERT_TRUE(voxel.rgb[0] == 0 || voxel.rgb[0] == 150) << static_cast<int>(voxel.rgb[0]);
+      num_coloured += voxel.rgb[0] == 150 ? 1 : 0;
     }
   }
   EXPECT_GT(num_coloured, 10000);

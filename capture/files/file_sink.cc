@@ -8,11 +8,11 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
-#include <system_error>
 #include <utility>
 
 #include "capture/files/rename.h"
 #include "capture/files/wipe_file.h"
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 namespace {
@@ -22,8 +22,6 @@ constexpr std::size_t kBufferBytes = std::size_t{1} << 16;
 constexpr int kMaxAttempts = 1000;
 
 std::atomic<std::uint64_t> num_names{0};  // in this process
-
-std::string ErrorText(int error) { return std::generic_category().message(error); }
 
 }  // namespace
 
@@ -41,7 +39,7 @@ Result<FileSink> FileSink::Create(const std::string& path, FormerFile former, Ou
   }
   if (descriptor < 0) {
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
-    return Unavailable(path + ": cannot be created: " + ErrorText(error));
+    return Unavailable(path + ": cannot be created: " + ErrnoText(error));
   }
   return FileSink(path, std::move(temporary_path), descriptor, former, outlasts);
 }
@@ -85,7 +83,7 @@ Status FileSink::WriteOut(std::string_view bytes) {
     const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
     if (written < 0) {
       if (errno == EINTR) continue;
-      return Unavailable(path_ + ": cannot be written: " + ErrorText(errno));
+      return Unavailable(path_ + ": cannot be written: " + ErrnoText(errno));
     }
     bytes.remove_prefix(static_cast<std::size_t>(written));
   }
@@ -114,7 +112,7 @@ Status FileSink::Commit() {
   const bool waits_for_disk = outlasts_ == Outlasts::kPowerCut;
   // The bytes must be on the disk before the name is, or a power cut leaves an empty file under the right name.
   if (status_.ok() && waits_for_disk && ::fsync(descriptor_) != 0 && errno != EINVAL && errno != EROFS) {
-    status_ = Unavailable(path_ + ": cannot be written: " + ErrorText(errno));
+    status_ = Unavailable(path_ + ": cannot be written: " + ErrnoText(errno));
   }
   if (!status_.ok()) {
     Discard();
@@ -123,7 +121,7 @@ Status FileSink::Commit() {
   Former former;
   const bool is_closed = ::close(std::exchange(descriptor_, -1)) == 0;
   if (!is_closed || !PutIntoPlace(&former)) {
-    status_ = Unavailable(path_ + ": cannot be put into place: " + ErrorText(errno));
+    status_ = Unavailable(path_ + ": cannot be put into place: " + ErrnoText(errno));
     RemoveTemporary();
     return status_;
   }

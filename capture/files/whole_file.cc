@@ -6,15 +6,14 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <system_error>
+
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 namespace {
 
 // What a file grows by while it is read: a pipe, or a file of the kernel, tells no size.
 constexpr std::size_t kChunkBytes = std::size_t{1} << 16;
-
-std::string ReasonText(int error) { return std::generic_category().message(error); }
 
 // Closed when it goes out of scope.
 struct Descriptor {
@@ -30,10 +29,10 @@ Status ReadInto(const std::string& path, std::size_t max_bytes, Bytes* bytes) {
   if (file.value < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": no such file");
-    return Unavailable(path + ": cannot be opened: " + ReasonText(error));
+    return Unavailable(path + ": cannot be opened: " + ErrnoText(error));
   }
   struct stat info {};
-  if (::fstat(file.value, &info) != 0) return Unavailable(path + ": cannot be read: " + ReasonText(errno));
+  if (::fstat(file.value, &info) != 0) return Unavailable(path + ": cannot be read: " + ErrnoText(errno));
   if (S_ISDIR(info.st_mode)) return Unavailable(path + ": is a folder, not a file");
   const Status too_long = CapacityExceeded(path + ": longer than " + std::to_string(max_bytes) + " bytes");
   const std::size_t told = S_ISREG(info.st_mode) ? static_cast<std::size_t>(info.st_size) : 0;
@@ -45,7 +44,7 @@ Status ReadInto(const std::string& path, std::size_t max_bytes, Bytes* bytes) {
   for (;;) {
     const ssize_t count = ::read(file.value, bytes->data() + size, bytes->size() - size);
     if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return Unavailable(path + ": cannot be read: " + ReasonText(errno));
+    if (count < 0) return Unavailable(path + ": cannot be read: " + ErrnoText(errno));
     if (count == 0) break;
     size += static_cast<std::size_t>(count);
     if (size > max_bytes) return too_long;

@@ -6,16 +6,15 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <system_error>
 #include <vector>
+
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 namespace {
 
-std::string SystemText(int error) { return std::generic_category().message(error); }
-
 Status Wiped(int error, const std::string& path) {
-  return error == 0 ? Status::Ok() : Unavailable(path + ": cannot be wiped: " + SystemText(error));
+  return error == 0 ? Status::Ok() : Unavailable(path + ": cannot be wiped: " + ErrnoText(error));
 }
 
 // To the disk, and closes it. 0, or an error of the system.
@@ -53,7 +52,7 @@ Status SyncFolderOf(const std::string& path) {
   const int error = ::fsync(descriptor) == 0 ? 0 : errno;
   ::close(descriptor);
   if (error == 0 || error == EINVAL || error == EROFS) return Status::Ok();
-  return Unavailable(path + ": is in place, but may not outlast a power cut: " + SystemText(error));
+  return Unavailable(path + ": is in place, but may not outlast a power cut: " + ErrnoText(error));
 }
 
 }  // namespace haustra

@@ -6,10 +6,10 @@
 #include <cctype>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 
 #include "capture/v4l2/device_text.h"
 #include "capture/v4l2/v4l2_options.h"
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 namespace capture::internal {
@@ -119,7 +119,7 @@ std::string Lower(std::string text) {
 Result<V4l2DeviceInfo> Identify(const std::string& path, int fd, DeviceIo& io) {
   v4l2_capability capability{};
   if (const int error = io.Ioctl(fd, VIDIOC_QUERYCAP, &capability); error < 0) {
-    return Unavailable(path + ": " + std::strerror(-error));
+    return Unavailable(path + ": " + ErrnoText(-error));
   }
   const __u32 has =
       (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0 ? capability.device_caps : capability.capabilities;
@@ -138,7 +138,7 @@ void ForEachDevice(DeviceIo& io, std::vector<std::string>* unreadable, See&& see
   for (const std::string& path : io.DevicePaths()) {
     const int fd = io.Open(path);
     if (fd < 0) {
-      if (unreadable != nullptr) unreadable->push_back(path + ": " + std::strerror(-fd));
+      if (unreadable != nullptr) unreadable->push_back(path + ": " + ErrnoText(-fd));
       continue;
     }
     Result<V4l2DeviceInfo> info = Identify(path, fd, io);

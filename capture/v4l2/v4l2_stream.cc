@@ -10,12 +10,12 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <utility>
 
 #include "capture/number.h"
 #include "capture/v4l2/device_list.h"
 #include "capture/v4l2/device_text.h"
+#include "hal/core/errno_text.h"
 
 namespace haustra::capture::internal {
 namespace {
@@ -57,7 +57,7 @@ bool CanReach(const std::vector<double>& rates_hz, double wanted_hz) {
 }  // namespace
 
 Status V4l2Stream::Failed(const char* call, int error) const {
-  return Unavailable(path_ + ": " + call + ": " + std::strerror(-error));
+  return Unavailable(path_ + ": " + call + ": " + ErrnoText(-error));
 }
 
 Result<std::unique_ptr<V4l2Stream>> V4l2Stream::Open(const V4l2Options& options, int wanted_width_px,
@@ -138,8 +138,7 @@ Status V4l2Stream::FollowSignal() {
     // Not every receiver can look; then what is set counts.
     if (error == -ENOTTY || error == -ENODATA) return Status::Ok();
     if (error == -ENOLINK || error == -ENOLCK || error == -ERANGE) {
-      return Unavailable(path_ + ": no signal on input '" + DeviceText(input.name) + "' (" + std::strerror(-error) +
-                         ")");
+      return Unavailable(path_ + ": no signal on input '" + DeviceText(input.name) + "' (" + ErrnoText(-error) + ")");
     }
     return Failed("VIDIOC_QUERY_DV_TIMINGS", error);
   }
@@ -316,7 +315,7 @@ Result<std::uint32_t> V4l2Stream::RequestBuffers(std::uint32_t memory) {
 Status V4l2Stream::ImportBuffers() {
   is_imported_ = true;
   const int heap = io_.Open(kDmaHeap);
-  if (heap < 0) return Unavailable(std::string(kDmaHeap) + ": " + std::strerror(-heap));
+  if (heap < 0) return Unavailable(std::string(kDmaHeap) + ": " + ErrnoText(-heap));
   const auto fill = [&]() -> Status {
     HAUSTRA_ASSIGN(const std::uint32_t count, RequestBuffers(V4L2_MEMORY_DMABUF));
     for (std::uint32_t i = 0; i < count; ++i) {
@@ -324,7 +323,7 @@ Status V4l2Stream::ImportBuffers() {
       data.len = std::max(format_.buffer_bytes, format_.min_bytes);
       data.fd_flags = O_RDWR | O_CLOEXEC;
       if (const int error = io_.Ioctl(heap, DMA_HEAP_IOCTL_ALLOC, &data); error < 0)
-        return Unavailable(std::string(kDmaHeap) + ": " + std::strerror(-error));
+        return Unavailable(std::string(kDmaHeap) + ": " + ErrnoText(-error));
       buffers_.push_back({nullptr, data.len, static_cast<int>(data.fd)});
       buffers_.back().address = io_.Map(buffers_.back().dma_fd, data.len, 0);
       if (buffers_.back().address == nullptr) return Unavailable(std::string(kDmaHeap) + ": memory cannot be mapped");

@@ -10,9 +10,10 @@
 #include <chrono>
 #include <cstdint>
 #include <cstring>
-#include <system_error>
 #include <utility>
 #include <vector>
+
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 
@@ -26,7 +27,7 @@ Result<ControlClient> ControlClient::Connect(const std::string& path) {
       ::connect(client.socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
     const int error = errno;
     if (error == ENOENT) return NotFound(path + ": no such socket; is haustrad running?");
-    return Unavailable(path + ": " + std::generic_category().message(error));
+    return Unavailable(path + ": " + ErrnoText(error));
   }
   return client;
 }
@@ -52,7 +53,7 @@ Result<std::string> ControlClient::Ask(std::string_view packet, Duration limit) 
   std::vector<char> reply(kMaxReplyBytes);
   const ssize_t count = ready < 0 ? -1 : ::recv(socket_, reply.data(), reply.size(), 0);
   if (count > 0) return ParseReply({reply.data(), static_cast<std::size_t>(count)});
-  if (sent < 0 || count < 0) return Unavailable("haustrad has gone: " + std::generic_category().message(errno));
+  if (sent < 0 || count < 0) return Unavailable("haustrad has gone: " + ErrnoText(errno));
   return Unavailable("haustrad closed the connection");
 }
 

@@ -13,15 +13,14 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
-#include <system_error>
 #include <utility>
+
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 namespace {
 
 constexpr ControlServer::ClientId kListenerId = 0;
-
-std::string ErrorText(int error) { return std::generic_category().message(error); }
 
 bool Watch(int epoll, int descriptor, ControlServer::ClientId id) {
   epoll_event event{};
@@ -49,7 +48,7 @@ Result<std::unique_ptr<ControlServer>> ControlServer::Create(const std::string& 
     if (listener >= 0) ::close(listener);
     if (epoll >= 0) ::close(epoll);
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
-    return Unavailable(path + ": cannot be created: " + ErrorText(error));
+    return Unavailable(path + ": cannot be created: " + ErrnoText(error));
   };
   if (listener < 0 || epoll < 0) return fail(errno);
   ::unlink(temporary_path.c_str());

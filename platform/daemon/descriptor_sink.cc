@@ -4,14 +4,13 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <system_error>
+
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 namespace {
 
 constexpr std::size_t kBufferBytes = std::size_t{1} << 16;
-
-std::string SinkErrorText(int error) { return std::generic_category().message(error); }
 
 }  // namespace
 
@@ -24,7 +23,7 @@ Status DescriptorSink::WriteOut(std::string_view bytes) {
     const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
     if (written < 0) {
       if (errno == EINTR) continue;
-      return Unavailable("cannot be written: " + SinkErrorText(errno));
+      return Unavailable("cannot be written: " + ErrnoText(errno));
     }
     bytes.remove_prefix(static_cast<std::size_t>(written));
   }
@@ -51,7 +50,7 @@ Status DescriptorSink::Finish() {
 
 Result<std::string> ReadWholeFile(int descriptor) {
   struct stat info {};
-  if (::fstat(descriptor, &info) != 0) return Unavailable("cannot be read: " + SinkErrorText(errno));
+  if (::fstat(descriptor, &info) != 0) return Unavailable("cannot be read: " + ErrnoText(errno));
   if (!S_ISREG(info.st_mode)) return Unavailable("is not a file");
   std::string bytes(static_cast<std::size_t>(info.st_size), '\0');
   std::size_t num_read = 0;
@@ -59,7 +58,7 @@ Result<std::string> ReadWholeFile(int descriptor) {
     const ssize_t count =
         ::pread(descriptor, bytes.data() + num_read, bytes.size() - num_read, static_cast<off_t>(num_read));
     if (count < 0 && errno == EINTR) continue;
-    if (count < 0) return Unavailable("cannot be read: " + SinkErrorText(errno));
+    if (count < 0) return Unavailable("cannot be read: " + ErrnoText(errno));
     if (count == 0) break;  // became shorter meanwhile; the checksums will tell
     num_read += static_cast<std::size_t>(count);
   }

@@ -3,7 +3,8 @@
 #include <sys/random.h>
 
 #include <cerrno>
-#include <system_error>
+
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 
@@ -14,7 +15,7 @@ Result<std::uint64_t> DrawRun() {
     count = ::getrandom(&bits, sizeof bits, 0);
   } while (count < 0 && errno == EINTR);
   if (count != static_cast<ssize_t>(sizeof bits)) {
-    return Unavailable("the system gives no random bytes: " + std::generic_category().message(errno));
+    return Unavailable("the system gives no random bytes: " + ErrnoText(errno));
   }
   return 1 + bits % kNumRuns;
 }

@@ -22,6 +22,7 @@
 #include "capture/files/file_sink.h"
 #include "capture/files/rename.h"
 #include "capture/files/wipe_file.h"
+#include "hal/core/errno_text.h"
 #include "platform/control/control_protocol.h"
 #include "platform/daemon/log.h"
 
@@ -31,8 +32,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kRecordHead = "haustra procedure 2\n";
-
-std::string ErrorText(int error) { return std::generic_category().message(error); }
 
 Duration BootTime() {
   timespec now{};
@@ -53,13 +52,13 @@ Result<std::string> ReadSmallFile(const std::string& path) {
   if (descriptor < 0) {
     const int error = errno;
     return error == ENOENT ? NotFound(path + ": is not there")
-                           : Unavailable(path + ": cannot be read: " + ErrorText(error));
+                           : Unavailable(path + ": cannot be read: " + ErrnoText(error));
   }
   std::string text(4096, '\0');
   const ssize_t count = ::read(descriptor, text.data(), text.size());
   const int error = errno;
   ::close(descriptor);
-  if (count < 0) return Unavailable(path + ": cannot be read: " + ErrorText(error));
+  if (count < 0) return Unavailable(path + ": cannot be read: " + ErrnoText(error));
   text.resize(static_cast<std::size_t>(count));
   return text;
 }
@@ -118,7 +117,7 @@ Result<std::unique_ptr<ProcedureStore>> ProcedureStore::Open(const std::string& 
   if (lock < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(folder + ": no such folder");
-    return Unavailable(folder + ": cannot be used: " + ErrorText(error));
+    return Unavailable(folder + ": cannot be used: " + ErrnoText(error));
   }
   if (::flock(lock, LOCK_EX | LOCK_NB) != 0) {
     ::close(lock);
@@ -221,7 +220,7 @@ Result<std::string> ProcedureStore::KeepCheckpoint(const std::string& name) cons
   const std::string free = FreeName(name);
   const std::string path = saved_path(free);
   if (!RenameToFreeName(checkpoint_path(), path)) {
-    return Unavailable(path + ": cannot be put into place: " + ErrorText(errno));
+    return Unavailable(path + ": cannot be put into place: " + ErrnoText(errno));
   }
   Status synced = SyncFolderOf(path);
   if (synced.ok()) synced = SyncFolderOf(checkpoint_path());

@@ -15,6 +15,8 @@
 #include <filesystem>
 #include <system_error>
 
+#include "hal/core/errno_text.h"
+
 #if __has_include(<linux/landlock.h>)
 #include <linux/landlock.h>
 #define HAUSTRA_HAVE_LANDLOCK 1
@@ -23,7 +25,7 @@
 namespace haustra {
 namespace {
 
-std::string RefusalText(int error) { return "not taken: " + std::generic_category().message(error); }
+std::string RefusalText(int error) { return "not taken: " + ErrnoText(error); }
 
 #if defined(__x86_64__)
 constexpr std::uint32_t kArchitecture = AUDIT_ARCH_X86_64;

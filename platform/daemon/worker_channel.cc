@@ -9,10 +9,10 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <system_error>
 #include <type_traits>
 
 #include "engine/atlas/handles.h"
+#include "hal/core/errno_text.h"
 #include "platform/daemon/log.h"
 
 namespace haustra {
@@ -46,7 +46,7 @@ Status SendBytes(int channel, const void* bytes, std::size_t num_bytes, std::spa
     sent = ::sendmsg(channel, &message, MSG_DONTWAIT | MSG_NOSIGNAL);
   } while (sent < 0 && errno == EINTR);
   if (sent == static_cast<ssize_t>(num_bytes)) return Status::Ok();
-  return Unavailable("the channel to the worker: " + std::generic_category().message(errno));
+  return Unavailable("the channel to the worker: " + ErrnoText(errno));
 }
 
 // Bytes of one message, at most `bytes.size()`, and its length, which may be more.
@@ -62,7 +62,7 @@ Result<std::size_t> ReceiveBytes(int channel, std::span<std::uint8_t> bytes, std
   }
   const ssize_t count = ::recvmsg(channel, &message, MSG_DONTWAIT | MSG_TRUNC | MSG_CMSG_CLOEXEC);
   if (count < 0 && (errno == EAGAIN || errno == EINTR)) return Status(StatusCode::kNotFound);
-  if (count < 0) return Unavailable("the channel: " + std::generic_category().message(errno));
+  if (count < 0) return Unavailable("the channel: " + ErrnoText(errno));
   if (files != nullptr) {
     for (cmsghdr* header = CMSG_FIRSTHDR(&message); header != nullptr; header = CMSG_NXTHDR(&message, header)) {
       if (header->cmsg_level != SOL_SOCKET || header->cmsg_type != SCM_RIGHTS) continue;
@@ -148,7 +148,7 @@ Result<WorkerRequest> ParseWorkerRequest(std::span<const std::uint8_t> bytes) {
 Result<ChannelPair> MakeChannel() {
   std::array<int, 2> ends{};
   if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
-    return Unavailable("no channel to a worker: " + std::generic_category().message(errno));
+    return Unavailable("no channel to a worker: " + ErrnoText(errno));
   }
   return ChannelPair{ends[0], ends[1]};
 }

@@ -8,19 +8,14 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <system_error>
 #include <utility>
 
+#include "hal/core/errno_text.h"
 #include "platform/daemon/worker.h"
 
 extern char** environ;
 
 namespace haustra {
-namespace {
-
-std::string SpawnErrorText(int error) { return std::generic_category().message(error); }
-
-}  // namespace
 
 WorkerStarter StarterOf(std::vector<std::string> arguments) {
   return [arguments = std::move(arguments)](int channel) -> Result<pid_t> {
@@ -37,7 +32,7 @@ WorkerStarter StarterOf(std::vector<std::string> arguments) {
     pid_t pid = -1;
     const int error = ::posix_spawn(&pid, words[0], &actions, nullptr, words.data(), environ);
     ::posix_spawn_file_actions_destroy(&actions);
-    if (error != 0) return Unavailable("no worker can be started: " + SpawnErrorText(error));
+    if (error != 0) return Unavailable("no worker can be started: " + ErrnoText(error));
     return pid;
   };
 }
@@ -53,7 +48,7 @@ Result<std::unique_ptr<WorkerProcess>> WorkerProcess::Start(const WorkerStarter&
   const int process = static_cast<int>(::syscall(SYS_pidfd_open, *pid, 0));
   const int error = errno;
   std::unique_ptr<WorkerProcess> worker(new WorkerProcess(*pid, process, channel.supervisor));
-  if (process < 0) return Unavailable("no descriptor of the worker: " + SpawnErrorText(error));
+  if (process < 0) return Unavailable("no descriptor of the worker: " + ErrnoText(error));
   ::fcntl(process, F_SETFD, FD_CLOEXEC);
   return worker;
 }

@@ -16,9 +16,9 @@
 #include <chrono>
 #include <cstdint>
 #include <cstring>
-#include <system_error>
 #include <utility>
 
+#include "hal/core/errno_text.h"
 #include "platform/daemon/worker.h"
 
 namespace haustra {
@@ -101,7 +101,7 @@ int ReceiveChannel(int socket, std::uint32_t* request, bool* is_over) {
 Result<std::unique_ptr<ForkedStarter>> ForkedStarter::Fork(const std::vector<std::string>& arguments) {
   std::array<int, 2> ends{};
   if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
-    return Unavailable("no socket for the starter: " + std::generic_category().message(errno));
+    return Unavailable("no socket for the starter: " + ErrnoText(errno));
   }
   const pid_t pid = ::fork();
   if (pid == 0) {
@@ -113,7 +113,7 @@ Result<std::unique_ptr<ForkedStarter>> ForkedStarter::Fork(const std::vector<std
   ::close(ends[1]);
   if (pid > 0) return std::unique_ptr<ForkedStarter>(new ForkedStarter(pid, ends[0]));
   ::close(ends[0]);
-  return Unavailable("no process for the starter: " + std::generic_category().message(error));
+  return Unavailable("no process for the starter: " + ErrnoText(error));
 }
 
 ForkedStarter::~ForkedStarter() {
@@ -138,7 +138,7 @@ Result<pid_t> ForkedStarter::Start(int channel) {
       return Unavailable("the starter of workers does not answer");
     }
   }
-  if (answer.pid <= 0) return Unavailable("no worker can be started: " + std::generic_category().message(-answer.pid));
+  if (answer.pid <= 0) return Unavailable("no worker can be started: " + ErrnoText(-answer.pid));
   return static_cast<pid_t>(answer.pid);
 }
 

@@ -8,15 +8,13 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
-#include <system_error>
 #include <utility>
 
+#include "hal/core/errno_text.h"
 #include "platform/publish/slot_writer.h"
 
 namespace haustra {
 namespace {
-
-std::string ErrorText(int error) { return std::generic_category().message(error); }
 
 struct OwnedDescriptor {
   int value = -1;
@@ -42,11 +40,11 @@ Result<SharedFile> CreateSharedFile(const std::string& path, mode_t mode, gid_t 
   if (file.value < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": its folder does not exist");
-    return Unavailable(path + ": cannot be created: " + ErrorText(error));
+    return Unavailable(path + ": cannot be created: " + ErrnoText(error));
   }
   const auto fail = [&](int error) {
     ::unlink(temporary_path.c_str());
-    return Unavailable(path + ": cannot be created: " + ErrorText(error));
+    return Unavailable(path + ": cannot be created: " + ErrnoText(error));
   };
   // Not ftruncate: memory that is not there would be missed at the first frame, with SIGBUS.
   const auto size = static_cast<off_t>(num_bytes);
@@ -72,7 +70,7 @@ Result<void*> AttachSharedFile(int descriptor, std::size_t num_bytes, const std:
     return DataLoss(what + " has another size");
   }
   void* memory = MapShared(descriptor, num_bytes);
-  if (memory == nullptr) return Unavailable(what + " cannot be mapped: " + ErrorText(errno));
+  if (memory == nullptr) return Unavailable(what + " cannot be mapped: " + ErrnoText(errno));
   return memory;
 }
 
@@ -84,7 +82,7 @@ Status WipeFormerFile(const std::string& path, const std::function<void(void* me
     return Unavailable(path + ": what a former run left cannot be overwritten: " + why);
   };
   const OwnedDescriptor file{::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)};
-  if (file.value < 0) return fail(ErrorText(errno));
+  if (file.value < 0) return fail(ErrnoText(errno));
   const Result<void*> memory = AttachSharedFile(file.value, num_bytes, path);
   if (!memory.ok()) return fail(memory.status().message());
   // Word by word, as its records were written: a reader in the middle of one finds that it is gone.
@@ -99,7 +97,7 @@ Status WipeFormerFile(const std::string& path, const std::function<void(void* me
 Status RemoveFormerFile(const std::string& path) {
   HAUSTRA_TRY(WipeFormerFile(path));
   if (::unlink(path.c_str()) != 0 && errno != ENOENT) {
-    return Unavailable(path + ": what a former run left cannot be removed: " + ErrorText(errno));
+    return Unavailable(path + ": what a former run left cannot be removed: " + ErrnoText(errno));
   }
   return Status::Ok();
 }

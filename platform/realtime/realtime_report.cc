@@ -1,12 +1,11 @@
 #include "platform/realtime/realtime_report.h"
 
 #include <cstdio>
-#include <system_error>
+
+#include "hal/core/errno_text.h"
 
 namespace haustra {
 namespace {
-
-std::string ErrorText(int error) { return std::generic_category().message(error); }
 
 std::string Scheduling(int priority) {
   return priority > 0 ? "SCHED_FIFO " + std::to_string(priority) : std::string("ordinary scheduling");
@@ -28,7 +27,7 @@ std::vector<std::string> Refusals(const RealTimeReport& report) {
   for (const ThreadGrant& thread : report.threads) {
     const std::string name = std::string(thread.name) + " thread: ";
     if (thread.priority_error != 0) {
-      lines.push_back(name + Scheduling(thread.asked_priority) + " refused: " + ErrorText(thread.priority_error) +
+      lines.push_back(name + Scheduling(thread.asked_priority) + " refused: " + ErrnoText(thread.priority_error) +
                       " (RLIMIT_RTPRIO " + LimitText(report.priority_limit) +
                       "); it needs CAP_SYS_NICE or LimitRTPRIO=" + std::to_string(thread.asked_priority));
     } else if (thread.granted_priority != thread.asked_priority) {
@@ -36,21 +35,21 @@ std::vector<std::string> Refusals(const RealTimeReport& report) {
                       Scheduling(thread.granted_priority));
     }
     if (thread.cpus_error != 0) {
-      lines.push_back(name + CpusText(thread.asked_cpus) + " refused: " + ErrorText(thread.cpus_error) + "; it has " +
+      lines.push_back(name + CpusText(thread.asked_cpus) + " refused: " + ErrnoText(thread.cpus_error) + "; it has " +
                       CpusText(thread.granted_cpus));
     } else if (thread.asked_cpus.any() && thread.granted_cpus != thread.asked_cpus) {
       lines.push_back(name + "asked for " + CpusText(thread.asked_cpus) + ", has " + CpusText(thread.granted_cpus));
     }
   }
   if (report.asked_lock && report.lock_error != 0) {
-    lines.push_back("memory: not locked: " + ErrorText(report.lock_error) + " (RLIMIT_MEMLOCK " +
+    lines.push_back("memory: not locked: " + ErrnoText(report.lock_error) + " (RLIMIT_MEMLOCK " +
                     LimitText(report.lock_limit_bytes) + " bytes); it needs CAP_IPC_LOCK or LimitMEMLOCK=infinity");
   } else if (report.asked_lock && !report.is_memory_locked) {
     lines.push_back("memory: only what was taken at the start is locked (RLIMIT_MEMLOCK " +
                     LimitText(report.lock_limit_bytes) + " bytes); it needs CAP_IPC_LOCK or LimitMEMLOCK=infinity");
   }
   if (report.heap_error != 0) {
-    lines.push_back("memory: heap not set aside (rt.heap_prefault_mb): " + ErrorText(report.heap_error));
+    lines.push_back("memory: heap not set aside (rt.heap_prefault_mb): " + ErrnoText(report.heap_error));
   }
   return lines;
 }

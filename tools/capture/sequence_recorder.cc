@@ -15,6 +15,7 @@
 #include "capture/image_transform.h"
 #include "capture/yuv.h"
 #include "engine/io/text_writer.h"
+#include "hal/core/errno_text.h"
 #include "tools/command/sequence_content.h"
 
 namespace haustra {
@@ -52,7 +53,7 @@ Result<std::unique_ptr<SequenceRecorder>> SequenceRecorder::Create(const std::st
   if (!mask.is_empty()) HAUSTRA_TRY(WritePng((fs::path(folder) / "mask.png").string(), mask));
   const std::string path = (fs::path(folder) / kRecordedTimesName).string();
   const int times = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_APPEND | O_CLOEXEC, 0600);
-  if (times < 0) return Unavailable(path + ": cannot be created: " + std::generic_category().message(errno));
+  if (times < 0) return Unavailable(path + ": cannot be created: " + ErrnoText(errno));
   return std::unique_ptr<SequenceRecorder>(new SequenceRecorder(folder, std::move(output), times, options));
 }
 

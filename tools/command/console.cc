@@ -5,8 +5,8 @@
 #include <cstdarg>
 #include <cstdio>
 #include <string>
-#include <system_error>
 
+#include "hal/core/errno_text.h"
 #include "tools/exit_codes.h"
 
 namespace haustra::console {
@@ -58,8 +58,7 @@ Status FinishOutput() {
   if (std::fflush(stdout) != 0) NotePrintError();
   const int error = print_error;
   if (error == EPIPE || (error == 0 && std::ferror(stdout) == 0)) return Status::Ok();
-  return Unavailable("the output cannot be written" +
-                     (error == 0 ? std::string() : ": " + std::generic_category().message(error)));
+  return Unavailable("the output cannot be written" + (error == 0 ? std::string() : ": " + ErrnoText(error)));
 }
 
 void Note(const char* command, const char* format, ...) {

@@ -6,8 +6,8 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <cstring>
 
+#include "hal/core/errno_text.h"
 #include "tools/latency/stress.h"
 
 extern char** environ;
@@ -58,7 +58,7 @@ Result<std::unique_ptr<StressProcess>> StressProcess::Start(const std::vector<st
   pid_t process = -1;
   const int error = ::posix_spawn(&process, "/proc/self/exe", &actions, nullptr, pointers.data(), environ);
   ::posix_spawn_file_actions_destroy(&actions);
-  if (error != 0) return Unavailable(std::string("a second process: ") + std::strerror(error));
+  if (error != 0) return Unavailable("a second process: " + ErrnoText(error));
   output.CloseEnd(1);
   std::unique_ptr<StressProcess> started(new StressProcess(process, input.ends[1]));
   input.ends[1] = -1;

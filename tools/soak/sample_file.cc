@@ -3,8 +3,8 @@
 #include <fcntl.h>
 
 #include <cerrno>
-#include <system_error>
 
+#include "hal/core/errno_text.h"
 #include "tools/command/output_folder.h"
 
 namespace haustra {
@@ -17,7 +17,7 @@ void SampleFile::Add(const SoakSample& sample) {
 Status SampleFile::Begin(const SoakSample& first) {
   HAUSTRA_TRY(WriteFile(path_, SoakCsvHeader() + SoakCsvLine(first)));
   const int file = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
-  if (file < 0) return Unavailable(path_ + ": cannot be written: " + std::generic_category().message(errno));
+  if (file < 0) return Unavailable(path_ + ": cannot be written: " + ErrnoText(errno));
   lines_ = std::make_unique<LineFile>(path_, file);
   return Status::Ok();
 }

@@ -3,10 +3,10 @@
 #include <cerrno>
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <system_error>
 #include <vector>
 
 #include "capture/codec/jpeg_codec.h"
+#include "hal/core/errno_text.h"
 #include "tools/report/base64.h"
 #include "tools/view/column.h"
 #include "tools/view/live_marks.h"
@@ -118,7 +118,7 @@ void LiveStream::Reopen(std::string* news) {
   open_error_.clear();
   const int result = haustra_ring_open(&ring_, path_.c_str());
   if (result == HAUSTRA_NO_FILE && errno != ENOENT) {
-    open_error_ = path_ + ": " + std::generic_category().message(errno);
+    open_error_ = path_ + ": " + ErrnoText(errno);
   } else if (result == HAUSTRA_NOT_A_RING) {
     open_error_ = path_ + " is not what haustrad writes.";
   } else if (result == HAUSTRA_OTHER_VERSION) {

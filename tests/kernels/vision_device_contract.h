@@ -205,6 +205,23 @@ class VisionDeviceContract : public ::testing::TestWithParam<DeviceUnderTest> {
     std::vector<Ticket> tickets;
   };
 
+  // An extraction that is queued, with a set and buffers of its own, which the device knows by their addresses.
+  struct QueuedExtraction {
+    QueuedExtraction(VisionDevice& device, const ImageView& image)
+        : set(NewSet(device)), keypoints(device.plan().max_features) {
+      const auto queued = device.EnqueueExtract(Lane::kTracking, {image, set, keypoints, &count});
+      EXPECT_TRUE(queued.ok()) << queued.status().ToString();
+      if (queued.ok()) ticket = *queued;
+    }
+    QueuedExtraction(const QueuedExtraction&) = delete;
+    QueuedExtraction& operator=(const QueuedExtraction&) = delete;
+
+    FeatureSetHandle set;
+    std::vector<Keypoint> keypoints;
+    std::int32_t count = -7;
+    Ticket ticket;
+  };
+
   static void ExpectSameMatches(const std::vector<Match>& actual, const std::vector<Match>& expected) {
     ASSERT_EQ(actual.size(), expected.size());
     for (std::size_t i = 0; i < actual.size(); ++i) {
@@ -1072,15 +1089,11 @@ TEST_P(VisionDeviceContract, FollowTellsOfNoneFoundAfterAPictureThatWasGivenUp) 
   const HostFeatures features = Extract(*device, picture.view());
   std::vector<FollowedPoint> to(features.keypoints.size());
   for (const int wait_us : {0, 300, 1000, 2000, 4000, 8000, 16000}) {
-    const FeatureSetHandle left = NewSet(*device);
-    std::vector<Keypoint> keypoints(500);
-    std::int32_t count = 0;
-    const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), left, keypoints, &count});
-    ASSERT_TRUE(ticket.ok());
+    QueuedExtraction left(*device, picture.view());
     const TimePoint deadline =
         TimePoint{std::chrono::steady_clock::now().time_since_epoch()} + std::chrono::microseconds(wait_us);
-    const bool is_given_up = device->Wait(*ticket, deadline).code() == StatusCode::kDeadlineExceeded;
-    device->ReleaseFeatureSet(left);
+    const bool is_given_up = device->Wait(left.ticket, deadline).code() == StatusCode::kDeadlineExceeded;
+    device->ReleaseFeatureSet(left.set);
     (void)Follow(*device, picture, features.keypoints, 0, nullptr, 0, to);
     const auto num_found = std::count_if(to.begin(), to.end(), [](const FollowedPoint& p) { return p.is_found; });
     if (is_given_up) {
@@ -1627,23 +1640,19 @@ TEST_P(VisionDeviceContract, WaitWithoutTimeGivesNothingAndAnotherOneTheSameAsEv
   const auto device = Create();
   const Picture picture = Texture(4);
   const HostFeatures expected = Extract(*device, picture.view());
-  const FeatureSetHandle set = NewSet(*device);
-  std::vector<Keypoint> keypoints(500);
-  std::int32_t count = -7;
-  const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), set, keypoints, &count});
-  ASSERT_TRUE(ticket.ok());
+  QueuedExtraction queued(*device, picture.view());
   for (int i = 0; i < 3; ++i) {
-    const Status status = device->Wait(*ticket, TimePoint{});
+    const Status status = device->Wait(queued.ticket, TimePoint{});
     if (status.ok()) break;
     EXPECT_EQ(status.code(), StatusCode::kDeadlineExceeded);
-    EXPECT_EQ(count, -7);
+    EXPECT_EQ(queued.count, -7);
   }
-  EXPECT_TRUE(device->Wait(*ticket, kNoDeadline).ok());
-  EXPECT_TRUE(device->Wait(*ticket, kNoDeadline).ok()) << "handed over before";
-  ASSERT_EQ(count, expected.size());
-  HostFeatures features{keypoints, std::vector<std::uint8_t>(expected.descriptors.size())};
-  features.keypoints.resize(static_cast<std::size_t>(count));
-  EXPECT_TRUE(device->ReadDescriptors(set, features.descriptors).ok());
+  EXPECT_TRUE(device->Wait(queued.ticket, kNoDeadline).ok());
+  EXPECT_TRUE(device->Wait(queued.ticket, kNoDeadline).ok()) << "handed over before";
+  ASSERT_EQ(queued.count, expected.size());
+  HostFeatures features{queued.keypoints, std::vector<std::uint8_t>(expected.descriptors.size())};
+  features.keypoints.resize(static_cast<std::size_t>(queued.count));
+  EXPECT_TRUE(device->ReadDescriptors(queued.set, features.descriptors).ok());
   ExpectSameFeatures(features, expected);
 }
 
@@ -1652,18 +1661,14 @@ TEST_P(VisionDeviceContract, RequestThatAWaitHasLeftIsDroppedByTheNext) {
   const Picture picture = Texture(4);
   const HostFeatures expected = Extract(*device, picture.view());
   const std::int32_t num_free = device->num_free_feature_sets();
-  const FeatureSetHandle left = NewSet(*device);
-  std::vector<Keypoint> keypoints(500);
-  std::int32_t count = -7;
-  const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), left, keypoints, &count});
-  ASSERT_TRUE(ticket.ok());
-  if (device->Wait(*ticket, TimePoint{}).ok()) GTEST_SKIP() << "the device was done before the wait looked";
-  device->ReleaseFeatureSet(left);
+  QueuedExtraction left(*device, picture.view());
+  if (device->Wait(left.ticket, TimePoint{}).ok()) GTEST_SKIP() << "the device was done before the wait looked";
+  device->ReleaseFeatureSet(left.set);
   EXPECT_EQ(device->num_free_feature_sets(), num_free - 1) << "the device may still write to it";
   ExpectSameFeatures(Extract(*device, picture.view()), expected);
-  EXPECT_EQ(count, -7);
-  EXPECT_EQ(keypoints[0].scale_px, 0.0f);
-  EXPECT_EQ(device->Wait(*ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(left.count, -7);
+  EXPECT_EQ(left.keypoints[0].scale_px, 0.0f);
+  EXPECT_EQ(device->Wait(left.ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
   EXPECT_EQ(device->num_free_feature_sets(), num_free);
 }
 
@@ -1671,23 +1676,19 @@ TEST_P(VisionDeviceContract, AbandonedRequestIsTouchedNoMore) {
   const auto device = Create();
   const Picture picture = Texture(4);
   const HostFeatures expected = Extract(*device, picture.view());
-  const FeatureSetHandle left = NewSet(*device);
-  std::vector<Keypoint> keypoints(500);
-  std::int32_t count = -7;
-  const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), left, keypoints, &count});
-  ASSERT_TRUE(ticket.ok());
-  if (device->Wait(*ticket, TimePoint{}).ok()) {
-    EXPECT_TRUE(device->Abandon(*ticket) || count == expected.size());
+  QueuedExtraction left(*device, picture.view());
+  if (device->Wait(left.ticket, TimePoint{}).ok()) {
+    EXPECT_TRUE(device->Abandon(left.ticket) || left.count == expected.size());
     return;
   }
-  if (!device->Abandon(*ticket)) {
-    EXPECT_TRUE(device->Wait(*ticket, kNoDeadline).ok());
+  if (!device->Abandon(left.ticket)) {
+    EXPECT_TRUE(device->Wait(left.ticket, kNoDeadline).ok());
     GTEST_SKIP() << "the device was still at it: it has to be waited for";
   }
-  EXPECT_EQ(device->Wait(*ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
-  EXPECT_EQ(count, -7);
+  EXPECT_EQ(device->Wait(left.ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
+  EXPECT_EQ(left.count, -7);
   // Empty as it was: it can be written.
-  EXPECT_TRUE(device->WriteFeatures(left, expected.keypoints, expected.descriptors).ok());
+  EXPECT_TRUE(device->WriteFeatures(left.set, expected.keypoints, expected.descriptors).ok());
   ExpectSameFeatures(Extract(*device, picture.view()), expected);
 }
 
@@ -1774,18 +1775,14 @@ TEST_P(VisionDeviceContract, AbandonIsTrueWhenTheDeviceIsDone) {
   const auto device = Create();
   const Picture picture = Texture(4);
   const HostFeatures expected = Extract(*device, picture.view());
-  const FeatureSetHandle set = NewSet(*device);
-  std::vector<Keypoint> keypoints(500);
-  std::int32_t count = -7;
-  const Result<Ticket> ticket = device->EnqueueExtract(Lane::kTracking, {picture.view(), set, keypoints, &count});
-  ASSERT_TRUE(ticket.ok());
-  const bool is_left = !device->Wait(*ticket, TimePoint{}).ok();
+  QueuedExtraction queued(*device, picture.view());
+  const bool is_left = !device->Wait(queued.ticket, TimePoint{}).ok();
   std::this_thread::sleep_for(std::chrono::milliseconds(300));  // a device that works by itself needs a few
-  EXPECT_TRUE(device->Abandon(*ticket));
-  EXPECT_EQ(count, is_left ? -7 : expected.size());
+  EXPECT_TRUE(device->Abandon(queued.ticket));
+  EXPECT_EQ(queued.count, is_left ? -7 : expected.size());
   if (is_left) {
-    EXPECT_EQ(device->Wait(*ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
-    EXPECT_TRUE(device->WriteFeatures(set, expected.keypoints, expected.descriptors).ok()) << "empty as it was";
+    EXPECT_EQ(device->Wait(queued.ticket, kNoDeadline).code(), StatusCode::kFailedPrecondition);
+    EXPECT_TRUE(device->WriteFeatures(queued.set, expected.keypoints, expected.descriptors).ok()) << "empty as it was";
   }
   ExpectSameFeatures(Extract(*device, picture.view()), expected);
 }

@@ -17,7 +17,6 @@
 namespace haustra {
 namespace {
 
-constexpr std::size_t kBufferBytes = std::size_t{1} << 16;
 // Names of temporary files that lie in the way: leftovers of a process with the same number.
 constexpr int kMaxAttempts = 1000;
 
@@ -49,9 +48,7 @@ FileSink::FileSink(std::string path, std::string temporary_path, int descriptor,
       temporary_path_(std::move(temporary_path)),
       descriptor_(descriptor),
       former_(former),
-      outlasts_(outlasts) {
-  buffer_.reserve(kBufferBytes);
-}
+      outlasts_(outlasts) {}
 
 FileSink::FileSink(FileSink&& other) noexcept
     : path_(std::move(other.path_)),
@@ -78,46 +75,27 @@ void FileSink::RemoveTemporary() {
   }
 }
 
-Status FileSink::WriteOut(std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
-    if (written < 0) {
-      if (errno == EINTR) continue;
-      return Unavailable(path_ + ": cannot be written: " + ErrnoText(errno));
-    }
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
-  return Status::Ok();
+Status FileSink::FailWriting(int error) {
+  status_ = Unavailable(path_ + ": cannot be written: " + ErrnoText(error));
+  Discard();
+  return status_;
 }
 
 Status FileSink::Write(std::string_view bytes) {
   if (!status_.ok()) return status_;
   if (descriptor_ < 0) return FailedPrecondition(path_ + ": written to after it was committed");
-  if (buffer_.size() + bytes.size() < kBufferBytes) {
-    buffer_.append(bytes);
-    return Status::Ok();
-  }
-  status_ = WriteOut(buffer_);
-  buffer_.clear();
-  if (status_.ok()) status_ = WriteOut(bytes);
-  if (!status_.ok()) Discard();
-  return status_;
+  const int error = buffer_.Write(descriptor_, bytes);
+  return error == 0 ? Status::Ok() : FailWriting(error);
 }
 
 Status FileSink::Commit() {
   if (!status_.ok()) return status_;
   if (descriptor_ < 0) return FailedPrecondition(path_ + ": committed twice");
-  status_ = WriteOut(buffer_);
-  buffer_.clear();
   const bool waits_for_disk = outlasts_ == Outlasts::kPowerCut;
+  int error = buffer_.Flush(descriptor_);
   // The bytes must be on the disk before the name is, or a power cut leaves an empty file under the right name.
-  if (status_.ok() && waits_for_disk && ::fsync(descriptor_) != 0 && errno != EINVAL && errno != EROFS) {
-    status_ = Unavailable(path_ + ": cannot be written: " + ErrnoText(errno));
-  }
-  if (!status_.ok()) {
-    Discard();
-    return status_;
-  }
+  if (error == 0 && waits_for_disk && ::fsync(descriptor_) != 0 && errno != EINVAL && errno != EROFS) error = errno;
+  if (error != 0) return FailWriting(error);
   Former former;
   const bool is_closed = ::close(std::exchange(descriptor_, -1)) == 0;
   if (!is_closed || !PutIntoPlace(&former)) {

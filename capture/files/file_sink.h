@@ -9,6 +9,7 @@
 #include <string>
 #include <string_view>
 
+#include "capture/files/write_buffer.h"
 #include "hal/core/byte_sink.h"
 #include "hal/core/status.h"
 
@@ -52,7 +53,8 @@ class FileSink final : public ByteSink {
  private:
   FileSink(std::string path, std::string temporary_path, int descriptor, FormerFile former, Outlasts outlasts);
 
-  Status WriteOut(std::string_view bytes);
+  // Discards, and stays in the error.
+  Status FailWriting(int error);
   void Discard();
   void RemoveTemporary();
   // The former file, once the new one is in place.
@@ -68,7 +70,7 @@ class FileSink final : public ByteSink {
   int descriptor_ = -1;  // -1: committed, failed or moved from
   FormerFile former_ = FormerFile::kFreed;
   Outlasts outlasts_ = Outlasts::kPowerCut;
-  std::string buffer_;
+  WriteBuffer buffer_;
   Status status_;
 };
 

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <vector>
 
+#include "capture/files/write_buffer.h"
 #include "hal/core/errno_text.h"
 
 namespace haustra {
@@ -22,11 +23,9 @@ int Overwrite(int descriptor) {
   struct stat info {};
   int error = ::fstat(descriptor, &info) == 0 ? 0 : errno;
   const std::vector<char> zeros(std::size_t{1} << 16);
-  for (off_t at = 0; error == 0 && at < info.st_size;) {
+  for (off_t at = 0; error == 0 && at < info.st_size; at += static_cast<off_t>(zeros.size())) {
     const auto count = static_cast<std::size_t>(std::min<off_t>(info.st_size - at, static_cast<off_t>(zeros.size())));
-    const ssize_t written = ::write(descriptor, zeros.data(), count);
-    if (written < 0 && errno != EINTR) error = errno;
-    if (written > 0) at += written;
+    error = WriteAll(descriptor, {zeros.data(), count});
   }
   if (error == 0 && ::fsync(descriptor) != 0) error = errno;
   ::close(descriptor);

@@ -10,41 +10,21 @@
 namespace haustra {
 namespace {
 
-constexpr std::size_t kBufferBytes = std::size_t{1} << 16;
+Status Written(int error) { return error == 0 ? Status::Ok() : Unavailable("cannot be written: " + ErrnoText(error)); }
 
 }  // namespace
 
-DescriptorSink::DescriptorSink(int descriptor) : descriptor_(descriptor) { buffer_.reserve(kBufferBytes); }
+DescriptorSink::DescriptorSink(int descriptor) : descriptor_(descriptor) {}
 
 DescriptorSink::~DescriptorSink() { ::close(descriptor_); }
 
-Status DescriptorSink::WriteOut(std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
-    if (written < 0) {
-      if (errno == EINTR) continue;
-      return Unavailable("cannot be written: " + ErrnoText(errno));
-    }
-    bytes.remove_prefix(static_cast<std::size_t>(written));
-  }
-  return Status::Ok();
-}
-
 Status DescriptorSink::Write(std::string_view bytes) {
-  if (!status_.ok()) return status_;
-  if (buffer_.size() + bytes.size() < kBufferBytes) {
-    buffer_.append(bytes);
-    return Status::Ok();
-  }
-  HAUSTRA_TRY(Finish());
-  status_ = WriteOut(bytes);
+  if (status_.ok()) status_ = Written(buffer_.Write(descriptor_, bytes));
   return status_;
 }
 
 Status DescriptorSink::Finish() {
-  if (!status_.ok()) return status_;
-  status_ = WriteOut(buffer_);
-  buffer_.clear();
+  if (status_.ok()) status_ = Written(buffer_.Flush(descriptor_));
   return status_;
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "capture/files/write_buffer.h"
 #include "hal/core/byte_sink.h"
 #include "hal/core/status.h"
 
@@ -24,10 +25,8 @@ class DescriptorSink final : public ByteSink {
   Status Finish();
 
  private:
-  Status WriteOut(std::string_view bytes);
-
   int descriptor_;
-  std::string buffer_;
+  WriteBuffer buffer_;
   Status status_;
 };
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <set>
@@ -14,6 +13,7 @@
 #include "tools/evaluate/json_input.h"
 #include "tools/evaluate/number_text.h"
 #include "tools/evaluate/text_input.h"
+#include "tools/run/map_name.h"
 
 namespace haustra::evaluate {
 namespace {
@@ -22,12 +22,6 @@ namespace fs = std::filesystem;
 
 // Trajectories carry nanoseconds; other writers of the format round to microseconds.
 constexpr std::int64_t kSameStampNs = 1000;
-
-std::string MapName(int map_id) {
-  char name[32];
-  std::snprintf(name, sizeof(name), "map_%04d", map_id);
-  return name;
-}
 
 // What a run writes, from end to end.
 struct IntegerRange {

@@ -17,7 +17,7 @@
 #include "tools/export/exported_map.h"
 #include "tools/export/glb_writer.h"
 #include "tools/export/trajectory_formats.h"
-#include "tools/report/map_model.h"
+#include "tools/run/map_name.h"
 
 namespace haustra {
 namespace {
@@ -53,7 +53,7 @@ Result<std::vector<ExportedFile>> FilesOf(const ExportArguments& arguments, cons
   if (format == "glb") return std::vector<ExportedFile>{{".glb", GlbBytes(map)}};
   if (format == "kitti")
     return std::vector<ExportedFile>{{".txt", KittiText(map)}, {"_times.txt", KittiTimesText(map)}};
-  const std::string exported = arguments.run + "/maps/" + report::MapFolderName(map.map_id);
+  const std::string exported = arguments.run + "/maps/" + MapName(map.map_id);
   const std::vector<const char*> endings =
       format == "ply" ? std::vector{".ply"} : std::vector{"/cameras.txt", "/images.txt", "/points3D.txt"};
   std::vector<ExportedFile> files;
@@ -89,8 +89,7 @@ int Export(const ExportArguments& arguments) {
   for (const ExportedMap& map : exported->maps) {
     const Result<std::vector<ExportedFile>> files =
         stop_requested ? Status(StatusCode::kCancelled, "stopped") : FilesOf(arguments, map);
-    const Status written =
-        files.ok() ? WriteFiles(*files, arguments.out + "/" + report::MapFolderName(map.map_id)) : Status::Ok();
+    const Status written = files.ok() ? WriteFiles(*files, arguments.out + "/" + MapName(map.map_id)) : Status::Ok();
     if (!files.ok() || !written.ok()) {
       output->Discard();
       return files.ok() ? console::FailWriting(kExportCommand, written) : console::Fail(kExportCommand, files.status());

@@ -6,6 +6,7 @@
 
 #include "tools/evaluate/run_output.h"
 #include "tools/report/map_model.h"
+#include "tools/run/map_name.h"
 
 namespace haustra::exporting {
 
@@ -20,7 +21,7 @@ Result<ExportedMaps> ReadExportedMaps(const std::string& run) {
   exported.warnings = output.warnings;
   for (auto& [map_id, map] : maps) {
     map.map_id = map_id;
-    const std::filesystem::path folder = std::filesystem::path(run) / "maps" / report::MapFolderName(map_id);
+    const std::filesystem::path folder = std::filesystem::path(run) / "maps" / MapName(map_id);
     HAUSTRA_ASSIGN(report::MapModel model, report::ReadMapModel(folder.string()));
     map.points = std::move(model.points);
     map.rgb = std::move(model.rgb);

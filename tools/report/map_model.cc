@@ -9,6 +9,7 @@
 #include "capture/files/whole_file.h"
 #include "tools/evaluate/colmap_text.h"
 #include "tools/evaluate/text_input.h"
+#include "tools/run/map_name.h"
 
 namespace haustra::report {
 namespace {
@@ -101,7 +102,7 @@ Result<std::map<int, MapModel>> ReadMapModels(const evaluate::RunOutput& run) {
     return NotFound(maps.string() + ": no such folder");
   }
   for (const auto& [map_id, geometry] : run.geometry) {
-    HAUSTRA_ASSIGN(models[map_id], ReadMapModel((maps / MapFolderName(map_id)).string()));
+    HAUSTRA_ASSIGN(models[map_id], ReadMapModel((maps / MapName(map_id)).string()));
   }
   return models;
 }
@@ -119,12 +120,6 @@ std::string ChecksumOfPoses(const MapModel& model) {
   char text[16];
   std::snprintf(text, sizeof(text), "%08lx", static_cast<unsigned long>(crc));
   return text;
-}
-
-std::string MapFolderName(int map_id) {
-  char name[32];
-  std::snprintf(name, sizeof(name), "map_%04d", map_id);
-  return name;
 }
 
 }  // namespace haustra::report

@@ -36,7 +36,4 @@ Result<std::map<int, MapModel>> ReadMapModels(const evaluate::RunOutput& run);
 // What tells the map of this run from that of another one: eight hexadecimal digits, of keyframes and their poses.
 std::string ChecksumOfPoses(const MapModel& model);
 
-// "map_0007"
-std::string MapFolderName(int map_id);
-
 }  // namespace haustra::report

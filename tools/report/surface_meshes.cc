@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "capture/files/whole_file.h"
+#include "tools/run/map_name.h"
 
 namespace haustra::report {
 namespace {
@@ -41,7 +42,7 @@ Result<std::map<int, std::string>> ReadSurfaceMeshes(const std::string& folder, 
   if (!std::filesystem::is_regular_file(std::filesystem::path(folder) / "surface.json")) return meshes;
   HAUSTRA_ASSIGN(const auto checksums, ReadChecksums(folder));
   for (const auto& [map_id, model] : models) {
-    const std::string path = (std::filesystem::path(folder) / (MapFolderName(map_id) + ".ply")).string();
+    const std::string path = (std::filesystem::path(folder) / (MapName(map_id) + ".ply")).string();
     if (!std::filesystem::is_regular_file(path)) continue;
     const auto checksum = checksums.find(map_id);
     if (checksum != checksums.end() && checksum->second != ChecksumOfPoses(model)) {

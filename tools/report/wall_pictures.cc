@@ -12,7 +12,7 @@
 #include "tools/evaluate/text_table.h"
 #include "tools/report/base64.h"
 #include "tools/report/html_text.h"
-#include "tools/report/map_model.h"
+#include "tools/run/map_name.h"
 
 namespace haustra::report {
 namespace {
@@ -90,7 +90,7 @@ Result<std::string> MapHtml(const std::string& folder, const json& map) {
   if (!lumen.at("found").get<bool>()) {
     return html + "<p>" + EscapeHtml("No lumen was found: " + lumen.at("reason").get<std::string>() + ".") + "</p>\n";
   }
-  HAUSTRA_ASSIGN(const std::string png, ReadWholeText(folder + "/" + MapFolderName(map_id) + "_wall.png"));
+  HAUSTRA_ASSIGN(const std::string png, ReadWholeText(folder + "/" + MapName(map_id) + "_wall.png"));
   html += Drawing(png, std::max(lumen.at("passed_radii").get<double>(), 1e-3));
   return html + "<div class=\"wide\">" + TableHtml(SegmentTable(map)) + "</div>\n";
 }

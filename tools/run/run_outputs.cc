@@ -1,7 +1,6 @@
 #include "tools/run/run_outputs.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 
@@ -12,17 +11,12 @@
 #include "engine/io/ply_writer.h"
 #include "engine/io/text_writer.h"
 #include "engine/io/trajectory_writer.h"
+#include "tools/run/map_name.h"
 
 namespace haustra {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string MapName(MapId id) {
-  char name[32];
-  std::snprintf(name, sizeof(name), "map_%04u", id);
-  return name;
-}
 
 // COLMAP ends a name at the first blank.
 std::string ColmapName(std::string name) {

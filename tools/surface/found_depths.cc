@@ -13,7 +13,7 @@
 #include "hal/core/median.h"
 #include "platform/assemble.h"
 #include "tools/command/parallel_for.h"
-#include "tools/report/map_model.h"
+#include "tools/run/map_name.h"
 
 namespace haustra::surface {
 namespace {
@@ -30,7 +30,7 @@ std::vector<DepthSeed> SeedsOf(const SurfaceKeyframe& keyframe, int step_px) {
 }
 
 std::string FileOf(const evaluate::RunOutput& run, const SurfaceMap& map) {
-  return (std::filesystem::path(run.folder) / "maps" / report::MapFolderName(map.map_id) / "depth.bin").string();
+  return (std::filesystem::path(run.folder) / "maps" / MapName(map.map_id) / "depth.bin").string();
 }
 
 }  // namespace

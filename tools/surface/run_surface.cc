@@ -11,7 +11,7 @@
 #include "capture/codec/image_codec.h"
 #include "engine/io/ply_writer.h"
 #include "tools/export/glb_writer.h"
-#include "tools/report/map_model.h"
+#include "tools/run/map_name.h"
 #include "tools/surface/coverage_picture.h"
 #include "tools/surface/coverage_text.h"
 #include "tools/surface/found_depths.h"
@@ -69,7 +69,7 @@ std::string WhatIsMissing(const SurfaceMap& map, const MapSurface& surface) {
 }
 
 Status WriteMap(const SurfaceOutput& output, int map_id, const MapSurface& made, const MapCoverage& coverage) {
-  const std::string stem = output.folder + "/" + report::MapFolderName(map_id);
+  const std::string stem = output.folder + "/" + MapName(map_id);
   StringSink ply;
   HAUSTRA_TRY(WriteMeshPly(ply, made.mesh, map_id));
   HAUSTRA_TRY(WriteFile(stem + ".ply", ply.bytes()));

@@ -5,13 +5,14 @@
 #include <utility>
 
 #include "tools/report/map_model.h"
+#include "tools/run/map_name.h"
 
 namespace haustra::surface {
 
 Result<std::vector<SurfaceMap>> ReadSurfaceMaps(const evaluate::RunOutput& run) {
   std::vector<SurfaceMap> maps;
   for (const auto& [map_id, geometry] : run.geometry) {
-    const std::filesystem::path folder = std::filesystem::path(run.folder) / "maps" / report::MapFolderName(map_id);
+    const std::filesystem::path folder = std::filesystem::path(run.folder) / "maps" / MapName(map_id);
     HAUSTRA_ASSIGN(const report::MapModel model, report::ReadMapModel(folder.string()));
     std::unordered_map<std::int64_t, std::size_t> point_of_id;
     for (std::size_t i = 0; i < model.point_ids.size(); ++i) point_of_id[model.point_ids[i]] = i;

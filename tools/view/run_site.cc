@@ -10,6 +10,7 @@
 #include "tools/report/map_model.h"
 #include "tools/report/surface_folder.h"
 #include "tools/report/surface_meshes.h"
+#include "tools/run/map_name.h"
 #include "tools/view/page_site.h"
 #include "tools/view/run_data.h"
 
@@ -21,7 +22,7 @@ using Json = nlohmann::ordered_json;
 void AddMeshes(std::map<int, std::string>&& meshes, ViewSite* site, std::map<int, ShownWall>* walls) {
   for (auto& [map_id, ply] : meshes) {
     ShownWall& wall = (*walls)[map_id];
-    wall.mesh = report::MapFolderName(map_id) + ".ply";
+    wall.mesh = MapName(map_id) + ".ply";
     site->resources[wall.mesh] = {"application/octet-stream", std::move(ply)};
   }
 }
@@ -35,7 +36,7 @@ Status AddCoverage(const std::string& folder, ViewSite* site, std::map<int, Show
     if (wall == walls->end()) continue;
     Json shown = {{"map", wall->first}, {"picture", nullptr}};
     shown.update(map);
-    const std::string name = report::MapFolderName(wall->first) + "_wall.png";
+    const std::string name = MapName(wall->first) + "_wall.png";
     if (const std::filesystem::path picture = std::filesystem::path(folder) / name;
         std::filesystem::is_regular_file(picture)) {
       HAUSTRA_ASSIGN(std::string png, ReadWholeText(picture.string()));

@@ -11,6 +11,7 @@
 #include <span>
 
 #include "hal/core/percentile.h"
+#include "tools/evaluate/evaluated_frame.h"
 
 namespace haustra {
 namespace {
@@ -93,28 +94,20 @@ nlohmann::ordered_json ToJson(const ThreadUse& use, bool is_heap_watched) {
 }
 
 // Maps that exist at the end, and those that have become part of one.
-class LastingMaps {
- public:
-  LastingMaps(const RunRecord& record, const Engine& engine) {
-    engine.atlas().maps().ForEach([&](MapHandle, const Map& map) {
-      if (map.status == MapStatus::kActive || map.status == MapStatus::kStored) existing_.insert(map.id);
-    });
-    // The atlas does not keep a merged map for ever.
-    for (const RunEvent& event : record.events()) {
-      if (event.event != ToString(MapEventKind::kMerged)) continue;
-      merged_into_[static_cast<MapId>(event.other_map_id)] = static_cast<MapId>(event.map_id);
-    }
+std::set<int> FindLastingMaps(const RunRecord& record, const Engine& engine) {
+  evaluate::MapGroups groups;
+  // The atlas does not keep a merged map for ever.
+  for (const RunEvent& event : record.events()) {
+    if (event.event != ToString(MapEventKind::kMerged)) continue;
+    groups.Merge(static_cast<int>(event.map_id), static_cast<int>(event.other_map_id));
   }
-  bool Contain(MapId id) const {
-    auto next = merged_into_.find(id);
-    for (; next != merged_into_.end() && !existing_.contains(id); next = merged_into_.find(id)) id = next->second;
-    return existing_.contains(id);
-  }
-
- private:
-  std::set<MapId> existing_;
-  std::map<MapId, MapId> merged_into_;  // absorbed map to the one that it became part of; ids are not used again
-};
+  std::set<int> lasting;
+  engine.atlas().maps().ForEach([&](MapHandle, const Map& map) {
+    if (map.status != MapStatus::kActive && map.status != MapStatus::kStored) return;
+    lasting.merge(std::set<int>(groups.Of(static_cast<int>(map.id))));
+  });
+  return lasting;
+}
 
 double Percent(std::size_t part, std::size_t whole) {
   return whole == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
@@ -147,10 +140,10 @@ RunSummary Summarise(const RunRecord& record, const std::vector<FinalPose>& pose
     summary.largest_map_frames = std::max(summary.largest_map_frames, num_frames);
   }
   summary.maps = frames_in_map.size();
-  const LastingMaps lasting_maps(record, engine);
+  const std::set<int> lasting_maps = FindLastingMaps(record, engine);
   for (const FrameOutcome& frame : record.frames()) {
     const bool has_pose = frame.result.state == TrackingState::kTracking;
-    summary.live_localised += has_pose && lasting_maps.Contain(frame.result.map_id);
+    summary.live_localised += has_pose && lasting_maps.contains(static_cast<int>(frame.result.map_id));
   }
   summary.tracked = record.num_tracked();
   summary.live_coverage = Percent(summary.live_localised, summary.sequence_frames);

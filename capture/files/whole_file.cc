@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 
+#include "capture/files/owned_descriptor.h"
 #include "hal/core/errno_text.h"
 
 namespace haustra {
@@ -15,17 +16,9 @@ namespace {
 // What a file grows by while it is read: a pipe, or a file of the kernel, tells no size.
 constexpr std::size_t kChunkBytes = std::size_t{1} << 16;
 
-// Closed when it goes out of scope.
-struct Descriptor {
-  int value = -1;
-  ~Descriptor() {
-    if (value >= 0) ::close(value);
-  }
-};
-
 template <typename Bytes>
 Status ReadInto(const std::string& path, std::size_t max_bytes, Bytes* bytes) {
-  const Descriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
+  const OwnedDescriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
   if (file.value < 0) {
     const int error = errno;
     if (error == ENOENT || error == ENOTDIR) return NotFound(path + ": no such file");

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "capture/files/owned_descriptor.h"
 #include "engine/mapping/mark_keeper.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/health.h"
@@ -39,14 +40,6 @@ Status WithPath(const std::string& path, const Status& status) {
   return status.ok() ? status : Status(status.code(), path + ": " + status.message());
 }
 
-// Closed when it goes out of scope.
-struct Descriptor {
-  int value = -1;
-  ~Descriptor() {
-    if (value >= 0) ::close(value);
-  }
-};
-
 }  // namespace
 
 // --- The worker.
@@ -58,7 +51,7 @@ void Daemon::StartNextWorker() {
   last_heard_ = clock_.Now();
   ++num_workers_;
   Result<std::unique_ptr<WorkerProcess>> started = WorkerProcess::Start(start_worker_);
-  const Descriptor configuration{::memfd_create("haustra configuration", MFD_CLOEXEC)};
+  const OwnedDescriptor configuration{::memfd_create("haustra configuration", MFD_CLOEXEC)};
   // Files come to it open: it is not told where they lie.
   DaemonConfig of_worker = config_;
   of_worker.files = {};
@@ -235,7 +228,7 @@ void Daemon::LoadCheckpoint() {
   if (state_.purpose == ServicePurpose::kResume) has_own_checkpoint_ = true;
   if (!has_own_checkpoint_ || !store_->has_checkpoint()) return Tell(ServiceEventKind::kLoaded);
   const std::string path = store_->checkpoint_path();
-  const Descriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
+  const OwnedDescriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
   if (file.value < 0) {
     failure_ = Unavailable(path + ": cannot be read");
     return Tell(ServiceEventKind::kNotLoaded);

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstdint>
@@ -10,18 +11,12 @@
 #include <cstring>
 #include <utility>
 
+#include "capture/files/owned_descriptor.h"
 #include "hal/core/errno_text.h"
 #include "platform/publish/slot_writer.h"
 
 namespace haustra {
 namespace {
-
-struct OwnedDescriptor {
-  int value = -1;
-  ~OwnedDescriptor() {
-    if (value >= 0) ::close(value);
-  }
-};
 
 // Null when it cannot be mapped.
 void* MapShared(int descriptor, std::size_t num_bytes) {

@@ -34,6 +34,32 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
     return {};
   }
   const TimePoint start = state_.Now();
+  const KeyframeHandle handle = AddKeyframe(proposal, cam_from_map);
+  if (!handle) return {};
+  LinkToNeighbours(handle);
+  // A point seen in a few neighbouring keyframes only helped to place those; when they have settled it has done its
+  // work. What the map keeps are the points that can be found again.
+  state_.counters.num_points_culled += static_cast<std::uint64_t>(trial_.CountKeyframe(state_.active, &state_.atlas));
+  const TimePoint inserted = state_.Now();
+  CreatePoints(handle);
+  const TimePoint made = state_.Now();
+  SearchInNeighbours(handle);
+  const TimePoint fused = state_.Now();
+  if (state_.is_time_boxed) publisher_.Publish();
+  AdjustAround(handle, {state_.config.mapping.window_keyframes, true, state_.config.mapping.bundle_iterations}, true);
+  const TimePoint adjusted = state_.Now();
+  CullKeyframes(handle);
+  const TimePoint culled = state_.Now();
+  state_.counters.insert_time += inserted - start;
+  state_.counters.create_time += made - inserted;
+  state_.counters.fuse_time += fused - made;
+  state_.counters.bundle_time += adjusted - fused;
+  state_.counters.cull_time += culled - adjusted;
+  return handle;
+}
+
+// With the points that tracking saw in it. Invalid: there is no room, even when the evictor has made some.
+KeyframeHandle KeyframeInserter::AddKeyframe(const KeyframeProposal& proposal, const SE3& cam_from_map) {
   (void)evictor_.MakeKeyframeRoom(1, state_.newest);
   (void)evictor_.MakePointRoom(state_.config.features.max, state_.newest);
   const KeyframeHandle handle = state_.atlas.AddKeyframe(state_.active, proposal.view.frame_index,
@@ -47,10 +73,16 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
   ++state_.counters.num_keyframes;
   for (int i = 0; i < proposal.view.features.num; ++i) {
     const MapPointHandle point = proposal.points[i];
-    // Points that were culled or fused while the proposal waited are found again by the search below.
+    // Points that were culled or fused while the proposal waited are found again by LinkToNeighbours.
     if (!point || state_.atlas.GetPoint(point) == nullptr) continue;
     if (state_.atlas.AddObservation(point, handle, i)) state_.atlas.UpdatePoint(point);
   }
+  return handle;
+}
+
+// By appearance, which places it better and shows whether a young map has its relief turned; then the neighbours'
+// points are searched where the poses put them. created_: the points that the links made.
+void KeyframeInserter::LinkToNeighbours(KeyframeHandle handle) {
   state_.atlas.FindCovisible(handle, state_.config.mapping.min_shared_points, &covisible_);
   created_.clear();
   linker_.Link(handle, covisible_, &state_.atlas, &created_);
@@ -62,18 +94,18 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
   state_.atlas.FindCovisible(handle, state_.config.mapping.min_shared_points, &covisible_);
   CollectPoints(covisible_, state_.config.mapping.fuse_neighbours, &candidates_);
   state_.counters.num_points_fused += fuser_.SearchInto(handle, candidates_, &state_.atlas);
-  // A point seen in a few neighbouring keyframes only helped to place those; when they have settled it has done its
-  // work. What the map keeps are the points that can be found again.
-  state_.counters.num_points_culled += static_cast<std::uint64_t>(trial_.CountKeyframe(state_.active, &state_.atlas));
-  const TimePoint inserted = state_.Now();
+}
 
+// All that are new, those of the links too, begin their trial.
+void KeyframeInserter::CreatePoints(KeyframeHandle handle) {
   state_.atlas.FindCovisible(handle, state_.config.mapping.min_shared_points, &covisible_);
   creator_.Create(handle, covisible_, &state_.atlas, &created_);
   state_.counters.num_points_created += created_.size();
   for (const MapPointHandle point : created_) trial_.Begin(state_.active, point);
-  const TimePoint made = state_.Now();
+}
 
-  // What the new keyframe brings is searched in its neighbours.
+// What the new keyframe brings is searched in its neighbours.
+void KeyframeInserter::SearchInNeighbours(KeyframeHandle handle) {
   candidates_.clear();
   const Keyframe& keyframe = state_.atlas.keyframe(handle);
   for (int i = 0; i < keyframe.features.num; ++i) {
@@ -83,19 +115,6 @@ KeyframeHandle KeyframeInserter::Insert(const KeyframeProposal& proposal) {
        ++i) {
     state_.counters.num_points_fused += fuser_.SearchInto(covisible_[i].keyframe, candidates_, &state_.atlas);
   }
-  const TimePoint fused = state_.Now();
-
-  if (state_.is_time_boxed) publisher_.Publish();
-  AdjustAround(handle, {state_.config.mapping.window_keyframes, true, state_.config.mapping.bundle_iterations}, true);
-  const TimePoint adjusted = state_.Now();
-  CullKeyframes(handle);
-  const TimePoint culled = state_.Now();
-  state_.counters.insert_time += inserted - start;
-  state_.counters.create_time += made - inserted;
-  state_.counters.fuse_time += fused - made;
-  state_.counters.bundle_time += adjusted - fused;
-  state_.counters.cull_time += culled - adjusted;
-  return handle;
 }
 
 // Poses of before do not compare with those of after: tracking hears of it as of a map that was moved.

@@ -1,8 +1,7 @@
-// Takes a proposed keyframe into the active map: links it by appearance, checks
-// the relief of a young map, searches its neighbours' points
-// in it and back, judges points on trial, makes new points, adjusts the window, culls keyframes that add nothing. In
-// real-time mode the new points are published before the window is adjusted. While a seam is open (mapping_state.h)
-// nothing is adjusted. thread-bound(mapping).
+// Takes a proposed keyframe into the active map: links it by appearance, checks the relief of a young map, searches its
+// neighbours' points in it and back, judges points on trial, makes new points, adjusts the window, culls keyframes that
+// add nothing. In real-time mode the new points are published before the window is adjusted. While a seam is open
+// (mapping_state.h) nothing is adjusted. thread-bound(mapping).
 #pragma once
 
 #include <cstdint>
@@ -45,6 +44,10 @@ class KeyframeInserter {
   void CountRefused(KeyframeId wanted = 1);
 
  private:
+  KeyframeHandle AddKeyframe(const KeyframeProposal& proposal, const SE3& cam_from_map);
+  void LinkToNeighbours(KeyframeHandle handle);
+  void CreatePoints(KeyframeHandle handle);
+  void SearchInNeighbours(KeyframeHandle handle);
   void CheckRelief(KeyframeHandle handle);
   void AdjustAround(KeyframeHandle handle, const LocalBundle::Extent& extent, bool may_be_interrupted);
   void CollectPoints(std::span<const Covisible> keyframes, int max_keyframes, std::vector<MapPointHandle>* out);
@@ -64,7 +67,7 @@ class KeyframeInserter {
   ReliefCheck relief_;
   std::vector<MapPointHandle> candidates_;
   std::vector<MapPointHandle> created_;
-  std::vector<Covisible> covisible_;
+  std::vector<Covisible> covisible_;        // neighbours of the keyframe that is inserted
   std::vector<std::uint8_t> is_candidate_;  // by point slot
 };
 

@@ -124,6 +124,16 @@ class ColourReader {
   std::map<std::uint32_t, Small> images_;
 };
 
+Status CheckPace(const RunArguments& arguments) {
+  if (IsV4l2Spec(arguments.sequence) && (arguments.mode != "realtime" || arguments.rate != 1.0)) {
+    return InvalidArgument("a camera does not wait: --mode realtime, and no --rate");
+  }
+  if (arguments.mode != "realtime" && arguments.rate != 1.0) {
+    return InvalidArgument("--rate is the pace of real time: it needs --mode realtime");
+  }
+  return Status::Ok();
+}
+
 Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::uint64_t seed, const Status& error) {
   console::Note(kRunCommand, "%s; estimating it from the clip itself", error.message().c_str());
   ClipCalibrationRequest request;
@@ -145,6 +155,51 @@ Result<ClipCalibration> EstimateCalibration(const RunArguments& arguments, std::
                 error.message() + ".\nIt cannot be estimated: " + result.status().message() +
                     ".\nGive one with --calibration FILE (config/cameras has published ones), or estimate "
                     "it from a better clip of the same camera: haustra calibrate CLIP --out FILE");
+}
+
+struct RunInput {
+  std::unique_ptr<FrameSource> source;
+  SequenceOptions options;                   // with the calibration that was estimated
+  std::optional<ClipCalibration> estimated;  // for want of one
+  std::string guess;                         // what a reader must know of the calibration; empty: nothing
+};
+
+// A sequence that has no calibration is opened with one that is estimated from it.
+Result<RunInput> OpenInput(const RunArguments& arguments, std::uint64_t seed) {
+  RunInput input;
+  input.options = arguments.part;
+  Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, input.options);
+  if (!source.ok()) {
+    HAUSTRA_TRY(ApartFromCalibration(source.status(), arguments.sequence, arguments.part));
+    HAUSTRA_ASSIGN(input.estimated, EstimateCalibration(arguments, seed, source.status()));
+    input.options.calibration = input.estimated->calibration;
+    source = OpenSequence(arguments.sequence, input.options);
+  }
+  HAUSTRA_ASSIGN(input.source, std::move(source));
+  // In pixels of the frames as they are stored, where it was guessed from them.
+  input.guess = GuessText(input.estimated ? input.estimated->calibration : input.source->calibration());
+  return input;
+}
+
+void WarnOfInput(const std::string& sequence, const RunInput& input) {
+  if (IsCutRecording(sequence)) {
+    console::Warn(kRunCommand, "%s: the recording was cut; the frames are those that were whole by then",
+                  sequence.c_str());
+  }
+  if (!input.guess.empty()) console::Warn(kRunCommand, "%s", input.guess.c_str());
+  // A camera's pictures come once.
+  if (IsV4l2Spec(sequence)) return;
+  const std::string two_views = TwoViewsRemark(sequence, input.options);
+  if (!two_views.empty()) console::Warn(kRunCommand, "%s", two_views.c_str());
+}
+
+// How the heap of the tracking thread is watched; null: not at all.
+Result<const ThreadWatch*> HeapWatchOf(const RunArguments& arguments) {
+  if (arguments.trap_allocations == "off") return nullptr;
+  if (!AllocationTrap::IsAvailable()) {
+    return Unavailable("--trap-allocations: this build's malloc cannot be watched (sanitizer, or not glibc)");
+  }
+  return arguments.trap_allocations == "abort" ? &AbortingHeapWatch() : &CountingHeapWatch();
 }
 
 // Before anything is read: what is there already is no surprise after the procedure.
@@ -200,14 +255,46 @@ std::string WriteReport(const RunArguments& arguments) {
   return {};
 }
 
-int Run(const RunArguments& arguments) {
-  if (IsV4l2Spec(arguments.sequence) && (arguments.mode != "realtime" || arguments.rate != 1.0)) {
-    return console::Fail(kRunCommand, InvalidArgument("a camera does not wait: --mode realtime, and no --rate"),
-                         kExitUsage);
+int EndWithoutFrames(const RunArguments& arguments, const Status& session, bool is_stopped) {
+  if (!session.ok()) return console::Fail(kRunCommand, session);
+  if (is_stopped) {
+    console::Warn(kRunCommand, "stopped before the first frame; nothing is written");
+    return kExitStopped;
   }
-  if (arguments.mode != "realtime" && arguments.rate != 1.0) {
-    return console::Fail(kRunCommand, InvalidArgument("--rate is the pace of real time: it needs --mode realtime"),
-                         kExitUsage);
+  // How long a recording is shows only when it has been read: of it, too, a part that is empty is a mistake.
+  return console::Fail(kRunCommand, InvalidArgument(arguments.sequence + ": the sequence is empty from frame " +
+                                                    std::to_string(arguments.part.first_frame) + " on"));
+}
+
+// What was asked for, beside what came of it.
+void DescribeRequest(const RunArguments& arguments, const RunInput& input, std::uint64_t seed, RunSummary* summary) {
+  summary->mode = arguments.mode;
+  summary->device = arguments.device;
+  summary->seed = seed;
+  summary->first_frame = arguments.part.first_frame;
+  summary->every_nth = arguments.part.every_nth;
+  summary->rate = arguments.rate;
+  if (input.estimated) {
+    summary->calibration_json = CalibrationJson(*input.estimated).dump();
+  } else if (!input.guess.empty()) {
+    summary->calibration_json = nlohmann::ordered_json{{"source", "given"}, {"note", input.guess}}.dump();
+  }
+}
+
+// Damaged frames and refused marks.
+void WarnOfLeftOut(const RunRecord& record, const RunSummary& summary) {
+  for (const RunEvent& event : record.events()) {
+    if (event.event == "frame_damaged") console::Warn(kRunCommand, "%s", event.details.c_str());
+  }
+  for (const RefusedMark& mark : summary.refused_marks) {
+    console::Warn(kRunCommand, "mark %s in frame %u is refused: %s", mark.label.c_str(), mark.frame_index,
+                  mark.reason.c_str());
+  }
+}
+
+int Run(const RunArguments& arguments) {
+  if (const Status status = CheckPace(arguments); !status.ok()) {
+    return console::Fail(kRunCommand, status, kExitUsage);
   }
   if (arguments.mode == "realtime") UseOneHeap();
   const Result<ConfigStore<EngineConfig>> loaded = LoadEngineConfig(arguments.config, arguments.assignments);
@@ -227,43 +314,15 @@ int Run(const RunArguments& arguments) {
   EngineConfig config = loaded->config();
   if (arguments.seed) config.seed = *arguments.seed;
 
-  SequenceOptions sequence_options = arguments.part;
-  std::optional<ClipCalibration> estimated;
-  Result<std::unique_ptr<FrameSource>> source = OpenSequence(arguments.sequence, sequence_options);
-  if (!source.ok()) {
-    const Status other = ApartFromCalibration(source.status(), arguments.sequence, arguments.part);
-    if (!other.ok()) return console::Fail(kRunCommand, other);
-    Result<ClipCalibration> estimate = EstimateCalibration(arguments, config.seed, source.status());
-    if (!estimate.ok()) return console::Fail(kRunCommand, estimate.status());
-    estimated = std::move(estimate).value();
-    sequence_options.calibration = estimated->calibration;
-    source = OpenSequence(arguments.sequence, sequence_options);
-  }
-  if (!source.ok()) return console::Fail(kRunCommand, source.status());
-  const CameraCalibration& calibration = (*source)->calibration();
-  if (IsCutRecording(arguments.sequence)) {
-    console::Warn(kRunCommand, "%s: the recording was cut; the frames are those that were whole by then",
-                  arguments.sequence.c_str());
-  }
-  // In pixels of the frames as they are stored, where it was guessed from them.
-  const std::string guess = GuessText(estimated ? estimated->calibration : calibration);
-  if (!guess.empty()) console::Warn(kRunCommand, "%s", guess.c_str());
-  // A camera's pictures come once.
-  if (!IsV4l2Spec(arguments.sequence)) {
-    const std::string two_views = TwoViewsRemark(arguments.sequence, sequence_options);
-    if (!two_views.empty()) console::Warn(kRunCommand, "%s", two_views.c_str());
-  }
+  const Result<RunInput> input = OpenInput(arguments, config.seed);
+  if (!input.ok()) return console::Fail(kRunCommand, input.status());
+  WarnOfInput(arguments.sequence, *input);
+  FrameSource& source = *input->source;
+  const CameraCalibration& calibration = source.calibration();
   const Result<CameraModel> camera = CameraModel::Create(calibration);
   if (!camera.ok()) return console::Fail(kRunCommand, camera.status());
-  const ThreadWatch* thread_watch = nullptr;
-  if (arguments.trap_allocations != "off") {
-    if (!AllocationTrap::IsAvailable()) {
-      return console::Fail(
-          kRunCommand,
-          Unavailable("--trap-allocations: this build's malloc cannot be watched (sanitizer, or not glibc)"));
-    }
-    thread_watch = arguments.trap_allocations == "abort" ? &AbortingHeapWatch() : &CountingHeapWatch();
-  }
+  const Result<const ThreadWatch*> thread_watch = HeapWatchOf(arguments);
+  if (!thread_watch.ok()) return console::Fail(kRunCommand, thread_watch.status());
   const bool is_realtime = arguments.mode == "realtime";
   const Engine::Mode mode = is_realtime ? Engine::Mode::kRealTime : Engine::Mode::kSequential;
   const int num_threads = NumVisionThreads(arguments.threads, config, mode);
@@ -273,17 +332,17 @@ int Run(const RunArguments& arguments) {
     return console::Fail(kRunCommand, status);
   Result<std::unique_ptr<VisionDevice>> device = CreateVisionDevice(arguments.device, config, calibration, num_threads);
   if (!device.ok()) return console::Fail(kRunCommand, device.status());
-  if (const Status status = (*device)->SetStaticMask((*source)->static_mask()); !status.ok())
+  if (const Status status = (*device)->SetStaticMask(source.static_mask()); !status.ok())
     return console::Fail(kRunCommand, status);
 
   const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
   if (!vocabulary.ok()) return console::Fail(kRunCommand, vocabulary.status());
 
-  const Result<DepthSearch> depth = CreateDepthSearch(arguments.device, config, *camera, (*source)->static_mask());
+  const Result<DepthSearch> depth = CreateDepthSearch(arguments.device, config, *camera, source.static_mask());
   if (!depth.ok()) return console::Fail(kRunCommand, depth.status());
 
   if (is_realtime) {
-    if (const Result<int> warm = WarmUp(**device, **source); !warm.ok()) {
+    if (const Result<int> warm = WarmUp(**device, source); !warm.ok()) {
       return console::Fail(kRunCommand, warm.status());
     }
   }
@@ -295,8 +354,7 @@ int Run(const RunArguments& arguments) {
     mark_requests = std::move(read).value();
   }
   const SystemClock clock;
-  Engine engine(config, *camera, **device, mode, &clock, (*source)->static_mask(), vocabulary->get(),
-                depth->matcher.get());
+  Engine engine(config, *camera, **device, mode, &clock, source.static_mask(), vocabulary->get(), depth->matcher.get());
   if (!arguments.load_atlas.empty()) {
     if (const Status status = LoadAtlasFile(arguments.load_atlas, &engine); !status.ok())
       return console::Fail(kRunCommand, status);
@@ -313,14 +371,14 @@ int Run(const RunArguments& arguments) {
   if (const Status status = MakeResultFolders(arguments.out); !status.ok()) {
     return console::FailWriting(kRunCommand, status);
   }
-  const std::uint32_t num_frames = (*source)->num_frames();
+  const std::uint32_t num_frames = source.num_frames();
   console::Note(kRunCommand, "%s, %s frames %dx%d, %s mode, device %s", arguments.sequence.c_str(),
                 (num_frames > 0 ? std::to_string(num_frames) : "an unknown number of").c_str(), calibration.width_px,
                 calibration.height_px, arguments.mode.c_str(), DeviceText(**device, num_threads).c_str());
 
   const std::atomic<bool>& stop_requested = CatchStopSignals();
   Progress progress(num_frames);
-  RunRecord record([&progress](const RunRecord& r) { progress.Update(r); }, thread_watch);
+  RunRecord record([&progress](const RunRecord& r) { progress.Update(r); }, *thread_watch);
   record.ExpectFrames(num_frames);
   RealTimeOptions options;
   options.rate = arguments.rate;
@@ -328,31 +386,26 @@ int Run(const RunArguments& arguments) {
   MarkLog marks(engine, mark_requests, arguments.part);
   options.hooks = &marks;
   const Result<SessionSummary> session = is_realtime
-                                             ? RunRealTime(**source, engine, clock, options, record, stop_requested)
-                                             : RunSequential(**source, engine, clock, record, stop_requested, marks);
+                                             ? RunRealTime(source, engine, clock, options, record, stop_requested)
+                                             : RunSequential(source, engine, clock, record, stop_requested, marks);
   marks.Finish();
   progress.Finish(record);
-  const std::string remark = StampRemark(**source);
+  const std::string remark = StampRemark(source);
   if (!remark.empty()) console::Warn(kRunCommand, "%s", remark.c_str());
   engine.FinishDepth(stop_requested);
   // Nothing has come of it: an earlier run is worth more.
   if (record.frames().empty()) {
     output->Discard();
-    if (!session.ok()) return console::Fail(kRunCommand, session.status());
-    if (stop_requested) {
-      console::Warn(kRunCommand, "stopped before the first frame; nothing is written");
-      return kExitStopped;
-    }
-    // How long a recording is shows only when it has been read: of it, too, a part that is empty is a mistake.
-    return console::Fail(kRunCommand, InvalidArgument(arguments.sequence + ": the sequence is empty from frame " +
-                                                      std::to_string(arguments.part.first_frame) + " on"));
+    return EndWithoutFrames(arguments, session.status(), stop_requested);
   }
   if (stop_requested && !is_live) {
     console::Warn(kRunCommand, "stopped after %zu frames; what was mapped until then is written",
                   record.frames().size());
   }
   Status calibration_written;
-  if (estimated) calibration_written = WriteCalibration(arguments.out + "/calib.yaml", estimated->calibration);
+  if (input->estimated) {
+    calibration_written = WriteCalibration(arguments.out + "/calib.yaml", input->estimated->calibration);
+  }
   // A file that cannot be written costs none of the others.
   Status atlas_saved;
   if (!arguments.save_atlas.empty()) atlas_saved = SaveAtlasFile(engine, arguments.save_atlas);
@@ -365,24 +418,14 @@ int Run(const RunArguments& arguments) {
   SummariseMarks(marks, engine, &summary);
   summary.motions = FindMapMotions(record, poses, engine);
   summary.scene_depths = FindSceneDepths(engine.atlas());
-  summary.mode = arguments.mode;
-  summary.device = arguments.device;
-  summary.seed = config.seed;
-  summary.first_frame = arguments.part.first_frame;
-  summary.every_nth = arguments.part.every_nth;
-  summary.rate = arguments.rate;
-  if (estimated) {
-    summary.calibration_json = CalibrationJson(*estimated).dump();
-  } else if (!guess.empty()) {
-    summary.calibration_json = nlohmann::ordered_json{{"source", "given"}, {"note", guess}}.dump();
-  }
+  DescribeRequest(arguments, *input, config.seed, &summary);
   ColourReader colours;
   // What a camera has shown cannot be looked at again.
-  if (const Status status = is_live ? Status::Ok() : colours.Read(arguments.sequence, sequence_options, engine);
+  if (const Status status = is_live ? Status::Ok() : colours.Read(arguments.sequence, input->options, engine);
       !status.ok()) {
     console::Warn(kRunCommand, "the points of the maps stay grey: %s", status.message().c_str());
   }
-  const Status written = WriteOutputs(arguments.out, record, poses, summary, engine, marks, **source,
+  const Status written = WriteOutputs(arguments.out, record, poses, summary, engine, marks, source,
                                       !arguments.part.mask_path.empty(), std::ref(colours));
   if (!written.ok()) {
     if (!calibration_written.ok()) console::Warn(kRunCommand, "%s", calibration_written.message().c_str());
@@ -391,13 +434,7 @@ int Run(const RunArguments& arguments) {
     return console::FailWriting(kRunCommand, written);
   }
   output->Commit();
-  for (const RunEvent& event : record.events()) {
-    if (event.event == "frame_damaged") console::Warn(kRunCommand, "%s", event.details.c_str());
-  }
-  for (const RefusedMark& mark : summary.refused_marks) {
-    console::Warn(kRunCommand, "mark %s in frame %u is refused: %s", mark.label.c_str(), mark.frame_index,
-                  mark.reason.c_str());
-  }
+  WarnOfLeftOut(record, summary);
   // What ended the session, as that of a camera ends, does not end this, too.
   const std::atomic<bool>& stop_surface = stop_requested ? SecondStopSignal() : stop_requested;
   const Status surface = WriteSurface(arguments, engine, stop_surface, &summary);

@@ -121,20 +121,74 @@ Result<std::unique_ptr<VisionDevice>> MakeStressDevice(const LatencyArguments& a
   return CreateVisionDevice(arguments.device, plan, Engine::ExtractOptionsFor(config), 1);
 }
 
-std::string LoadText(const LatencyArguments& arguments, const StressOptions& stress) {
-  std::string text = std::to_string(stress.cpu_threads) + " threads of arithmetic, " +
-                     std::to_string(stress.memory_threads) + " of copying";
-  if (arguments.stress_gpu) text += ", one on the vision device";
-  if (arguments.stress_process) text += ", a second process on the vision device";
-  return text;
-}
-
 Result<std::unique_ptr<StressProcess>> StartStressProcess(const LatencyArguments& arguments,
                                                           const CameraCalibration& calibration) {
   return StressProcess::Start({"latency", "--occupy",
                                std::to_string(calibration.width_px) + "x" + std::to_string(calibration.height_px),
                                "--device", arguments.device});
 }
+
+// What keeps the machine busy beside what is measured.
+struct Load {
+  StressOptions threads;
+  std::unique_ptr<VisionDevice> device;    // for a thread that works on it; null: none does
+  std::unique_ptr<StressProcess> process;  // null: none
+};
+
+Result<Load> MakeLoad(const LatencyArguments& arguments, const CameraCalibration& calibration, bool has_accelerator) {
+  Load load;
+  load.threads = {arguments.stress_cpu, arguments.stress_memory};
+  if (arguments.stress) {
+    const int num_cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    load.threads.cpu_threads = std::max(load.threads.cpu_threads, num_cores);
+    load.threads.memory_threads = std::max(load.threads.memory_threads, 1);
+  }
+  if (arguments.stress_gpu || (arguments.stress && has_accelerator)) {
+    HAUSTRA_ASSIGN(load.device, MakeStressDevice(arguments, calibration));
+  }
+  if (arguments.stress_process) {
+    HAUSTRA_ASSIGN(load.process, StartStressProcess(arguments, calibration));
+  }
+  return load;
+}
+
+std::string LoadText(const Load& load) {
+  std::string text = std::to_string(load.threads.cpu_threads) + " threads of arithmetic, " +
+                     std::to_string(load.threads.memory_threads) + " of copying";
+  if (load.device != nullptr) text += ", one on the vision device";
+  if (load.process != nullptr) text += ", a second process on the vision device";
+  return text;
+}
+
+// Sets *stop when the time is over or a signal asks for it, and shows until then how far it is.
+class MeasuringTimer {
+ public:
+  MeasuringTimer(const SystemClock& clock, TimePoint begin, double seconds, const std::atomic<bool>& stop_requested,
+                 std::atomic<bool>* stop)
+      : thread_([this, &clock, begin, seconds, &stop_requested, stop] {
+          ProgressLine line;
+          const TimePoint end = begin + Duration(static_cast<std::int64_t>(1e9 * seconds));
+          while (!is_over_ && !*stop && !stop_requested && clock.Now() < end) {
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+            line.Update([&] {
+              char text[80];
+              std::snprintf(text, sizeof(text), "measuring %.0f / %.0f s", line.elapsed_s(), seconds);
+              return std::string(text);
+            });
+          }
+          *stop = true;
+        }) {}
+  ~MeasuringTimer() {
+    is_over_ = true;
+    thread_.join();
+  }
+  MeasuringTimer(const MeasuringTimer&) = delete;
+  MeasuringTimer& operator=(const MeasuringTimer&) = delete;
+
+ private:
+  std::atomic<bool> is_over_{false};
+  std::thread thread_;
+};
 
 // The second process.
 int Occupy(const LatencyArguments& arguments) {
@@ -148,7 +202,7 @@ int Occupy(const LatencyArguments& arguments) {
   return kExitOk;
 }
 
-int Measure(LatencyArguments arguments) {
+int Measure(const LatencyArguments& arguments) {
   if (!arguments.occupy.empty()) return Occupy(arguments);
   if (arguments.rendered == !arguments.sequence.empty()) {
     return console::Fail(kLatencyCommand, InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
@@ -205,25 +259,8 @@ int Measure(LatencyArguments arguments) {
   Engine engine(config, *camera, **device, Engine::Mode::kRealTime, &clock, (*source)->static_mask(), vocabulary->get(),
                 depth->matcher.get());
 
-  const int num_cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  StressOptions stress{arguments.stress_cpu, arguments.stress_memory};
-  if (arguments.stress) {
-    stress.cpu_threads = std::max(stress.cpu_threads, num_cores);
-    stress.memory_threads = std::max(stress.memory_threads, 1);
-    arguments.stress_gpu = arguments.stress_gpu || (*device)->is_accelerator();
-  }
-  std::unique_ptr<VisionDevice> stress_device;
-  if (arguments.stress_gpu) {
-    Result<std::unique_ptr<VisionDevice>> made = MakeStressDevice(arguments, calibration);
-    if (!made.ok()) return console::Fail(kLatencyCommand, made.status());
-    stress_device = std::move(made).value();
-  }
-  std::unique_ptr<StressProcess> stress_process;
-  if (arguments.stress_process) {
-    Result<std::unique_ptr<StressProcess>> started = StartStressProcess(arguments, calibration);
-    if (!started.ok()) return console::Fail(kLatencyCommand, started.status());
-    stress_process = std::move(started).value();
-  }
+  Result<Load> load = MakeLoad(arguments, calibration, (*device)->is_accelerator());
+  if (!load.ok()) return console::Fail(kLatencyCommand, load.status());
 
   const double rate_hz = (calibration.rate_hz > 0 ? calibration.rate_hz : 25.0) * arguments.rate;
   const auto warm_up_frames = static_cast<std::uint32_t>(std::ceil(arguments.warm_up_s * rate_hz));
@@ -239,7 +276,7 @@ int Measure(LatencyArguments arguments) {
                                      ", " + std::to_string((*source)->num_loaded()) + " frames there and back again (" +
                                      std::to_string((*source)->num_bytes() >> 20) + " MB)"},
                      {"rate", std::to_string(rate_hz).substr(0, 6) + " Hz"},
-                     {"load", LoadText(arguments, stress)}};
+                     {"load", LoadText(*load)}};
   report.deadline_ms = config.scheduler.deadline_ms > 0 ? config.scheduler.deadline_ms : 1e3 / rate_hz;
   report.board_before = ReadBoardState("");
   report.record = &record;
@@ -258,24 +295,9 @@ int Measure(LatencyArguments arguments) {
   Result<SessionSummary> session = SessionSummary();
   const TimePoint begin = clock.Now();
   {
-    const Stress load(stress, std::move(stress_device));
-    std::atomic<bool> is_over{false};
-    std::thread timer([&] {
-      ProgressLine line;
-      const TimePoint end = begin + Duration(static_cast<std::int64_t>(1e9 * seconds));
-      while (!is_over && !stop && !stop_requested && clock.Now() < end) {
-        std::this_thread::sleep_for(std::chrono::milliseconds(20));
-        line.Update([&] {
-          char text[80];
-          std::snprintf(text, sizeof(text), "measuring %.0f / %.0f s", line.elapsed_s(), seconds);
-          return std::string(text);
-        });
-      }
-      stop = true;
-    });
+    const Stress stress(load->threads, std::move(load->device));
+    const MeasuringTimer timer(clock, begin, seconds, stop_requested, &stop);
     session = RunRealTime(**source, engine, clock, options, record, stop);
-    is_over = true;
-    timer.join();
   }
   const double measured_s = ToSeconds(clock.Now() - begin);
   if (!session.ok()) return console::Fail(kLatencyCommand, session.status());

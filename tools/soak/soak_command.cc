@@ -121,6 +121,29 @@ Status RunProcedure(const SoakArguments& arguments, const EngineConfig& config, 
   return Status::Ok();
 }
 
+std::string ProgressText(const SoakSample& sample) {
+  char text[160];
+  std::snprintf(text, sizeof(text), "%8.0f s  %7.1f MB resident  %5u keyframes %6u points  p50 %.1f ms  max %.1f ms",
+                sample.video_s, sample.rss_mb, sample.pools.keyframes, sample.pools.map_points, sample.p50_ms,
+                sample.max_ms);
+  return text;
+}
+
+void PrintTotals(const SoakArguments& arguments, const SoakMonitor& monitor, const SoakTotals& totals) {
+  console::Print(
+      "%s, device %s, %.1f min of video in %d procedures and %d loops: %llu frames, %llu losses, %llu merges and "
+      "loops, %llu damaged\n"
+      "evicted %llu keyframes, %llu maps, %llu points; refused %llu keyframes\n",
+      arguments.rendered ? "(rendered)" : arguments.sequence.c_str(), totals.device.c_str(),
+      ToSeconds(totals.video_time) / 60.0, monitor.num_procedures(), totals.loops,
+      static_cast<unsigned long long>(monitor.num_frames()), static_cast<unsigned long long>(monitor.num_losses()),
+      static_cast<unsigned long long>(monitor.num_merges()), static_cast<unsigned long long>(monitor.num_damaged()),
+      static_cast<unsigned long long>(totals.evicted.num_keyframes),
+      static_cast<unsigned long long>(totals.evicted.num_maps),
+      static_cast<unsigned long long>(totals.evicted.num_points),
+      static_cast<unsigned long long>(totals.keyframes_refused));
+}
+
 int Soak(const SoakArguments& arguments) {
   UseOneHeap();  // as the service does
   if (arguments.rendered == !arguments.sequence.empty()) {
@@ -162,13 +185,7 @@ int Soak(const SoakArguments& arguments) {
   ProgressLine line;
   SampleFile csv(arguments.csv);
   const auto write = [&](const SoakSample& sample) {
-    line.Update([&] {
-      char text[160];
-      std::snprintf(text, sizeof(text),
-                    "%8.0f s  %7.1f MB resident  %5u keyframes %6u points  p50 %.1f ms  max %.1f ms", sample.video_s,
-                    sample.rss_mb, sample.pools.keyframes, sample.pools.map_points, sample.p50_ms, sample.max_ms);
-      return std::string(text);
-    });
+    line.Update([&] { return ProgressText(sample); });
     csv.Add(sample);
   };
   SoakMonitor monitor(options, write, AllocationTrap::IsAvailable() ? &CountingHeapWatch() : nullptr);
@@ -192,19 +209,7 @@ int Soak(const SoakArguments& arguments) {
   line.Leave();
   if (!csv.status().ok()) return console::FailWriting(kSoakCommand, csv.status());
 
-  console::Print(
-      "%s, device %s, %.1f min of video in %d procedures and %d loops: %llu frames, %llu losses, %llu merges and "
-      "loops, %llu "
-      "damaged\n"
-      "evicted %llu keyframes, %llu maps, %llu points; refused %llu keyframes\n",
-      arguments.rendered ? "(rendered)" : arguments.sequence.c_str(), totals.device.c_str(),
-      ToSeconds(totals.video_time) / 60.0, monitor.num_procedures(), totals.loops,
-      static_cast<unsigned long long>(monitor.num_frames()), static_cast<unsigned long long>(monitor.num_losses()),
-      static_cast<unsigned long long>(monitor.num_merges()), static_cast<unsigned long long>(monitor.num_damaged()),
-      static_cast<unsigned long long>(totals.evicted.num_keyframes),
-      static_cast<unsigned long long>(totals.evicted.num_maps),
-      static_cast<unsigned long long>(totals.evicted.num_points),
-      static_cast<unsigned long long>(totals.keyframes_refused));
+  PrintTotals(arguments, monitor, totals);
   const SoakVerdict verdict = monitor.Judge();
   console::Print("%s", verdict.text.c_str());
   if (stop_requested.load()) {

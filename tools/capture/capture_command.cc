@@ -99,6 +99,42 @@ bool StoresEncoded(const CaptureArguments& arguments, const V4l2Options& camera)
   return arguments.store != "png" && !arguments.halve && camera.region.is_whole();
 }
 
+struct Captured {
+  std::uint64_t num_frames = 0;
+  TimePoint first, last;
+};
+
+// Until the end that was asked for, a stop, or an error of the recorder, which may be null. A camera that goes is
+// waited for.
+Captured CaptureFrames(const CaptureArguments& arguments, bool stores_encoded, V4l2Source& source,
+                       SequenceRecorder* recorder, const std::atomic<bool>& stop_requested) {
+  DeviceIo& io = SystemDeviceIo();
+  const TimePoint begin = io.Now();
+  const auto limit = Duration(static_cast<std::int64_t>(arguments.seconds * 1e9));
+  Captured captured;
+  bool is_gone = false;
+  const auto is_over = [&] {
+    return stop_requested.load() || (arguments.num_frames > 0 && captured.num_frames >= arguments.num_frames) ||
+           (arguments.seconds > 0.0 && io.Now() - begin >= limit) || (recorder != nullptr && !recorder->status().ok());
+  };
+  while (!is_over()) {
+    const Result<Frame> frame = source.Next(io.Now() + std::chrono::milliseconds(200));
+    if (frame.code() == StatusCode::kUnavailable) {
+      if (!is_gone) console::Warn(kCaptureCommand, "%s; waiting for it", frame.status().message().c_str());
+      is_gone = true;
+    }
+    if (frame.code() == StatusCode::kDataLoss) console::Warn(kCaptureCommand, "%s", frame.status().message().c_str());
+    if (!frame.ok()) continue;
+    if (is_gone) console::Note(kCaptureCommand, "%s", source.Describe().c_str());
+    is_gone = false;
+    if (captured.num_frames++ == 0) captured.first = frame->timestamp;
+    captured.last = frame->timestamp;
+    if (recorder == nullptr) continue;
+    recorder->Add(*frame, stores_encoded ? source.encoded() : std::span<const std::uint8_t>());
+  }
+  return captured;
+}
+
 int Capture(const CaptureArguments& arguments) {
   if (arguments.camera.empty()) return List();
   const std::string spec =
@@ -137,38 +173,15 @@ int Capture(const CaptureArguments& arguments) {
                 source.calibration().width_px, source.calibration().height_px, source.calibration().rate_hz);
 
   const std::atomic<bool>& stop_requested = CatchStopSignals();
-  DeviceIo& io = SystemDeviceIo();
-  const TimePoint begin = io.Now();
-  const auto limit = Duration(static_cast<std::int64_t>(arguments.seconds * 1e9));
-  TimePoint first, last;
-  std::uint64_t num_frames = 0;
-  bool is_gone = false;
-  const auto is_over = [&] {
-    return stop_requested.load() || (arguments.num_frames > 0 && num_frames >= arguments.num_frames) ||
-           (arguments.seconds > 0.0 && io.Now() - begin >= limit) || (recorder != nullptr && !recorder->status().ok());
-  };
-  while (!is_over()) {
-    const Result<Frame> frame = source.Next(io.Now() + std::chrono::milliseconds(200));
-    if (frame.code() == StatusCode::kUnavailable) {
-      if (!is_gone) console::Warn(kCaptureCommand, "%s; waiting for it", frame.status().message().c_str());
-      is_gone = true;
-    }
-    if (frame.code() == StatusCode::kDataLoss) console::Warn(kCaptureCommand, "%s", frame.status().message().c_str());
-    if (!frame.ok()) continue;
-    if (is_gone) console::Note(kCaptureCommand, "%s", source.Describe().c_str());
-    is_gone = false;
-    if (num_frames++ == 0) first = frame->timestamp;
-    last = frame->timestamp;
-    if (recorder == nullptr) continue;
-    recorder->Add(*frame, StoresEncoded(arguments, *camera) ? source.encoded() : std::span<const std::uint8_t>());
-  }
-
+  const Captured captured =
+      CaptureFrames(arguments, StoresEncoded(arguments, *camera), source, recorder.get(), stop_requested);
   if (stop_requested && (arguments.num_frames > 0 || arguments.seconds > 0.0)) {
     console::Warn(kCaptureCommand, "stopped before its end");
   } else if (stop_requested) {
     console::Note(kCaptureCommand, "stopped");
   }
-  const std::string counts = CountsText(source.counters(), num_frames, ToSeconds(last - first));
+  const std::string counts =
+      CountsText(source.counters(), captured.num_frames, ToSeconds(captured.last - captured.first));
   if (recorder == nullptr) {
     console::Print("%s", counts.c_str());
     return kExitOk;

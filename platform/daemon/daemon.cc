@@ -105,31 +105,7 @@ int Daemon::SetUp() {
     return FailStart(store.status(), store.code() == StatusCode::kFailedPrecondition ? kExitBusy : kExitIo);
   }
   store_ = std::move(*store);
-  Result<std::unique_ptr<PoseRingWriter>> ring =
-      PoseRingWriter::Create(config_.files.runtime_folder + "/poses", kReadableMode, *group);
-  if (!ring.ok()) return FailStart(ring.status(), kExitIo);
-  ring_ = std::move(*ring);
-  const std::string view_path = config_.files.runtime_folder + "/view";
-  const std::string depth_path = config_.files.runtime_folder + "/depth";
-  if (config_.publish.view) {
-    Result<std::unique_ptr<ViewRingWriter>> view = ViewRingWriter::Create(view_path, kReadableMode, *group);
-    if (!view.ok()) return FailStart(view.status(), kExitIo);
-    view_ = std::move(*view);
-  } else {
-    if (const Status removed = ViewRingWriter::RemoveFormer(view_path); !removed.ok()) {
-      return FailStart(removed, kExitIo);
-    }
-  }
-  if (config_.publish.depth) {
-    Result<std::unique_ptr<DepthTableWriter>> depth = DepthTableWriter::Create(
-        depth_path, kReadableMode, *group, static_cast<std::uint32_t>(config_.engine.memory.max_keyframes));
-    if (!depth.ok()) return FailStart(depth.status(), kExitIo);
-    depth_ = std::move(*depth);
-  } else {
-    if (const Status removed = DepthTableWriter::RemoveFormer(depth_path); !removed.ok()) {
-      return FailStart(removed, kExitIo);
-    }
-  }
+  if (const Status made = MakePublishedFiles(*group); !made.ok()) return FailStart(made, kExitIo);
 
   if (const std::optional<ProcedureRecord>& record = store_->interrupted()) {
     state_.procedure = ProcedurePhase::kInterrupted;
@@ -139,6 +115,23 @@ int Daemon::SetUp() {
         {{"label", record->label}, {"resumes", may_resume ? "yes" : "no, waits to be told"}});
   }
   return kExitOk;
+}
+
+Status Daemon::MakePublishedFiles(gid_t group) {
+  const std::string& folder = config_.files.runtime_folder;
+  HAUSTRA_ASSIGN(ring_, PoseRingWriter::Create(folder + "/poses", kReadableMode, group));
+  if (config_.publish.view) {
+    HAUSTRA_ASSIGN(view_, ViewRingWriter::Create(folder + "/view", kReadableMode, group));
+  } else {
+    HAUSTRA_TRY(ViewRingWriter::RemoveFormer(folder + "/view"));
+  }
+  if (config_.publish.depth) {
+    const auto num_slots = static_cast<std::uint32_t>(config_.engine.memory.max_keyframes);
+    HAUSTRA_ASSIGN(depth_, DepthTableWriter::Create(folder + "/depth", kReadableMode, group, num_slots));
+  } else {
+    HAUSTRA_TRY(DepthTableWriter::RemoveFormer(folder + "/depth"));
+  }
+  return Status::Ok();
 }
 
 int Daemon::Open() {

@@ -79,6 +79,8 @@ class Daemon {
 
   // Everything before the worker; kExitOk, or the code to end with.
   int SetUp();
+  // Poses, and view and depth where they are asked for; else what a former run left of them is removed.
+  Status MakePublishedFiles(gid_t group);
   int Loop(int signals);
   void WaitForSomething(int signals) const;
   void HandleSignals(int signals);

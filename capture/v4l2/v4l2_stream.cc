@@ -46,8 +46,25 @@ const char* FieldName(std::uint32_t field) {
   }
 }
 
+Rows RowsOf(std::uint32_t field) {
+  switch (field) {
+    case V4L2_FIELD_ANY:
+    case V4L2_FIELD_NONE: return Rows::kProgressive;
+    case V4L2_FIELD_SEQ_TB: return Rows::kTopThenBottom;
+    case V4L2_FIELD_SEQ_BT: return Rows::kBottomThenTop;
+    case V4L2_FIELD_TOP:
+    case V4L2_FIELD_BOTTOM:
+    case V4L2_FIELD_ALTERNATE: return Rows::kOneField;
+    default: return Rows::kInterleaved;
+  }
+}
+
 bool IsOneField(std::uint32_t field) {
   return field == V4L2_FIELD_TOP || field == V4L2_FIELD_BOTTOM || field == V4L2_FIELD_ALTERNATE;
+}
+
+std::string FormatText(const v4l2_pix_format& pix) {
+  return FourccText(pix.pixelformat) + " " + SizeText(static_cast<int>(pix.width), static_cast<int>(pix.height));
 }
 
 bool CanReach(const std::vector<double>& rates_hz, double wanted_hz) {
@@ -209,22 +226,12 @@ Status V4l2Stream::SetFormat(std::uint32_t fourcc, int width_px, int height_px) 
     return Failed("VIDIOC_S_FMT", error);
   }
   const v4l2_pix_format& pix = format.fmt.pix;
-  const std::string got =
-      FourccText(pix.pixelformat) + " " + SizeText(static_cast<int>(pix.width), static_cast<int>(pix.height));
+  const std::string got = FormatText(pix);
   if (pix.pixelformat != fourcc || pix.width != static_cast<__u32>(width_px)) {
     return Unavailable(path_ + ": asked for " + FourccText(fourcc) + " " + SizeText(width_px, height_px) +
                        ", the camera sends " + got);
   }
-  switch (pix.field) {
-    case V4L2_FIELD_ANY:
-    case V4L2_FIELD_NONE: format_.rows = Rows::kProgressive; break;
-    case V4L2_FIELD_SEQ_TB: format_.rows = Rows::kTopThenBottom; break;
-    case V4L2_FIELD_SEQ_BT: format_.rows = Rows::kBottomThenTop; break;
-    case V4L2_FIELD_TOP:
-    case V4L2_FIELD_BOTTOM:
-    case V4L2_FIELD_ALTERNATE: format_.rows = Rows::kOneField; break;
-    default: format_.rows = Rows::kInterleaved;
-  }
+  format_.rows = RowsOf(pix.field);
   if (format_.rows != Rows::kProgressive && !wants_field) {
     return Unavailable(path_ + ": the camera sends " + got + " " + FieldName(pix.field) +
                        "; set it to progressive, or choose field=top or field=bottom and halve the picture");
@@ -239,6 +246,11 @@ Status V4l2Stream::SetFormat(std::uint32_t fourcc, int width_px, int height_px) 
   if (static_cast<int>(pix.height) != height_px && !is_half) {
     return Unavailable(path_ + ": asked for " + SizeText(width_px, height_px) + ", the camera sends " + got);
   }
+  return TakeLayout(pix);
+}
+
+Status V4l2Stream::TakeLayout(const v4l2_pix_format& pix) {
+  const std::uint32_t fourcc = pix.pixelformat;
   format_.fourcc = fourcc;
   format_.width_px = static_cast<int>(pix.width);
   format_.height_px = static_cast<int>(pix.height);
@@ -254,7 +266,7 @@ Status V4l2Stream::SetFormat(std::uint32_t fourcc, int width_px, int height_px) 
       pix.bytesperline > 0 ? static_cast<int>(std::min<__u32>(pix.bytesperline, 1u << 20)) : row_bytes;
   if (format_.pitch_bytes < row_bytes) {
     return InvalidArgument(path_ + ": rows of " + std::to_string(format_.pitch_bytes) + " bytes are too short for " +
-                           got);
+                           FormatText(pix));
   }
   const std::size_t rows = static_cast<std::size_t>(format_.height_px) +
                            (fourcc == V4L2_PIX_FMT_NV12 ? static_cast<std::size_t>(format_.height_px + 1) / 2 : 0);

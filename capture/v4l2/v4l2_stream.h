@@ -13,12 +13,14 @@
 #include "capture/v4l2/v4l2_options.h"
 #include "hal/core/status.h"
 
+struct v4l2_pix_format;  // <linux/videodev2.h>
+
 namespace haustra::capture::internal {
 
 // What was agreed with the camera.
 struct V4l2Format {
   std::uint32_t fourcc = 0;
-  int width_px = 0;  // of the buffers: with is_one_field each holds half the rows of the picture
+  int width_px = 0;  // of the buffers: with kOneField each holds half the rows of the picture
   int height_px = 0;
   int pitch_bytes = 0;           // 0 for MJPEG
   std::size_t min_bytes = 0;     // what a whole picture takes; 1 for MJPEG
@@ -90,6 +92,8 @@ class V4l2Stream {
   Status FollowSignal();
   Status ChooseFormat(int width_px, int height_px, double preferred_rate_hz);
   Status SetFormat(std::uint32_t fourcc, int width_px, int height_px);
+  // Sizes of rows and pictures, of a format that was accepted.
+  Status TakeLayout(const v4l2_pix_format& pix);
   Status SetRate(double preferred_rate_hz);
   // Buffers as the options ask, or mapped ones, all queued.
   Status TakeBuffers();

@@ -15,7 +15,7 @@ namespace haustra {
 namespace capture::internal {
 namespace {
 
-// A driver that never says "no more" must not keep us.
+// Of each list that a driver gives, in case it never says that there are no more.
 constexpr std::uint32_t kMaxEntries = 256;
 
 double Rate(const v4l2_fract& interval) {

@@ -63,7 +63,7 @@ class SystemIo final : public DeviceIo {
     const timespec limit = ToTimespec(timeout);
     const int result = ppoll(&descriptor, 1, &limit, nullptr);
     *found = descriptor.revents;
-    // A signal has its handler; who waits looks at the clock and at what the handler has changed.
+    // Interrupted by a signal: the caller looks at the clock, and at what the handler has changed.
     if (result < 0 && errno == EINTR) return 0;
     return result >= 0 ? result : -errno;
   }

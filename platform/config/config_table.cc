@@ -12,7 +12,7 @@ namespace haustra {
 namespace {
 
 constexpr std::string_view kPresetKey = "preset";
-constexpr int kMaxPresetDepth = 4;  // deeper is a circle, or nobody can follow it
+constexpr int kMaxPresetDepth = 4;  // deeper is taken for a circle
 constexpr int kMaxProblems = 20;    // reported at once
 
 std::string_view Section(std::string_view key) {

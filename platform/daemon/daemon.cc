@@ -325,7 +325,7 @@ void Daemon::Tick(TimePoint now) {
   const bool disk_hangs =
       num_file_jobs_ > 0 && now - file_job_since_ > Duration(milliseconds(config_.watchdog.work_limit_ms));
   if (!disk_hangs && now >= next_feed_) {
-    // Four times in the limit; a service nobody watches says it every second, to nobody.
+    // Four times within the limit of the service manager; without one the interval does not matter.
     const Duration limit = notifier_.watchdog_limit();
     next_feed_ = now + (limit.count() > 0 ? limit / 4 : Duration(seconds(1)));
     notifier_.FeedWatchdog();
@@ -400,7 +400,7 @@ std::optional<Result<std::string>> Daemon::Handle(ControlServer::ClientId client
   if (request.command == ControlCommand::kMetrics) return MetricsText(clock_.Now());
   Log(LogLevel::kInfo, "request",
       {{"what", ToText(request)}, {"uid", std::to_string(peer.uid)}, {"pid", std::to_string(peer.pid)}});
-  // Without those of clients that have gone there are no more than clients, and those have a limit.
+  // One for each client that is there, at most: their number has a limit.
   std::erase_if(held_, [this](const Held& held) { return !IsWanted(held); });
   held_.push_back({client, request, request.procedure.value_or(number())});
   return std::nullopt;
@@ -462,7 +462,7 @@ void Daemon::HandleHeld() {
   while (!held_.empty() && TakesRequests(state_.phase)) {
     const Held held = held_.front();
     held_.pop_front();
-    // Who has given up has perhaps done something else: nothing begins or ends that nobody waits for.
+    // A client that gave up may have done something else since: nothing begins or ends for it.
     if (!IsWanted(held)) continue;
     if (const Status refusal = Refusal(held); !refusal.ok()) {
       control_->Reply(held.client, refusal, clock_.Now());

@@ -23,7 +23,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-// A worker that talks without end does not keep the service from the rest.
+// Then the rest has its turn, even when the worker sends without end.
 constexpr int kMaxReportsAtATime = 100;
 constexpr Duration kSignalLogInterval = seconds(1);
 
@@ -193,7 +193,7 @@ void Daemon::Hear(const WorkerReport& report) {
   }
 }
 
-// A plug with a loose contact does not fill the log.
+// Once in kSignalLogInterval at most: a plug with a loose contact does not fill the log.
 void Daemon::HearOfSignal() {
   if (state_.phase != ServicePhase::kRunning || last_heard_ < next_signal_log_) return;
   const std::string why = report_.text.data();

@@ -67,7 +67,7 @@ void Log(LogLevel level, std::string_view event, std::initializer_list<LogValue>
   static const bool is_journal = std::getenv("JOURNAL_STREAM") != nullptr;
   std::string line = is_journal ? "<" + std::to_string(static_cast<int>(level)) + ">" : std::string(Word(level));
   line += LogLine(event, values) + "\n";
-  // One call, so that records of two threads do not mix. Where they go is not this process's worry.
+  // One call, so that records of two threads do not mix. One that cannot be written is lost.
   [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, line.data(), line.size());
 }
 

@@ -18,7 +18,7 @@ namespace {
 constexpr Duration kPictureInterval = std::chrono::milliseconds(100);
 // All are counted; of a camera that sends nothing else a line a second is enough.
 constexpr Duration kDamageLogInterval = std::chrono::seconds(1);
-// Somebody who clicks; more come from a program that does not wait.
+// Orders that may wait: a person clicks fewer, a program that does not wait for the answers is refused the rest.
 constexpr std::size_t kMaxMarkOrders = 16;
 // A checkpoint and what people ask for. A stop does those that wait, each a second at most, and has its limit.
 constexpr std::size_t kMaxSaveRequests = 4;

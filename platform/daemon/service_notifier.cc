@@ -12,7 +12,7 @@ namespace {
 
 void Notify([[maybe_unused]] const std::string& message) {
 #ifdef HAUSTRA_HAVE_SYSTEMD
-  // A manager that cannot be told is no reason to stop.
+  // The service goes on when the manager cannot be told.
   (void)::sd_notify(0, message.c_str());
 #endif
 }

@@ -288,7 +288,7 @@ ServiceStep InReaping(ServiceState state, const ServiceEvent& event) {
 
 ServiceStep Next(const ServiceState& state, const ServiceEvent& given) {
   ServiceEvent event = given;
-  // A worker that does not answer in time is one that does not answer.
+  // A limit that is over is a fault of the worker, but while it is reaped.
   if (event.kind == Event::kTimeUp && state.phase != Phase::kReaping) event.kind = Event::kFault;
   if (event.kind == Event::kTerminate) return Terminate(state);
   switch (state.phase) {

@@ -10,9 +10,9 @@ using std::chrono::milliseconds;
 
 // How long a stop may have to wait for the source.
 constexpr Duration kPatience = milliseconds(100);
-// A frame comes every 40 ms; so many missing are no hiccup.
+// A frame comes every 40 ms; after so long without one there is no signal.
 constexpr Duration kSilence = milliseconds(500);
-// Of a recording, from one frame to the next.
+// A longer step from one frame of a recording to the next is a pause.
 constexpr Duration kPause = std::chrono::seconds(10);
 
 }  // namespace
@@ -91,7 +91,7 @@ Result<Frame> SupervisedSource::Next(TimePoint deadline) {
         if (now - last_frame_ > kSilence) SetSignal(SignalState::kNone, "no picture comes");
         continue;
       case StatusCode::kDataLoss:
-        // Of pictures that are all damaged nobody sees anything.
+        // To whoever looks at the screen, pictures that are all damaged are no signal.
         if (now - last_frame_ > kSilence) SetSignal(SignalState::kNone, "all pictures are damaged");
         return frame;
       default: return frame;

@@ -65,7 +65,7 @@ class Worker {
       LookAtTimes();
       SendNews();
       if (clock_.Now() < next_alive) continue;
-      // One that does not come through is made up for by the next one.
+      // When it cannot be sent the next one does as well.
       (void)SendReport(channel_, Filled(MakeReport(WorkerNews::kAlive)));
       next_alive = clock_.Now() + kAliveInterval;
     }

@@ -20,7 +20,7 @@ namespace {
 
 static_assert(std::is_trivially_copyable_v<WorkerRequest> && std::is_trivially_copyable_v<WorkerReport>);
 
-// More than anybody has.
+// More memory than any machine has: a report that says more is damaged.
 constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 50;
 
 Status Nonsense(const char* what) { return DataLoss(std::string("a message of the worker: ") + what); }

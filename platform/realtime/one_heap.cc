@@ -21,7 +21,8 @@ void MapLargeBlocksAlone(bool alone) {
   ::mallopt(M_TRIM_THRESHOLD, alone ? kDefaultTrimBytes : kNever);
 }
 
-// The oldest stacks go when one more does not fit: one that fits by no means drives out all, and then itself.
+// glibc gives up the oldest of the stacks that it keeps when one more does not fit: for one larger than all together it
+// gives up every one, and then that one, too.
 void ReleaseStacks() {
   pthread_attr_t attributes;
   if (::pthread_attr_init(&attributes) != 0) return;

@@ -233,7 +233,7 @@ class RealTimeSession {
       const TimePoint now = clock_.Now();
       slot.capture_begin = asked;
       if (is_live_) {
-        // A stamp that lies ahead is of no clock of ours.
+        // A stamp that lies ahead is of another clock.
         slot.due = slot.capture_begin = std::min(frame->timestamp, now);
       } else {
         if (!has_origin) {

@@ -145,7 +145,7 @@ Status SequenceRecorder::WriteFrame(const Slot& slot, bool to_disk, Image* colou
     status = is_jpeg ? WriteJpeg(path, image, kJpegQuality) : WritePng(path, image);
   }
   if (status.ok()) status = WriteTime(name, slot.timestamp, to_disk);
-  // Half a frame is no frame, nor is one without its time.
+  // The file of a frame that was not written whole, or that has no time, goes.
   std::error_code ignored;
   if (!status.ok()) fs::remove(path, ignored);
   return status;

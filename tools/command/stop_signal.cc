@@ -19,7 +19,7 @@ char last_words[80];  // complete before a handler is there
 
 void TakeSignal(int) {
   if (!is_caught) {
-    // Whether anybody hears it changes nothing.
+    // The program ends also when this cannot be written.
     [[maybe_unused]] const ssize_t written = ::write(STDERR_FILENO, last_words, std::strlen(last_words));
     ::_exit(kExitStopped);
   }

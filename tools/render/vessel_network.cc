@@ -52,7 +52,7 @@ void Grow(const Shoot& shoot, Rng& rng, SurfaceMap* map, std::vector<Shoot>* sho
     const double width = shoot.width_mm * (1.0 - 0.6 * progress);
     if (width < kHairWidthMm) return;
     bend = 0.88 * bend + wiggle * (rng.Uniform() + rng.Uniform() - 1.0);
-    // Vessels wander, but they are on their way to somewhere: without this they curl up.
+    // Drawn back to the direction in which it began: without this a vessel curls up.
     heading += bend - 0.03 * (heading - shoot.heading_rad);
     const double next_u = u + kVesselStepMm * std::cos(heading), next_v = v + kVesselStepMm * std::sin(heading);
     // The end of a vessel dives below the surface.

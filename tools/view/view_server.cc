@@ -102,7 +102,7 @@ class HttpViewServer final : public ViewServer {
     if (*name == "live" && site_.open_stream) return Stream(response);
     std::shared_ptr<const ViewResource> resource;
     const auto found = site_.resources.find(*name);
-    // What stays has no owner but the site.
+    // Those of the site live as long as the server: no owner.
     if (found != site_.resources.end()) {
       resource = {std::shared_ptr<const ViewResource>(), &found->second};
     } else if (site_.find) {
@@ -110,7 +110,7 @@ class HttpViewServer final : public ViewServer {
     }
     if (resource == nullptr) return Refuse(404, "There is nothing of this name.\n", response);
     response.status = 200;
-    // The library has no provider of nothing.
+    // The library takes no provider of zero bytes.
     if (resource->bytes.empty()) return response.set_content(std::string(), resource->content_type);
     // Not copied for a viewer.
     response.set_content_provider(resource->bytes.size(), resource->content_type,

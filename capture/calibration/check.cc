@@ -29,7 +29,9 @@ Status CheckCalibration(const CameraCalibration& calibration,
   }
   HAUSTRA_TRY(check_range("cx", calibration.cx, 0.0, calibration.width_px - 1.0));
   HAUSTRA_TRY(check_range("cy", calibration.cy, 0.0, calibration.height_px - 1.0));
-  HAUSTRA_TRY(check_range("rate_hz", calibration.rate_hz, 0.0, kMaxRateHz));
+  if (calibration.rate_hz != 0.0) {  // 0: unknown
+    HAUSTRA_TRY(check_range("rate_hz", calibration.rate_hz, kMinRateHz, kMaxRateHz));
+  }
   HAUSTRA_TRY(check_range("max_half_angle_deg", calibration.max_half_angle_deg, 0.0, 180.0));
   HAUSTRA_TRY(check_range("focal_guess_sigma", calibration.focal_guess_sigma, 0.0, kMaxFocalGuessSigma));
   for (const double coefficient : calibration.coefficients) {

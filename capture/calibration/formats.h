@@ -25,6 +25,7 @@ Result<std::array<double, 16>> ReadEurocBodyFromCam(const YamlMap& file);
 
 inline constexpr int kMinImageSidePx = 16;
 inline constexpr int kMaxImageSidePx = 16384;
+inline constexpr double kMinRateHz = 0.001;  // less may be no time from frame to frame that 64 bits of ns hold
 inline constexpr double kMaxRateHz = 10000.0;
 inline constexpr double kMaxFocalGuessSigma = 1.0;  // farther off is no guess
 

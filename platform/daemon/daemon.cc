@@ -185,7 +185,7 @@ int Daemon::Loop(int signals) {
     if (state_.phase == ServicePhase::kReady && may_begin_by_itself_) {
       may_begin_by_itself_ = false;
       asker_.reset();
-      if (is_interrupted() && store_->MayResume(seconds(config_.procedure.resume_limit_s))) {
+      if (is_interrupted() && !was_ended_ && store_->MayResume(seconds(config_.procedure.resume_limit_s))) {
         asked_ = {ControlCommand::kResume, "", {}};
         Tell(ServiceEventKind::kResume);
       } else if (!is_interrupted() && config_.procedure.begin_at_start) {
@@ -488,6 +488,7 @@ void Daemon::HandleHeld() {
         break;
       case ControlCommand::kResume: Tell(ServiceEventKind::kResume); break;
       default:
+        was_ended_ = true;
         asked_.keep = held.request.keep.value_or(config_.procedure.keep_data);
         Tell(*asked_.keep ? ServiceEventKind::kEndKeep : ServiceEventKind::kEndWipe);
     }

@@ -174,6 +174,9 @@ class Daemon {
   bool is_telling_ = false;
   std::optional<TimePoint> phase_limit_;
   bool may_begin_by_itself_ = true;  // once, when the first worker is ready
+  // Somebody has ended a procedure in this run of the service. Also when it could not be wiped it does not resume by
+  // itself.
+  bool was_ended_ = false;
   bool is_to_end_ = false;
 
   std::unique_ptr<WorkerProcess> worker_;

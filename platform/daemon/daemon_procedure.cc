@@ -45,6 +45,7 @@ Status WithPath(const std::string& path, const Status& status) {
 // --- The worker.
 
 void Daemon::StartNextWorker() {
+  ArmLimit();  // also where one worker follows another in the same phase
   report_ = {};
   is_worker_dismissed_ = has_signs_ = false;
   signal_logged_.clear();
@@ -268,6 +269,7 @@ void Daemon::KeepMaps() {
 }
 
 void Daemon::KeepCheckpoint() {
+  ArmLimit();  // the worker that had one may have gone
   // They are newer. EndSave comes back here if they do not come to the disk.
   if (is_keeping_maps_) return;
   kept_from_.clear();

@@ -75,6 +75,12 @@ bool IsHalfWritten(const std::string& name) {
   return std::regex_match(name, kForm);
 }
 
+// Ok only where it is known that no file has that name: of what cannot be looked at nobody knows whether it is there.
+Status WipeIfThere(const std::string& path) {
+  std::error_code error;
+  return fs::symlink_status(path, error).type() == fs::file_type::not_found ? Status::Ok() : WipeFile(path);
+}
+
 }  // namespace
 
 std::string ToText(const ProcedureRecord& record) {
@@ -195,25 +201,27 @@ Status ProcedureStore::WipeLeftovers() const {
   Status all;
   for (const std::string& place : {folder_, folder_ + "/saved"}) {
     std::error_code error;
-    for (const fs::directory_entry& entry : fs::directory_iterator(place, error)) {
-      if (!entry.is_regular_file(error) || !IsHalfWritten(entry.path().filename().string())) continue;
-      const Status wiped = WipeFile(entry.path().string());
-      if (wiped.ok()) Log(LogLevel::kWarning, "leftover_removed", {{"file", entry.path().string()}});
+    fs::directory_iterator entry(place, error);
+    for (; !error && entry != fs::directory_iterator(); entry.increment(error)) {
+      const std::string path = entry->path().string();
+      std::error_code unknown;
+      const bool is_other = !entry->is_regular_file(unknown) && !unknown;
+      if (is_other || !IsHalfWritten(entry->path().filename().string())) continue;
+      const Status wiped = WipeFile(path);
+      if (wiped.ok()) Log(LogLevel::kWarning, "leftover_removed", {{"file", path}});
       if (all.ok()) all = wiped;
     }
+    if (error && all.ok()) all = Unavailable(place + ": cannot be looked into: " + error.message());
   }
   return all;
 }
 
 Status ProcedureStore::Close() const {
   Status all = WipeLeftovers();
-  std::error_code error;
-  if (fs::exists(fs::symlink_status(checkpoint_path(), error))) {
-    const Status wiped = WipeFile(checkpoint_path());
-    if (all.ok()) all = wiped;
-  }
+  const Status wiped = WipeIfThere(checkpoint_path());
+  if (all.ok()) all = wiped;
   HAUSTRA_TRY(all);
-  return fs::exists(fs::symlink_status(record_path(), error)) ? WipeFile(record_path()) : Status::Ok();
+  return WipeIfThere(record_path());
 }
 
 Result<std::string> ProcedureStore::KeepCheckpoint(const std::string& name) const {

@@ -326,6 +326,8 @@ TEST_F(CalibrationReaderTest, ValueOutOfRangeIsRefusedWithKeyAndLine) {
   EXPECT_THAT(MessageOf(Replaced(kSmallCalibration, " 48", " 0")),
               HasSubstr("calib.yaml:12: 'Camera.height' is 0, not in 16 to"));
   EXPECT_THAT(MessageOf(Replaced(kSmallCalibration, " 25\n", " -1\n")), HasSubstr("'Camera.fps' is -1"));
+  // So long from frame to frame that a time stamp cannot hold it.
+  EXPECT_THAT(MessageOf(Replaced(kSmallCalibration, " 25\n", " 1e-10\n")), HasSubstr("'Camera.fps' is 1e-10"));
   EXPECT_THAT(MessageOf(Replaced(kOcam, "769.2", "-769.2")),
               AllOf(HasSubstr("calib.yaml:9: 'coefficients.a0'"), HasSubstr("negate a0 to a4")));
 }

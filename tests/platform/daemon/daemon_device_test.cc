@@ -22,6 +22,7 @@
 #include "platform/control/control_client.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/procedure_number.h"
+#include "platform/daemon/procedure_store.h"
 #include "platform/daemon/worker.h"
 #include "platform/exit_codes.h"
 #include "platform/publish/depth_table_writer.h"
@@ -356,6 +357,46 @@ TEST_F(DaemonDevice, ProcedureThatCannotBeWipedKeepsTheNextOneOut) {
   }
   EXPECT_TRUE(Exists("saved/keep.atlas"));
   EXPECT_FALSE(Exists("saved/keep-2.atlas"));
+}
+
+// Of before a crash. Somebody ended it while there was no camera, and it could not be wiped.
+TEST_F(DaemonDevice, ProcedureThatSomebodyEndedDoesNotGoOnWhenTheCameraComes) {
+  RecordProperty("req", "DATA-001,DMN-005");
+  for (const std::string how : {"wipe", "keep"}) {
+    // A record of this boot, and young: it would go on by itself.
+    ASSERT_TRUE(ProcedureStore::Open(folder_).value()->WriteOpen("case-1", RecordedState::kRunning).ok());
+    config_.source.path = "v4l2:scripted";
+    script_->open_error = static_cast<int>(StatusCode::kUnavailable);
+    Start(false);
+    ASSERT_TRUE(Until([&] { return StatusValue("state") == "waiting_for_source"; })) << Ask("status");
+    fs::create_directory(folder_ + "/checkpoint.atlas");
+    const std::string answer = Ask("end " + how);
+    EXPECT_TRUE(answer.starts_with("error: ")) << answer;
+    script_->open_error = 0;
+    ASSERT_TRUE(Until([&] { return StatusValue("state") == "idle" || StatusValue("state") == "running"; }));
+    EXPECT_EQ(StatusValue("state"), "idle") << how;
+    EXPECT_EQ(StatusValue("interrupted"), "yes") << how;
+    fs::remove(folder_ + "/checkpoint.atlas");
+    EXPECT_EQ(Ask("end wipe"), "wiped\n");
+    Terminate();
+    daemon_.reset();
+  }
+}
+
+// The first dies in its start. The second has as long as the first had.
+TEST_F(DaemonDevice, NextWorkerHasTheWholeTimeToStart) {
+  RecordProperty("req", "DMN-007");
+  config_.watchdog.work_limit_ms = 10000;
+  script_->is_making_held = true;
+  Start(false);
+  for (const int taken_s : {7, 5}) {
+    ASSERT_TRUE(Until([&] { return script_->pid != 0 || has_ended_; }));
+    std::this_thread::sleep_for(seconds(taken_s));
+    if (taken_s == 7) ::kill(script_->pid.exchange(0), SIGKILL);
+  }
+  script_->is_making_held = false;
+  EXPECT_TRUE(Until([&] { return has_ended_ || StatusValue("state") == "idle"; })) << Ask("status");
+  EXPECT_FALSE(has_ended_);
 }
 
 TEST_F(DaemonDevice, CheckpointThatCannotBeOverwrittenIsNotSaidToBeWiped) {

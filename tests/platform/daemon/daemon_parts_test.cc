@@ -402,6 +402,26 @@ TEST(ProcedureStore, RecordThatCannotBeOpenedIsOneOfAnOpenProcedure) {
   }
 }
 
+// A folder that is there and cannot be looked into: as one of a disk that fails, or of other rights.
+TEST(ProcedureStore, WhatCannotBeLookedAtIsNotSaidToBeWiped) {
+  RecordProperty("req", "DATA-001");
+  const StateFolder folder;
+  const auto store = OpenStore(folder);
+  ASSERT_TRUE(store->WriteOpen("case-1", RecordedState::kRunning).ok());
+  Write(store->checkpoint_path(), "maps");
+  const std::string aside = folder.path() + "-aside";
+  fs::rename(folder.path(), aside);
+  fs::create_symlink(folder.path(), folder.path());
+  const Status closed = store->Close();
+  EXPECT_EQ(closed.code(), StatusCode::kUnavailable);
+  EXPECT_NE(closed.message().find(folder.path()), std::string::npos) << closed.message();
+  fs::remove(folder.path());
+  fs::rename(aside, folder.path());
+  EXPECT_TRUE(store->Close().ok());
+  EXPECT_FALSE(fs::exists(store->checkpoint_path()));
+  EXPECT_FALSE(fs::exists(folder / "procedure"));
+}
+
 TEST(ProcedureStore, OneDaemonAFolder) {
   const StateFolder folder;
   const auto store = OpenStore(folder);

@@ -136,6 +136,7 @@ int Run(const std::string& path) {
   };
   parts.make_device = [script, &colon](const DaemonConfig& config, const CameraCalibration& calibration) {
     ++script->num_devices;
+    script->pid = ::getpid();
     script->is_lost = script->is_silent = script->is_stuck = false;  // a new one works
     while (script->is_making_held) std::this_thread::sleep_for(milliseconds(1));
     if (script->cannot_start) std::_Exit(9);

@@ -15,7 +15,7 @@ constexpr int kNeighboursOfNeighbours = 4;
 // seen again joins the window before drift grows.
 constexpr double kNearViewCos = 0.7;
 
-// When the last of the first kEstablishedViews keyframes that see a point was taken.
+// When the last of the first kEstablishedViews keyframes that see a point was taken; of both in a map of two.
 TimePoint EstablishedAt(const LocalMap& map, std::uint64_t mask) {
   std::array<TimePoint, kEstablishedViews> first;
   first.fill(TimePoint::max());
@@ -25,7 +25,7 @@ TimePoint EstablishedAt(const LocalMap& map, std::uint64_t mask) {
       if (taken < earlier) std::swap(taken, earlier);
     }
   }
-  return first.back();
+  return first[static_cast<std::size_t>(std::min(kEstablishedViews, static_cast<int>(map.keyframes.size()))) - 1];
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "engine/atlas/mark.h"
 #include "engine/camera/camera_model.h"
 #include "engine/io/atlas_format.h"
 
@@ -20,6 +21,12 @@ bool IsFinite(const SE3& pose) { return pose.rotation.coeffs().allFinite() && po
 bool IsUnit(const SE3& pose) { return std::abs(pose.rotation.norm() - 1.0) <= kUnitTolerance; }
 
 bool IsScale(double scale) { return std::isfinite(scale) && scale > 0.0; }
+
+bool IsObservation(const SavedPoint& point, const SavedObservation& descriptor) {
+  return std::any_of(point.observations.begin(), point.observations.end(), [&](const SavedObservation& o) {
+    return o.keyframe_idx == descriptor.keyframe_idx && o.feature_idx == descriptor.feature_idx;
+  });
+}
 
 class Checker {
  public:
@@ -146,6 +153,7 @@ class Checker {
         }
         is_taken[o.keyframe_idx][static_cast<std::size_t>(o.feature_idx)] = true;
       }
+      if (!IsObservation(point, point.descriptor)) return bad("its descriptor is that of no observer");
     }
     return Status::Ok();
   }
@@ -186,6 +194,11 @@ class Checker {
   }
 
   Status CheckMarks() const {
+    if (atlas_.marks.size() > static_cast<std::size_t>(kMaxMarks)) {
+      return Bad(
+          kMarksTag, 0,
+          std::to_string(atlas_.marks.size()) + " marks, at most " + std::to_string(kMaxMarks) + " are possible");
+    }
     HAUSTRA_TRY(CheckIds(kMarksTag, "mark", atlas_.marks, atlas_.counters.next_mark_id));
     for (std::size_t i = 0; i < atlas_.marks.size(); ++i) {
       const SavedMark& mark = atlas_.marks[i];

@@ -195,6 +195,7 @@ bool PoseSearch::MeasureChance() {
   num_searched_ = static_cast<double>(decoys_.size()) * kDecoyStep;
   // Short of time the last rate has to do.
   if (decoys_.empty() || (has_chance_rate_ && parts_.budget.has_fewer_points())) return true;
+  if (parts_.lane.has_pending()) return false;  // a request that ran out of time still reads what is allowed
   parts_.overlay.Allow(parts_.frame.features, allowed_);
   if (!GuidedMatch(decoys_)) return false;
   const double rate = static_cast<double>(num_found_) / static_cast<double>(decoys_.size());

@@ -149,10 +149,10 @@ void Tracker::TellMapper(const FrameResult& result, const ImageView& image) {
 
 // From the last two frames that came. What lasts a time lasts so many frames at the rate of now.
 void Tracker::MeasurePeriod(const Frame& frame) {
-  if (has_frame_ && frame.index > current_.frame_index && frame.timestamp > current_.timestamp) {
-    period_ = (frame.timestamp - current_.timestamp) / (frame.index - current_.frame_index);
+  if (last_arrival_ && frame.index > last_arrival_->frame_index && frame.timestamp > last_arrival_->timestamp) {
+    period_ = (frame.timestamp - last_arrival_->timestamp) / (frame.index - last_arrival_->frame_index);
   }
-  has_frame_ = true;
+  last_arrival_ = {frame.index, frame.timestamp};
 }
 
 int Tracker::FramesWithin(double time_ms) const {

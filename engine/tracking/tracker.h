@@ -12,6 +12,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -123,7 +124,12 @@ class Tracker {
   TrackerState state_ = Lost{};
   RepliesHeard heard_;
   ProposedView current_;
-  bool has_frame_ = false;
+  // The last frame that was looked at. A damaged one in between is one that did not come.
+  struct Arrival {
+    std::uint32_t frame_index = 0;
+    TimePoint timestamp;
+  };
+  std::optional<Arrival> last_arrival_;
   Duration period_ = std::chrono::milliseconds(40);  // of the frames; of a source that has shown none yet a usual one
   bool is_set_given_ = false;                        // the current feature set founds a map, or may: no longer ours
   LastFrame last_;

@@ -415,6 +415,20 @@ TEST_F(AtlasTest, PointsOfTheLocalMapAreEstablishedWithTheThirdKeyframe) {
   EXPECT_EQ(local.points[local.Find(of_two)].established, TimePoint::max());
 }
 
+TEST_F(AtlasTest, PointsOfALocalMapOfTwoKeyframesAreEstablishedWithTheSecond) {
+  std::vector<KeyframeHandle> both;
+  for (const int second : {7, 3}) {
+    both.push_back(Add(map_));
+    atlas_.keyframe(both.back()).timestamp = TimePoint(std::chrono::seconds(second));
+  }
+  const MapPointHandle point = Connect({0, 0, 5}, {{both[0], 1}, {both[1], 1}});
+  LocalMapBuilder builder(16, 200);
+  LocalMap local(50);
+  builder.Build(atlas_, both[0], &local);
+  ASSERT_TRUE(local.is_established(local.points[local.Find(point)]));
+  EXPECT_EQ(local.points[local.Find(point)].established, TimePoint(std::chrono::seconds(7)));
+}
+
 TEST(LocalMapBuilder, WhatAnEarlierSessionSawIsEstablishedFromTheStart) {
   Atlas atlas({3, 4, 1, 4, kFeatures});
   atlas.RestoreCounters({3, 1, 1, 1, 0});

@@ -514,6 +514,7 @@ TEST(AtlasFile, MarksThatAreNoneAreRefused) {
     EXPECT_THAT(status.message(), HasSubstr("'MARK'"));
     return status.message();
   };
+  EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks.resize(33, s.marks[0]); }), HasSubstr("33 marks, at most 32"));
   EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[1].id = 3; }), HasSubstr("ids end at 3"));
   EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[1].id = s.marks[0].id; }), HasSubstr("doubled"));
   EXPECT_THAT(refusal([](SavedAtlas& s) { s.marks[0].label = MarkLabel(); }), HasSubstr("its label is none"));
@@ -554,6 +555,10 @@ TEST(AtlasFile, ContentsThatMakeNoAtlasAreRefused) {
       {"which never was", [](SavedAtlas& a) { a.points[0].first_keyframe_id = 8; }},
       {"its descriptor", [](SavedAtlas& a) { a.points[0].descriptor.feature_idx = 6; }},
       {"its descriptor", [](SavedAtlas& a) { a.points[0].descriptor.keyframe_idx = 5; }},
+      {"descriptor is that of no observer",
+       [](SavedAtlas& a) {
+         a.points[0].descriptor = {2, 5};
+       }},
       {"fewer than two", [](SavedAtlas& a) { a.points[0].observations.SwapErase(1); }},
       {"is that of no feature", [](SavedAtlas& a) { a.points[0].observations[1].feature_idx = -1; }},
       {"is that of no feature", [](SavedAtlas& a) { a.points[0].observations[1].keyframe_idx = 99; }},

@@ -63,5 +63,30 @@ TEST_F(TimeJumpTest, AMapIsFoundedAfterAJumpBack) {
   EXPECT_GT(num_keyframes(), 0u) << num_frames;
 }
 
+// A moving scope, two frames that are missing, and what is answered then.
+struct GapInAMove : TrackerWithMapper {
+  void TestBody() override {}
+  std::vector<FrameResult> AnswersAfter(bool is_damaged) {
+    EXPECT_EQ(TrackAndMap(60).state, TrackingState::kTracking);
+    for (int i = 0; i < 2; ++i) {
+      const Result<Frame> frame = colon_.source().Next(kNoDeadline);
+      EXPECT_TRUE(frame.ok());
+      if (is_damaged) (void)tracker_.SkipDamaged(frame->index, frame->timestamp);
+    }
+    return {TrackAndMap(1), TrackAndMap(1)};
+  }
+};
+
+TEST(DamagedFrames, AreAnsweredAfterAsFramesThatDidNotCome) {
+  const std::vector<FrameResult> after_none = GapInAMove().AnswersAfter(false);
+  const std::vector<FrameResult> after_damage = GapInAMove().AnswersAfter(true);
+  for (std::size_t i = 0; i < 2; ++i) {
+    ASSERT_EQ(after_none[i].state, TrackingState::kTracking);
+    ASSERT_EQ(after_damage[i].state, TrackingState::kTracking);
+    EXPECT_EQ(after_damage[i].num_inliers, after_none[i].num_inliers) << i;
+    EXPECT_EQ(after_damage[i].cam_from_reference.translation, after_none[i].cam_from_reference.translation) << i;
+  }
+}
+
 }  // namespace
 }  // namespace haustra::test

@@ -37,7 +37,7 @@ struct WorkerScript {
   std::atomic<int> num_stuck{0};
   std::atomic<int> num_extractions{0};
   std::atomic<int> num_devices{0};
-  std::atomic<int> pid{0};  // of the worker that made the last one
+  std::atomic<int> pid{0};                                  // of the worker that made the last one
   std::atomic<int> num_races{0};                            // that the thread sanitizer has reported
   std::array<std::atomic<std::int64_t>, 4096> stamps_ns{};  // of a live camera, by frame
 };

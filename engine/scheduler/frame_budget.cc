@@ -68,13 +68,16 @@ bool FrameBudget::CanAfford(Stage stage) {
 }
 
 bool FrameBudget::MayRecover(bool is_lost) {
-  if (CanAfford(Stage::kRecovery) || (is_lost && num_recovery_refusals_ >= kMaxRefusals)) {
-    num_recovery_refusals_ = 0;
-    return true;
+  const bool is_affordable = CanAfford(Stage::kRecovery);
+  if (!is_affordable && (!is_lost || num_recovery_refusals_ < kMaxRefusals)) {
+    ++num_recovery_refusals_;
+    StepDown(Rung::kNoRecovery);
+    return false;
   }
-  ++num_recovery_refusals_;
-  StepDown(Rung::kNoRecovery);
-  return false;
+  num_recovery_refusals_ = 0;
+  // Or the device would not be waited for beyond the end of the frame.
+  if (!is_affordable) deadline_ = std::max(deadline_, Now() + kLateWait);
+  return true;
 }
 
 bool FrameBudget::MayInitialise() {

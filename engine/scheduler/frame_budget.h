@@ -62,8 +62,8 @@ class FrameBudget {
   void ReconsiderPoints();
   // Whether the stage can be run before the deadline. A refusal is remembered (stage_expectation.h).
   bool CanAfford(Stage stage);
-  // As CanAfford for recovery, which steps down when it is refused. After kMaxRefusals refusals in a row it is run
-  // whatever it takes: a lost frame has no pose that could be late.
+  // As CanAfford for recovery, which steps down when it is refused. After kMaxRefusals refusals in a row it is run, and
+  // the frame's deadline moves to 100 ms from now: a lost frame has no pose that could be late.
   bool MayRecover(bool is_lost);
   // Whether a map may be looked for in this frame. Refused without time, which is a step down; what was begun is
   // stopped when the frame's time is over. After kMaxRefusals frames in a row without an end to it, it takes its time.

@@ -126,6 +126,7 @@ TEST_F(TrackLinkerTest, WithoutParallaxThePointsLieOnTheWall) {
   Link();
   SurfaceDepth surface;
   surface.Load(atlas_.keyframe(newest_), atlas_);
+  ASSERT_FALSE(created_.empty());
   for (const MapPointHandle handle : created_) {
     const MapPoint& point = atlas_.point(handle);
     const Keyframe& keyframe = atlas_.keyframe(newest_);

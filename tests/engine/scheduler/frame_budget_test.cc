@@ -213,6 +213,9 @@ TEST(FrameBudget, RecoveryIsRefusedWithoutTimeAndTriedAgainInTheEnd) {
   for (int i = 0; i < 6; ++i) {
     budget.BeginFrame(driver.clock().Now() + kPeriodOfBudget, false, false);
     may.push_back(budget.MayRecover(true));
+    if (i == 4) {
+      EXPECT_GE(budget.wait_deadline(), driver.clock().Now() + 2 * kPeriodOfBudget) << "it would be cut off again";
+    }
     if (may.back()) driver.Run(Stage::kRecovery, 200);
     EXPECT_EQ(budget.rung(), may.back() ? Rung::kFull : Rung::kNoRecovery);
     budget.EndFrame();

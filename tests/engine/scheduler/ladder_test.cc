@@ -437,6 +437,25 @@ TEST(Ladder, MapIsFoundedWhereNoFrameHasTheTimeForIt) {
   EXPECT_GE(std::count_if(answers.begin(), answers.end(), has_no_time), 3);
 }
 
+// The same of a scope that has lost its map and sees it again. The mapper does not find it for the tracker here.
+TEST(Ladder, MapIsFoundAgainWhereNoFrameHasTheTimeForIt) {
+  Camera camera([](ScriptedColon& colon) {
+    colon.config().place.relocalisation.min_inliers = 8000;
+    colon.Move(0.0, 1.5, 50);
+    colon.Occlude(5);
+    colon.Move(1.5, 2.7, 40);
+  });
+  ASSERT_EQ(camera.Next(50).back().result.state, TrackingState::kTracking);
+  TimedVisionDevice::Model slow = kFast;
+  slow.match = milliseconds(35);
+  camera.SetModel(slow);
+  ASSERT_EQ(camera.Next(5).back().result.state, TrackingState::kLost);
+  const std::vector<Answer> answers = camera.Next(15);
+  const auto is_found = [](const Answer& answer) { return answer.result.reason == TrackingReason::kRelocalised; };
+  EXPECT_EQ(std::count_if(answers.begin(), answers.end(), is_found), 1);
+  EXPECT_EQ(answers.back().result.state, TrackingState::kTracking);
+}
+
 TEST(Ladder, SwitchedOffWaitsForEverything) {
   Camera camera(110, false);
   camera.Next(100);

@@ -74,7 +74,6 @@ TEST(TrackingLink, RingHasRoomForEverySliceOfSettlingAfterEveryJoin) {
   config.memory.max_proposals = 4;
   config.merging.settling_rounds = 100;
   const TrackingLink link(config);
-  EXPECT_EQ(link.replies.capacity(), TrackingLink::MaxReplies(config));
   EXPECT_GE(link.replies.capacity(), 4u + (4u + 2u) * (1u + 100u));
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -227,14 +228,20 @@ void Daemon::WatchWorker(TimePoint now) {
 void Daemon::LoadCheckpoint() {
   is_resumed_ = true;
   if (state_.purpose == ServicePurpose::kResume) has_own_checkpoint_ = true;
-  if (!has_own_checkpoint_ || !store_->has_checkpoint()) return Tell(ServiceEventKind::kLoaded);
-  const std::string path = store_->checkpoint_path();
-  const OwnedDescriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW)};
-  if (file.value < 0) {
-    failure_ = Unavailable(path + ": cannot be read");
-    return Tell(ServiceEventKind::kNotLoaded);
-  }
-  SendToWorker({.command = WorkerCommand::kLoad}, std::array{file.value});
+  // After what is on its way to the disk: the worker that has gone may have left a checkpoint there.
+  DoFile([this, worker = num_workers_]() -> std::function<void()> {
+    const std::string path = store_->checkpoint_path();
+    const bool has_one = has_own_checkpoint_ && store_->has_checkpoint();
+    const auto file =
+        std::make_shared<OwnedDescriptor>(has_one ? ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW) : -1);
+    return [this, worker, path, has_one, file] {
+      if (state_.phase != ServicePhase::kLoading || worker != num_workers_) return;
+      if (!has_one) return Tell(ServiceEventKind::kLoaded);
+      if (file->value >= 0) return SendToWorker({.command = WorkerCommand::kLoad}, std::array{file->value});
+      failure_ = Unavailable(path + ": cannot be read");
+      Tell(ServiceEventKind::kNotLoaded);
+    };
+  });
 }
 
 void Daemon::RecordOpen() {

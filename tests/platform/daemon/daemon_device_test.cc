@@ -44,6 +44,9 @@ constexpr Duration kHangLimit = seconds(60);
 std::atomic<bool> is_disk_held{false};  // it takes its time
 std::atomic<bool> is_disk_full{false};  // it says so in the end
 std::atomic<int> num_syncs_begun{0};
+// Likewise of checkpoints.
+std::atomic<bool> is_checkpoint_held{false};
+std::atomic<int> num_checkpoints_begun{0};
 // No file or folder of that name comes to the disk; null: all do.
 std::atomic<const char*> broken_name{nullptr};
 
@@ -61,6 +64,10 @@ extern "C" int fsync(int file) {
   if (const char* name = haustra::broken_name; name != nullptr && path.filename() == name) {
     errno = EIO;
     return -1;
+  }
+  if (path.filename().string().starts_with("checkpoint.atlas.partial")) {
+    ++haustra::num_checkpoints_begun;
+    while (haustra::is_checkpoint_held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   if (path.parent_path().filename() == "saved") {
     ++haustra::num_syncs_begun;
@@ -94,10 +101,10 @@ class DaemonDevice : public testing::Test {
     config_.files.state_folder = config_.files.runtime_folder = folder_;
     config_.log.level = "error";
     script_ = new (test::MapScript(folder_ + "/script")) test::WorkerScript;
-    num_syncs_begun = 0;
+    num_syncs_begun = num_checkpoints_begun = 0;
   }
   ~DaemonDevice() override {
-    script_->is_making_held = is_disk_held = is_disk_full = false;
+    script_->is_making_held = is_disk_held = is_disk_full = is_checkpoint_held = false;
     broken_name = nullptr;
     Terminate();
     daemon_.reset();
@@ -512,6 +519,24 @@ TEST_F(DaemonDevice, MapsOnTheirWayToTheDiskAreKeptWhenTheirWorkerDies) {
   EXPECT_EQ(kept.names, std::set<std::string>{"case-1.atlas"});
   EXPECT_FALSE(kept.is_checkpoint) << "an older file has replaced them";
   EXPECT_FALSE(Exists("checkpoint.atlas"));
+}
+
+TEST_F(DaemonDevice, CheckpointOnItsWayToASlowDiskIsWhatTheNextWorkerGoesOnWith) {
+  RecordProperty("req", "DMN-005,DMN-010");
+  is_checkpoint_held = true;
+  ASSERT_NO_FATAL_FAILURE(Start());
+  ASSERT_EQ(Begin("case-1"), 1u);
+  ASSERT_TRUE(Until([&] { return num_checkpoints_begun > 0; })) << Ask("status");
+  ASSERT_TRUE(HasMaps()) << Ask("status");
+  script_->is_dark = true;  // from here on nothing can be mapped
+  const std::string first = StatusValue("worker");
+  KillWorker();
+  const auto has_next = [&] { return !StatusValue("device").empty() && StatusValue("worker") != first; };
+  ASSERT_TRUE(Until(has_next)) << Ask("status");
+  std::this_thread::sleep_for(milliseconds(300));
+  is_checkpoint_held = false;
+  ASSERT_TRUE(Until([&] { return StatusValue("state") == "running"; })) << Ask("status");
+  EXPECT_TRUE(Until([&] { return HasMaps(); }, seconds(5))) << Ask("status");
 }
 
 TEST_F(DaemonDevice, MapsOnTheirWayToASlowDiskAreKeptWhenTheTimeIsUp) {

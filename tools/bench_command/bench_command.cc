@@ -5,6 +5,7 @@
 #include "kernels/cpu/cpu_vision_device.h"
 #include "tools/bench_command/vision_bench.h"
 #include "tools/command/console.h"
+#include "tools/command/number_checks.h"
 #include "tools/exit_codes.h"
 
 namespace haustra {
@@ -15,15 +16,19 @@ void AddBenchCommand(CLI::App& app, std::function<int()>& action) {
   CLI::App* vision = bench->add_subcommand("vision", "Extraction and matching of the vision device on one picture");
   const auto options = std::make_shared<VisionBenchOptions>();
   vision->add_option("IMAGE", options->image_path, "PNG or JPEG file")->required();
-  vision->add_option("--device", options->device, "cpu or cuda")->capture_default_str();
+  vision->add_option("--device", options->device, "cpu or cuda")
+      ->check(CLI::IsMember({"cpu", "cuda"}))
+      ->capture_default_str();
   vision->add_option("--threads", options->num_threads, "Threads of the CPU device")
-      ->check(CLI::Range(1, kMaxCpuVisionThreads));
-  vision->add_option("--features", options->num_features, "Features to extract")->check(CLI::Range(1, 100'000));
-  vision->add_option("--repeats", options->repeats, "Repeats of each measurement")->check(CLI::Range(1, 1'000'000));
+      ->transform(WholeNumberBetween(1, kMaxCpuVisionThreads));
+  vision->add_option("--features", options->num_features, "Features to extract")
+      ->transform(WholeNumberBetween(1, 100'000));
+  vision->add_option("--repeats", options->repeats, "Repeats of each measurement")
+      ->transform(WholeNumberBetween(1, 1'000'000));
   vision
       ->add_option("--database", options->num_database,
                    "Match 512 queries against so many descriptors as well (CUDA device)")
-      ->check(CLI::Range(0, 10'000'000));
+      ->transform(WholeNumberBetween(0, 10'000'000));
   vision->add_flag("--dp4a", options->use_dp4a, "Products by dp4a instead of tensor cores (CUDA device)");
   vision->callback([options, &action] {
     action = [options] {

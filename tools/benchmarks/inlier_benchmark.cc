@@ -359,10 +359,10 @@ int main(int argc, char** argv) {
   CLI::App app{"Geometric inliers between pictures without ground truth"};
   app.add_option("folders", arguments.folders, "Sequences or folders of pictures")->required();
   app.add_option("--distance", arguments.distances, "Frames between the two pictures of a pair")
-      ->check(CLI::Range(1, 1000))
+      ->transform(haustra::WholeNumberBetween(1, 1000))
       ->capture_default_str();
   app.add_option("--every", arguments.every, "Every n-th frame is the first of a pair")
-      ->check(CLI::Range(1, 100000))
+      ->transform(haustra::WholeNumberBetween(1, 100000))
       ->capture_default_str();
   app.add_option("--first", arguments.first, "First frame that is read");
   app.add_option("--last", arguments.last, "Last frame that is read");

@@ -438,13 +438,13 @@ int main(int argc, char** argv) {
   app.add_option("sequences", arguments.sequences, "Sequences; those with groundtruth.txt are tested")->required();
   app.add_option("--vocabulary", arguments.vocabulary, "A vocabulary to test beside those that are trained here");
   app.add_option("--every", arguments.every, "Of the tested sequence, every n-th frame is a keyframe")
-      ->check(CLI::Range(1, 1000))
+      ->transform(haustra::WholeNumberBetween(1, 1000))
       ->capture_default_str();
   app.add_option("--distractors", arguments.distractors, "Of the other sequences, every n-th frame is a keyframe")
-      ->check(CLI::Range(1, 1000))
+      ->transform(haustra::WholeNumberBetween(1, 1000))
       ->capture_default_str();
   app.add_option("--database", arguments.database, "Keyframes of the database")
-      ->check(CLI::Range(1, 100000))
+      ->transform(haustra::WholeNumberBetween(1, 100000))
       ->capture_default_str();
   app.add_option("--gap", arguments.gap_s, "Age of a keyframe from which on it is to be found, s")
       ->check(haustra::NumberBetween(0.0, 3600.0))
@@ -452,12 +452,12 @@ int main(int argc, char** argv) {
   app.add_option("--branching", arguments.branching, "Of the vocabularies that are trained here")
       ->capture_default_str();
   app.add_option("--depth", arguments.depth, "Of the vocabularies that are trained here; 0: none is")
-      ->check(CLI::Range(0, 8))
+      ->transform(haustra::WholeNumberBetween(0, 8))
       ->capture_default_str();
   app.add_option("--features", arguments.features, "Of each picture, for training")->capture_default_str();
   app.add_option("--words", arguments.words,
                  "Features of a view that vocabularies look up; 0: as the configuration says")
-      ->check(CLI::Range(0, 8000))
+      ->transform(haustra::WholeNumberBetween(0, 8000))
       ->capture_default_str();
   app.add_option("--threads", arguments.threads, "For reading the sequences")->capture_default_str();
   app.add_option("--device", arguments.device, "cpu or cuda")->capture_default_str();

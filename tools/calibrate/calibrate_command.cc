@@ -102,7 +102,7 @@ void AddCalibrateCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--mask", request.options.mask_path,
                       "Static mask to use instead of the sequence's own (255 inside)");
   command->add_option("--seed", request.seed, "Seed of all random sampling")
-      ->check(WholeNumber<std::uint64_t>())
+      ->transform(WholeNumber<std::uint64_t>())
       ->capture_default_str();
   AddDeviceOptions(*command, request.device, request.threads);
   command->callback([arguments, &action] { action = [arguments] { return RunCalibrate(*arguments); }; });

@@ -16,16 +16,16 @@ void AddOverwriteFlag(CLI::App& command, bool& overwrite) {
 
 void AddFrameRangeOptions(CLI::App& command, SequenceOptions& options) {
   command.add_option("--first-frame", options.first_frame, "First frame of the sequence to use, counted from 0")
-      ->check(WholeNumber<std::uint32_t>());
+      ->transform(WholeNumber<std::uint32_t>());
   // Options are converted in the order in which they are added, so the first frame is known.
   command.add_option("--last-frame", options.last_frame, "Last frame of the sequence to use")
-      ->check(WholeNumber<std::uint32_t>())
+      ->transform(WholeNumber<std::uint32_t>())
       ->check([&options](const std::string& text) {
         if (std::stoull(text) >= options.first_frame) return std::string();
         return text + " lies before --first-frame, " + std::to_string(options.first_frame);
       });
   command.add_option("--every-nth", options.every_nth, "Use only every n-th frame")
-      ->check(CLI::Range(1u, 1000u))
+      ->transform(WholeNumberBetween(1u, 1000u))
       ->capture_default_str();
 }
 

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include "platform/assemble.h"
+#include "tools/command/number_checks.h"
 
 namespace haustra {
 
@@ -24,7 +25,7 @@ void AddDeviceOption(CLI::App& command, std::string& device) {
 void AddDeviceOptions(CLI::App& command, std::string& device, int& threads) {
   AddDeviceOption(command, device);
   command.add_option("--threads", threads, "Threads of the CPU device, 0: one a core, in real time one less")
-      ->check(CLI::Range(0, MaxVisionThreads()))
+      ->transform(WholeNumberBetween(0, MaxVisionThreads()))
       ->capture_default_str();
 }
 

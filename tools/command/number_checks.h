@@ -1,5 +1,5 @@
 // Checks of numbers on the command line. Of those of CLI11 the messages name the smallest and the largest number that
-// there is, and CLI::Range takes nan for a number of any range: it is for whole numbers only.
+// there is, CLI::Range takes nan for a number of any range, and whole numbers with a leading zero are octal.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -25,18 +25,29 @@ inline CLI::Validator NumberCheck(std::string name, std::string what, std::funct
       std::move(name));
 }
 
-// From 0 to what a T holds; CLI11 takes the largest one for what is larger.
-template <std::unsigned_integral T>
-CLI::Validator WholeNumber() {
+// Both ends included; for `transform`, not `check`. The number is given on without leading zeros: names of frames have
+// them, and CLI11 would take it for octal.
+template <std::integral T>
+CLI::Validator WholeNumberBetween(T least, T most) {
+  const std::string range = std::to_string(least) + " to " + std::to_string(most);
   return CLI::Validator(
-      [](std::string& text) {
+      [least, most, range](std::string& text) {
         T value = 0;
         const char* end = text.data() + text.size();
         const auto [stop, error] = std::from_chars(text.data(), end, value);
-        if (error == std::errc{} && stop == end) return std::string();
-        return "'" + text + "' is not a whole number from 0 to " + std::to_string(std::numeric_limits<T>::max());
+        if (error != std::errc{} || stop != end || value < least || value > most) {
+          return "'" + text + "' is not a whole number from " + range;
+        }
+        text = std::to_string(value);
+        return std::string();
       },
-      "NONNEGATIVE");
+      "in [" + std::to_string(least) + " - " + std::to_string(most) + "]");
+}
+
+// The same from 0 to what a T holds.
+template <std::unsigned_integral T>
+CLI::Validator WholeNumber() {
+  return WholeNumberBetween(T{0}, std::numeric_limits<T>::max()).description("NONNEGATIVE");
 }
 
 inline CLI::Validator PositiveNumber() {

@@ -363,9 +363,10 @@ void AddLatencyCommand(CLI::App& app, std::function<int()>& action) {
       ->check(NumberBetween(0.0, 600.0))
       ->capture_default_str();
   command->add_flag("--stress", arguments->stress, "Load on all cores, the memory, and the GPU where it is used");
-  command->add_option("--stress-cpu", arguments->stress_cpu, "Threads of arithmetic")->check(CLI::Range(0, 1024));
+  command->add_option("--stress-cpu", arguments->stress_cpu, "Threads of arithmetic")
+      ->transform(WholeNumberBetween(0, 1024));
   command->add_option("--stress-memory", arguments->stress_memory, "Threads that copy memory")
-      ->check(CLI::Range(0, 256));
+      ->transform(WholeNumberBetween(0, 256));
   command->add_flag("--stress-gpu", arguments->stress_gpu, "A second user of the vision device, of low priority");
   command->add_flag("--stress-gpu-process", arguments->stress_process,
                     "The same in a process of its own, as a compositor or an encoder has");

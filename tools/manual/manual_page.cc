@@ -48,11 +48,11 @@ std::string WithEnd(std::string text) {
   return text;
 }
 
-// "[0 - 256]" of "INT in [0 - 256]" as "0 to 256".
+// "[0 - 256]" of "in [0 - 256]" as "0 to 256".
 std::string RangeText(const std::string& check) {
-  const std::size_t begin = check.find(" in ["), end = check.find(']');
+  const std::size_t begin = check.find("in ["), end = check.find(']');
   if (begin == std::string::npos || end == std::string::npos) return {};
-  std::string range = check.substr(begin + 5, end - begin - 5);
+  std::string range = check.substr(begin + 4, end - begin - 4);
   if (const std::size_t dash = range.find(" - "); dash != std::string::npos) range.replace(dash, 3, " to ");
   return range;
 }

@@ -1,4 +1,5 @@
 #include "tools/plan/plan_command.h"
+#include "tools/command/number_checks.h"
 
 #include <CLI/CLI.hpp>
 #include <memory>
@@ -40,6 +41,10 @@ Result<CameraCalibration> CameraOf(const PlanArguments& arguments) {
   CameraCalibration camera;
   camera.width_px = arguments.width_px;
   camera.height_px = arguments.height_px;
+  // Any camera of this size: what is planned depends on nothing else.
+  camera.fx = camera.fy = camera.width_px;
+  camera.cx = 0.5 * (camera.width_px - 1);
+  camera.cy = 0.5 * (camera.height_px - 1);
   return camera;
 }
 
@@ -80,10 +85,10 @@ void AddPlanCommand(CLI::App& app, std::function<int()>& action) {
                                           "Camera calibration whose image size is planned for");
   calibration->excludes(sequence);
   command->add_option("--width", arguments->width_px, "Of the images, when neither of these is given")
-      ->check(CLI::Range(16, 8192))
+      ->transform(WholeNumberBetween(16, 8192))
       ->capture_default_str();
   command->add_option("--height", arguments->height_px, "Of the images, when neither of these is given")
-      ->check(CLI::Range(16, 8192))
+      ->transform(WholeNumberBetween(16, 8192))
       ->capture_default_str();
   command->add_flag("--json", arguments->json, "Print JSON");
   command->callback([arguments, &action] { action = [arguments] { return Plan(*arguments); }; });

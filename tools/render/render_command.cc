@@ -140,20 +140,20 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--size", arguments->size, "Picture size, like 720x540; by default the preset's");
   command->add_option("--seed", arguments->seed, "Colon, mucosa and path")
       ->capture_default_str()
-      ->check(WholeNumber<std::uint64_t>());
+      ->transform(WholeNumber<std::uint64_t>());
   command
       ->add_option("--path-seed", arguments->path_seed,
                    "Path, events and noise: another procedure in the same colon; by default that of --seed")
-      ->check(WholeNumber<std::uint64_t>());
+      ->transform(WholeNumber<std::uint64_t>());
   command->add_option(
       "--events", arguments->events,
       "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "
       "redout, water, bubbles, debris, blur, jump, slip, narrowband, instrument; none");
   command->add_option("--threads", arguments->threads, "Threads; 0: all cores. The pictures do not depend on it")
-      ->check(CLI::Range(0, 256));
+      ->transform(WholeNumberBetween(0, 256));
   command->add_option("--quality", arguments->quality, "JPEG quality: that of every picture of MJPEG")
       ->capture_default_str()
-      ->check(CLI::Range(5, 100));
+      ->transform(WholeNumberBetween(5, 100));
   command
       ->add_option("--breathing", arguments->breathing_percent,
                    "How much the radius swells with the breath, %; by default the preset's")
@@ -192,7 +192,7 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
                    "Pools of liquid on the low side of the colon, their depth in % of the radius; by default 0")
       ->check(NumberBetween(0.0, 100.0 * render::FluidLevel::kMaxShare));
   command->add_option("--lens-drops", arguments->lens_drops, "Drops that stay on the lens, at a time; by default 0")
-      ->check(CLI::Range(0, 40));
+      ->transform(WholeNumberBetween(0, 40));
   command
       ->add_option("--drop-size", arguments->drop_size_percent,
                    "Mean diameter of the drops, % of the picture's height; by default 12")

@@ -66,7 +66,7 @@ void AddReportCommand(CLI::App& app, std::function<int()>& action) {
       command->add_option("--sequence", request.pictures.sequence,
                           "The sequence of the run, for pictures of the frames where maps were joined");
   command->add_option("--max-pictures", request.pictures.max_joins, "Merges and loops shown with pictures")
-      ->check(CLI::Range(1u, 1000u))
+      ->transform(WholeNumberBetween(1u, 1000u))
       ->needs(sequence)
       ->capture_default_str();
   command->add_option("--surface", request.surface,

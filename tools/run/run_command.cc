@@ -482,7 +482,7 @@ void AddRunCommand(CLI::App& app, std::function<int()>& action) {
       ->check(NumberBetween(0.01, 100.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
-      ->check(WholeNumber<std::uint64_t>());
+      ->transform(WholeNumber<std::uint64_t>());
   AddConfigurationOptions(*command, *arguments);
   AddFrameRangeOptions(*command, arguments->part);
   AddFrameRateOption(*command, arguments->part.frame_rate_hz);

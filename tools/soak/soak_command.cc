@@ -267,7 +267,7 @@ void AddSoakCommand(CLI::App& app, std::function<int()>& action) {
       ->check(NumberBetween(1.0, 1000.0))
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Seed of all random sampling (default: the configuration's)")
-      ->check(WholeNumber<std::uint64_t>());
+      ->transform(WholeNumber<std::uint64_t>());
   AddFrameRateOption(*command, arguments->frame_rate_hz);
   AddConfigurationOptions(*command, *arguments);
   command->callback([arguments, &action] { action = [arguments] { return Soak(*arguments); }; });

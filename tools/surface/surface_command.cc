@@ -39,6 +39,19 @@ bool IsJudged(const CoverageOptions& options) {
   return options.max_range_radii == usual.max_range_radii && options.max_slant_deg == usual.max_slant_deg;
 }
 
+// Before the surface is made, which may take minutes.
+Status CheckTruth(const std::string& groundtruth) {
+  if (groundtruth.empty()) return Status::Ok();
+  const std::filesystem::path folder = std::filesystem::path(groundtruth).parent_path();
+  for (const std::string& path : {groundtruth, (folder / "depth").string(), (folder / "seen_wall.csv").string()}) {
+    const bool is_there = std::filesystem::exists(path);
+    if (path == groundtruth && !is_there) return NotFound(path + ": no such file");
+    if (path != groundtruth && is_there) return Status::Ok();
+  }
+  return NotFound(groundtruth +
+                  ": neither depth/ nor seen_wall.csv lies beside it (haustra render --depth, --seen-wall)");
+}
+
 // Nothing without a ground truth, or of what it does not know for this run.
 Result<surface::SurfaceScore> Judge(const SurfaceArguments& arguments, const evaluate::RunOutput& run,
                                     const RunSurface& made) {
@@ -70,6 +83,9 @@ int Surface(const SurfaceArguments& arguments) {
   }
   const Result<evaluate::RunOutput> run = evaluate::ReadRunOutput(arguments.run);
   if (!run.ok()) return console::Fail(kSurfaceCommand, run.status());
+  if (const Status status = CheckTruth(arguments.groundtruth); !status.ok()) {
+    return console::Fail(kSurfaceCommand, status);
+  }
   const Result<RunSurface> made = surface::MakeRunSurface(*run, arguments.request);
   if (!made.ok()) return console::Fail(kSurfaceCommand, made.status());
   if (const std::string missing = surface::WhatIsMissing(*made); !missing.empty()) {
@@ -88,7 +104,8 @@ int Surface(const SurfaceArguments& arguments) {
   if (score->depth) console::Print("%s", surface::ToText(*score->depth).c_str());
   if (score->coverage) console::Print("%s", surface::ToText(*score->coverage).c_str());
   if (!arguments.groundtruth.empty() && !score->depth && !score->coverage) {
-    console::Warn(kSurfaceCommand, "no map could be aligned to %s: nothing is judged", arguments.groundtruth.c_str());
+    console::Warn(kSurfaceCommand, "nothing is judged by %s: no map lies along it that has depth or a lumen to judge",
+                  arguments.groundtruth.c_str());
   }
   console::Tell("%s: a mesh for each map, as .ply and .glb; maps have frames and scales of their own\n",
                 output.folder.c_str());
@@ -124,7 +141,7 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
   command
       ->add_option("--max-blocks", request.surface.max_blocks,
                    "Blocks of 8x8x8 voxels of a map, 3 kB each. When they are used up, what comes later is left out")
-      ->check(CLI::Range(1, 1 << 20))
+      ->transform(WholeNumberBetween(1, 1 << 20))
       ->capture_default_str();
   command
       ->add_option("--max-range", request.coverage.max_range_radii,
@@ -143,7 +160,7 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
       ->capture_default_str();
   command
       ->add_option("--threads", request.surface.num_threads, "Threads; 0: all cores. The result does not depend on it")
-      ->check(CLI::Range(0, 256))
+      ->transform(WholeNumberBetween(0, 256))
       ->default_val(0);
   AddDeviceOption(*command, request.device);
   // Without one no picture is read and nothing is searched.

@@ -1,4 +1,5 @@
 #include "tools/view/view_command.h"
+#include "tools/command/number_checks.h"
 
 #include <unistd.h>
 
@@ -79,7 +80,7 @@ void AddViewCommand(CLI::App& app, std::function<int()>& action) {
                    "Output folder of haustra surface for this run (default: OUT/surface, where it is there)")
       ->needs(run);
   command->add_option("--port", arguments->port, "Port on 127.0.0.1; 0: a free one")
-      ->check(CLI::Range(0, 65535))
+      ->transform(WholeNumberBetween(0, 65535))
       ->capture_default_str();
   command->add_option("--token-file", arguments->token_file,
                       "Secret part of the address: 32 to 128 letters and digits in a file that only its owner may read "

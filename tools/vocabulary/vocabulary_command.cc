@@ -107,31 +107,31 @@ void AddVocabularyCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option("--out", arguments->out, "File to write, for retrieval.vocabulary")->required();
   AddOverwriteFlag(*command, arguments->overwrite);
   command->add_option("--every-nth", arguments->every_nth, "Of each sequence, use every n-th frame")
-      ->check(CLI::Range(1, 100000))
+      ->transform(WholeNumberBetween(1, 100000))
       ->capture_default_str();
   command->add_option("--rendered", arguments->rendered.num_colons, "Colons to render and learn from")
-      ->check(CLI::Range(0, 1000))
+      ->transform(WholeNumberBetween(0, 1000))
       ->capture_default_str();
   command->add_option("--pictures", arguments->rendered.pictures_per_colon, "Pictures of each rendered colon")
-      ->check(CLI::Range(1, 10000))
+      ->transform(WholeNumberBetween(1, 10000))
       ->capture_default_str();
   command->add_option("--features", arguments->features, "Strongest features of each picture that are learnt from")
-      ->check(CLI::Range(16, 8000))
+      ->transform(WholeNumberBetween(16, 8000))
       ->capture_default_str();
   command->add_option("--branching", arguments->options.branching, "Children of a node of the tree")
-      ->check(CLI::Range(Vocabulary::kMinBranching, Vocabulary::kMaxBranching))
+      ->transform(WholeNumberBetween(Vocabulary::kMinBranching, Vocabulary::kMaxBranching))
       ->capture_default_str();
   command->add_option("--depth", arguments->options.depth, "Levels of the tree")
-      ->check(CLI::Range(1, Vocabulary::kMaxDepth))
+      ->transform(WholeNumberBetween(1, Vocabulary::kMaxDepth))
       ->capture_default_str();
   command->add_option("--seed", arguments->options.seed, "Seed of the clustering")
-      ->check(WholeNumber<std::uint64_t>())
+      ->transform(WholeNumber<std::uint64_t>())
       ->capture_default_str();
   command->add_option("--config", arguments->config, "Configuration file (YAML): its features are those of the words");
   command->add_option("--set", arguments->assignments, "Overrides one key of the configuration: section.key=value")
       ->allow_extra_args(false);
   command->add_option("--threads", arguments->threads, "Threads, 0: one a core. The words do not depend on it")
-      ->check(CLI::Range(0, 256))
+      ->transform(WholeNumberBetween(0, 256))
       ->capture_default_str();
   command->callback([arguments, &action] { action = [arguments] { return RunVocabulary(*arguments); }; });
 }

@@ -9,6 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "tests/tools/command/call_command.h"
+#include "tools/plan/plan_command.h"
+
 namespace haustra {
 namespace {
 
@@ -138,6 +141,33 @@ TEST_F(CommandLineTest, WhatHasNoUseWithoutASequenceIsRefusedWithoutOne) {
   }
 }
 
+// What depth takes follows from the size of the pictures, as all the rest does.
+TEST_F(CommandLineTest, PlanNeedsNoCameraForDepth) {
+  const CommandAnswer answer =
+      CallCommand({AddPlanCommand}, {"plan", "--width", "720", "--height", "540", "--set", "depth.enabled=true"});
+  EXPECT_EQ(answer.code, kExitOk) << answer.err;
+  EXPECT_THAT(answer.out, HasSubstr("depth matcher"));
+}
+
+// As in the names of frames. CLI11 by itself takes them for octal.
+TEST_F(CommandLineTest, LeadingZerosChangeNoNumber) {
+  app_.parse("run seq --out o --first-frame 000020 --last-frame 000089 --every-nth 010 --threads 010 --seed 010");
+  const CLI::App* run = app_.get_subcommand("run");
+  const auto number = [run](const char* option) { return run->get_option(option)->as<std::uint64_t>(); };
+  EXPECT_EQ(number("--first-frame"), 20u);
+  EXPECT_EQ(number("--last-frame"), 89u);
+  EXPECT_EQ(number("--every-nth"), 10u);
+  EXPECT_EQ(number("--threads"), 10u);
+  EXPECT_EQ(number("--seed"), 10u);
+  const std::function<void(CLI::App*)> look = [&](CLI::App* command) {
+    for (const CLI::Option* option : command->get_options()) {
+      EXPECT_THAT(option->get_type_name(), Not(HasSubstr("INT in ["))) << command->get_name() << option->get_name();
+    }
+    for (CLI::App* part : command->get_subcommands([](const CLI::App*) { return true; })) look(part);
+  };
+  look(&app_);
+}
+
 // CLI::Range lets nan through, and an option without a check takes inf, too.
 TEST_F(CommandLineTest, EveryOptionThatTakesANumberRefusesWhatIsNone) {
   int num_options = 0;
@@ -202,7 +232,7 @@ TEST_F(UsageErrorTest, OptionThatIsNoneIsNamedBeforeWhatIsMissing) {
 
 TEST_F(UsageErrorTest, ValueThatIsNotAllowedIsNamedWithWhatIs) {
   EXPECT_EQ(FirstLine("run seq --device gpu"), "haustra run: --device: 'gpu' is none of auto,cpu,cuda");
-  EXPECT_EQ(FirstLine("run seq --threads 300"), "haustra run: --threads: '300' is not a number from 0 to 64");
+  EXPECT_EQ(FirstLine("run seq --threads 300"), "haustra run: --threads: '300' is not a whole number from 0 to 64");
   EXPECT_EQ(FirstLine("latency --seconds 0"), "haustra latency: --seconds: '0' is not a number from 0.1 to 86400");
   EXPECT_EQ(FirstLine("control status --timeout long"),
             "haustra control: --timeout: 'long' is not a number from 0.1 to 3600");
@@ -224,7 +254,8 @@ TEST_F(UsageErrorTest, ValueThatIsNotAllowedIsNamedWithWhatIs) {
   EXPECT_EQ(FirstLine("render out --rate 0"), "haustra render: --rate: '0' is not a number from 1 to 120");
   EXPECT_EQ(FirstLine("render out --seconds 0"), "haustra render: --seconds: '0' is not a number from 0.2 to 3600");
   EXPECT_EQ(FirstLine("render out --breathing 50"), "haustra render: --breathing: '50' is not a number from 0 to 15");
-  EXPECT_EQ(FirstLine("render out --threads -2"), "haustra render: --threads: '-2' is not a number from 0 to 256");
+  EXPECT_EQ(FirstLine("render out --threads -2"),
+            "haustra render: --threads: '-2' is not a whole number from 0 to 256");
 }
 
 }  // namespace

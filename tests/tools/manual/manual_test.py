@@ -41,6 +41,8 @@ class Pages(unittest.TestCase):
         self.assertIn("--help", options)
         for option in options:
             self.assertRegex(text, rf"(?m)^(-\w, )?{re.escape(option)}( |$)", f"{option} is not in {page.name}")
+        for least, most in re.findall(r"in \[(\S+) -\s+(\S+)\]", help_text):
+            self.assertIn(f"From {least} to {most}.", text)
         codes = re.findall(r"^  (\d+) ", help_text.split("Exit codes:")[1], re.MULTILINE)
         self.assertGreater(len(codes), 5)
         for code in codes:

@@ -116,6 +116,17 @@ class SurfaceCommandTest : public ::testing::Test {
   std::string out_, err_;
 };
 
+// Before minutes are spent on a surface that it could not judge.
+TEST_F(SurfaceCommandTest, TruthThatJudgesNothingIsRefusedBeforeTheSurfaceIsMade) {
+  KeepWall();
+  folder_.Write("seq/groundtruth.txt", "0 0 0 0 0 0 0 1\n");
+  const std::string truth = folder_.At("seq/groundtruth.txt");
+  EXPECT_EQ(Surface("", {"--groundtruth", truth}), kExitNoInput);
+  EXPECT_THAT(err_, HasSubstr(truth + ": neither depth/ nor seen_wall.csv lies beside it"));
+  EXPECT_EQ(Surface("", {"--groundtruth", folder_.At("none.txt")}), kExitNoInput);
+  EXPECT_THAT(err_, HasSubstr("none.txt: no such file"));
+}
+
 TEST_F(SurfaceCommandTest, OfWhatHasNoDepthThereIsNoneAndItSaysWhatIsMissing) {
   EXPECT_EQ(Surface("seq"), kExitConfig);
   EXPECT_THAT(err_, HasSubstr("out: there is no surface: map 0: none of its 2 keyframes has a depth: 1 without a "

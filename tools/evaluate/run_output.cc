@@ -180,6 +180,11 @@ Status ReadTrajectories(RunOutput* run) {
     if (frame.map_id >= 0) map_ids.insert(frame.map_id);
   }
   for (const int map_id : map_ids) {
+    const auto is_it = [map_id](const RunMap& map) { return map.map_id == map_id; };
+    if (std::none_of(run->maps.begin(), run->maps.end(), is_it)) {
+      return InvalidArgument((fs::path(run->folder) / "maps.csv").string() + ": map " + std::to_string(map_id) +
+                             " is missing, into which frames.csv puts frames");
+    }
     const std::string path = (fs::path(run->folder) / "trajectory" / (MapName(map_id) + ".tum")).string();
     HAUSTRA_ASSIGN(const std::vector<GroundTruthPose> poses, ReadGroundTruth(path));
     const std::size_t num_missing = AssignPoses(poses, map_id, &run->frames);

@@ -314,6 +314,15 @@ int Run(const RunArguments& arguments) {
   EngineConfig config = loaded->config();
   if (arguments.seed) config.seed = *arguments.seed;
 
+  // Before the input: a camera that is to be estimated takes minutes.
+  const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
+  if (!vocabulary.ok()) return console::Fail(kRunCommand, vocabulary.status());
+  std::vector<MarkRequest> mark_requests;
+  if (!arguments.marks.empty()) {
+    Result<std::vector<MarkRequest>> read = ReadMarkFile(arguments.marks);
+    if (!read.ok()) return console::Fail(kRunCommand, read.status());
+    mark_requests = std::move(read).value();
+  }
   const Result<RunInput> input = OpenInput(arguments, config.seed);
   if (!input.ok()) return console::Fail(kRunCommand, input.status());
   WarnOfInput(arguments.sequence, *input);
@@ -335,9 +344,6 @@ int Run(const RunArguments& arguments) {
   if (const Status status = (*device)->SetStaticMask(source.static_mask()); !status.ok())
     return console::Fail(kRunCommand, status);
 
-  const Result<std::unique_ptr<const Vocabulary>> vocabulary = LoadVocabularyFor(config);
-  if (!vocabulary.ok()) return console::Fail(kRunCommand, vocabulary.status());
-
   const Result<DepthSearch> depth = CreateDepthSearch(arguments.device, config, *camera, source.static_mask());
   if (!depth.ok()) return console::Fail(kRunCommand, depth.status());
 
@@ -347,12 +353,6 @@ int Run(const RunArguments& arguments) {
     }
   }
   const bool is_live = IsV4l2Spec(arguments.sequence);
-  std::vector<MarkRequest> mark_requests;
-  if (!arguments.marks.empty()) {
-    Result<std::vector<MarkRequest>> read = ReadMarkFile(arguments.marks);
-    if (!read.ok()) return console::Fail(kRunCommand, read.status());
-    mark_requests = std::move(read).value();
-  }
   const SystemClock clock;
   Engine engine(config, *camera, **device, mode, &clock, source.static_mask(), vocabulary->get(), depth->matcher.get());
   if (!arguments.load_atlas.empty()) {

@@ -393,13 +393,13 @@ TEST_F(DaemonDevice, ProcedureThatSomebodyEndedDoesNotGoOnWhenTheCameraComes) {
 // The first dies in its start. The second has as long as the first had.
 TEST_F(DaemonDevice, NextWorkerHasTheWholeTimeToStart) {
   RecordProperty("req", "DMN-007");
-  config_.watchdog.work_limit_ms = 10000;
+  config_.watchdog.work_limit_ms = 14000;
   script_->is_making_held = true;
   Start(false);
-  for (const int taken_s : {7, 5}) {
+  for (const int taken_s : {11, 6}) {
     ASSERT_TRUE(Until([&] { return script_->pid != 0 || has_ended_; }));
     std::this_thread::sleep_for(seconds(taken_s));
-    if (taken_s == 7) ::kill(script_->pid.exchange(0), SIGKILL);
+    if (taken_s == 11) ::kill(script_->pid.exchange(0), SIGKILL);
   }
   script_->is_making_held = false;
   EXPECT_TRUE(Until([&] { return has_ended_ || StatusValue("state") == "idle"; })) << Ask("status");

@@ -233,6 +233,15 @@ TEST_F(RunOutputTest, RunWithoutFramesIsRefused) {
   EXPECT_THAT(Read().status().message(), HasSubstr("frames.csv: no frames"));
 }
 
+// As when the table was cut: none of its frames would count.
+TEST_F(RunOutputTest, FramesOfAMapThatTheTableLacksAreRefused) {
+  const std::string maps = folder_.Read("out/maps.csv");
+  folder_.Write("out/maps.csv", maps.substr(0, maps.find("\n2,") + 1));
+  const Status status = Read().status();
+  EXPECT_EQ(status.code(), StatusCode::kInvalidArgument);
+  EXPECT_THAT(status.message(), HasSubstr("maps.csv: map 2 is missing, into which frames.csv puts frames"));
+}
+
 TEST_F(RunOutputTest, FrameWithoutItsPoseIsNotLocalisedAndWarnedAbout) {
   std::string text = folder_.Read("out/trajectory/map_0002.tum");
   text.erase(text.rfind('\n', text.size() - 2) + 1);

@@ -43,7 +43,7 @@ struct LocalPoint {
   double scale_times_distance = 0.0;
   DescriptorRef descriptor;
   std::uint64_t keyframe_mask = 0;           // bit i: seen by keyframes[i]
-  TimePoint established = TimePoint::max();  // since when: the last of the keyframes that it takes; max: it is not
+  TimePoint established = TimePoint::max();  // by the keyframes that is_established asks for; max: not
 };
 
 // A mark of the map, wherever in it.

@@ -211,7 +211,8 @@ Status ProcedureStore::WipeLeftovers() const {
       if (wiped.ok()) Log(LogLevel::kWarning, "leftover_removed", {{"file", path}});
       if (all.ok()) all = wiped;
     }
-    if (error && all.ok()) all = Unavailable(place + ": cannot be looked into: " + error.message());
+    const bool is_unknown = error && error != std::errc::no_such_file_or_directory;
+    if (is_unknown && all.ok()) all = Unavailable(place + ": cannot be looked into: " + error.message());
   }
   return all;
 }

@@ -422,6 +422,18 @@ TEST(ProcedureStore, WhatCannotBeLookedAtIsNotSaidToBeWiped) {
   EXPECT_FALSE(fs::exists(folder / "procedure"));
 }
 
+// Somebody has taken the saved maps away, with their folder: there is nothing to look at.
+TEST(ProcedureStore, WithoutTheFolderOfSavedMapsAProcedureEndsAllTheSame) {
+  RecordProperty("req", "DATA-001");
+  const StateFolder folder;
+  const auto store = OpenStore(folder);
+  ASSERT_TRUE(store->WriteOpen("case-1", RecordedState::kRunning).ok());
+  fs::remove_all(folder / "saved");
+  const Status closed = store->Close();
+  EXPECT_TRUE(closed.ok()) << closed.message();
+  EXPECT_FALSE(fs::exists(folder / "procedure"));
+}
+
 TEST(ProcedureStore, OneDaemonAFolder) {
   const StateFolder folder;
   const auto store = OpenStore(folder);

@@ -43,11 +43,9 @@ bool IsJudged(const CoverageOptions& options) {
 Status CheckTruth(const std::string& groundtruth) {
   if (groundtruth.empty()) return Status::Ok();
   const std::filesystem::path folder = std::filesystem::path(groundtruth).parent_path();
-  for (const std::string& path : {groundtruth, (folder / "depth").string(), (folder / "seen_wall.csv").string()}) {
-    const bool is_there = std::filesystem::exists(path);
-    if (path == groundtruth && !is_there) return NotFound(path + ": no such file");
-    if (path != groundtruth && is_there) return Status::Ok();
-  }
+  if (!std::filesystem::exists(groundtruth)) return NotFound(groundtruth + ": no such file");
+  if (std::filesystem::exists(folder / "depth") || std::filesystem::exists(folder / "seen_wall.csv"))
+    return Status::Ok();
   return NotFound(groundtruth +
                   ": neither depth/ nor seen_wall.csv lies beside it (haustra render --depth, --seen-wall)");
 }
@@ -62,8 +60,7 @@ Result<surface::SurfaceScore> Judge(const SurfaceArguments& arguments, const eva
   const std::filesystem::path folder = std::filesystem::path(arguments.groundtruth).parent_path();
   const std::string depth = (folder / "depth").string(), wall = (folder / "seen_wall.csv").string();
   const bool has_wall = std::filesystem::exists(wall);
-  // Without either the depth that is missing is named.
-  if (!has_wall || std::filesystem::exists(depth)) {
+  if (std::filesystem::exists(depth)) {
     HAUSTRA_ASSIGN(score.depth, surface::JudgeDepths(made.maps, made.surfaces, run, evaluation, reference, depth));
   }
   if (has_wall && !IsJudged(arguments.request.coverage)) {

@@ -10,11 +10,13 @@ TEST = 'TEST(Pose, IsWhole) {\n  RecordProperty("req", "%s");\n}\n'
 
 
 class Trace(unittest.TestCase):
-    def run_on(self, csv=HEAD + "A-001,H1,holds\n", test=TEST % "A-001", hazards="| H1 | x |\n", script="", more=()):
+    def run_on(self, csv=HEAD + "A-001,H1,holds\n", test=TEST % "A-001", hazards="| H1 | x |\n", script="", more=(),
+               **others):
         files = {
+            **others,
             "tests/requirements.csv": csv,
             "tests/pose_test.cc": test,
-            "tests/run.sh": script,
+            "tests/service/run.sh": script,
             "platform/daemon/README.md": hazards,
         }
         return run_checker("trace.py", files, *more)
@@ -50,7 +52,36 @@ class Trace(unittest.TestCase):
         code, out = self.run_on(csv=HEAD + "A-001,H1,holds\nA-002,H1,too\n", script="# req: A-002\n", more=["--matrix"])
         self.assertEqual(code, 0)
         self.assertIn("| A-001 | H1 | holds | Pose.IsWhole |", out)
-        self.assertIn("| A-002 | H1 | too | tests/run.sh |", out)
+        self.assertIn("| A-002 | H1 | too | tests/service/run.sh |", out)
+
+    def after(self, *cases, **tree):
+        """The check of a test run: (name of ctest, its status, what it printed) of each."""
+        junit = "".join(f'<testcase name="{name}" status="{status}"><system-out>{out}</system-out></testcase>'
+                        for name, status, out in cases)
+        return self.run_on(more=["--ran", "tests.xml"], **{"tests.xml": f"<testsuite>{junit}</testsuite>"}, **tree)
+
+    def test_requirement_whose_test_ran(self):
+        clean = (0, "trace: 1 requirements, each with a test that ran\n")
+        for name in ("Pose.IsWhole", "Both/Pose.IsWhole/0, where GetParam() = 1"):
+            self.assertEqual(self.after(("pose", "run", f"[ RUN      ] {name}\n[       OK ] {name} (0 ms)")), clean)
+
+    def test_requirement_whose_tests_did_not_run(self):
+        skipped = "[  SKIPPED ] Pose.IsWhole (0 ms)\n[       OK ] Pose.IsOther (0 ms)"
+        for out, said in ((skipped, "Pose.IsWhole (skipped)\n"), ("[ RUN      ] Pose.IsWhole", "Pose.IsWhole\n")):
+            code, text = self.after(("pose", "run", out))
+            self.assertEqual(code, 1)
+            self.assertIn("A-001: no test of it ran: " + said, text)
+
+    def test_requirement_that_only_a_gpu_can_prove_is_named(self):
+        code, text = self.after(("pose", "notrun", "[  SKIPPED ] Pose.IsWhole (0 ms)"), test="",
+                                **{"tests/cuda_pose_test.cc": TEST % "A-001"})
+        self.assertEqual((code, text.splitlines()[0]),
+                         (0, "trace: A-001: skipped, all its tests need a GPU: Pose.IsWhole"))
+
+    def test_script_ran_when_something_of_its_folder_did(self):
+        for status, expected in (("run", 0), ("notrun", 1)):
+            code, _ = self.after(("service/systemd", status, ""), test="", script="# req: A-001\n")
+            self.assertEqual(code, expected)
 
 
 if __name__ == "__main__":

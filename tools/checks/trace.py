@@ -1,20 +1,24 @@
 #!/usr/bin/env python3
 """Traces requirements to the tests that prove them.
 
-    trace.py [ROOT] [--matrix]      ROOT defaults to the repository that this file lies in
+    trace.py [ROOT] [--matrix] [--ran FILE]      ROOT defaults to the repository that this file lies in
 
 Requirements are the rows of tests/requirements.csv: id, hazard, requirement. A C++ test proves those that it records with
 RecordProperty("req", "TRK-001,PUB-002"), a script those named in a comment "# req: TRK-001". Hazards are those of
 platform/daemon/README.md, where a row begins with "| H1 |".
 
 Fails on a requirement without a test, a test of a requirement that does not exist, a hazard without a requirement or
-the other way round, and on ids that are doubled or malformed. --matrix prints the table in Markdown as well. Exit code 0
-clean, 1 violations, 64 usage.
+the other way round, and on ids that are doubled or malformed. --matrix prints the table in Markdown as well.
+
+--ran: what `ctest --output-junit FILE --test-output-size-passed ...` wrote, of all tests; FILE is relative to ROOT.
+Fails also on a requirement of which no test ran, but for one whose tests all lie in files named cuda or gpu: it is
+named. A script ran when ctest ran something of its folder. Exit code 0 clean, 1 violations, 64 usage.
 """
 
 import csv
 import re
 import sys
+from xml.etree import ElementTree
 
 from checker import root_of, verdict
 
@@ -23,6 +27,8 @@ HAZARDS = "platform/daemon/README.md"
 ID = re.compile(r"^[A-Z]+-[0-9]{3}$")
 TEST = re.compile(r"^TEST(?:_F|_P)?\((\w+), (\w+)\) \{", re.MULTILINE)
 RECORD = re.compile(r'RecordProperty\("req", "([^"]*)"\)')
+OUTCOME = re.compile(r"\[ +(OK|SKIPPED) +\] (?:\w+/)?(\w+\.\w+)")  # as GoogleTest prints it
+NEEDS_DEVICE = re.compile(r"/[^/]*(?:cuda|gpu)[^/]*$")
 SCRIPT = re.compile(r"^# req: (.*)$", re.MULTILINE)
 
 
@@ -68,18 +74,50 @@ def find_proofs(root, problems):
     return proofs
 
 
+def read_outcomes(path):
+    """Names of what ran, GoogleTest's and ctest's, and of GoogleTest's that were skipped."""
+    ran, skipped = set(), set()
+    for case in ElementTree.parse(path).iter("testcase"):
+        if case.get("status") == "run":
+            ran.add(case.get("name"))
+        for outcome, name in OUTCOME.findall(case.findtext("system-out") or ""):
+            (ran if outcome == "OK" else skipped).add(name)
+    return ran, skipped
+
+
+def check_that_they_ran(tests_of, path, problems):
+    """`tests_of`: {id: {test: "path:line"}}. The ids that only a device could have proved."""
+    ran, skipped = read_outcomes(path)
+    unproved = []
+    for identity, tests in tests_of.items():
+        folders = {"/".join(test.split("/")[1:-1]) + "/" for test in tests if "/" in test}
+        if not tests or not ran.isdisjoint(tests) or any(name.startswith(tuple(folders)) for name in ran):
+            continue
+        if all(NEEDS_DEVICE.search(place) for place in tests.values()):
+            unproved.append(identity)
+        else:
+            names = ", ".join(f"{test} (skipped)" if test in skipped else test for test in tests)
+            problems.append(f"{REQUIREMENTS}: {identity}: no test of it ran: {names}")
+    return unproved
+
+
 def main(arguments):
     wants_matrix = "--matrix" in arguments
     arguments = [argument for argument in arguments if argument != "--matrix"]
+    ran = None
+    if "--ran" in arguments[:-1]:
+        at = arguments.index("--ran")
+        ran = arguments[at + 1]
+        del arguments[at:at + 2]
     root = root_of(arguments, __doc__, lambda root: None if (root / REQUIREMENTS).is_file() else f"has no {REQUIREMENTS}")
     problems = []
     requirements = read_requirements(root, problems)
-    tests_of = {identity: [] for identity in requirements}
+    tests_of = {identity: {} for identity in requirements}
     for identity, test, place in find_proofs(root, problems):
         if identity not in requirements:
             problems.append(f"{place}: proves {identity or 'nothing'}, which is no requirement")
-        elif test not in tests_of[identity]:
-            tests_of[identity].append(test)
+        else:
+            tests_of[identity].setdefault(test, place)
     for identity, tests in tests_of.items():
         if not tests:
             problems.append(f"{REQUIREMENTS}: {identity} has no test")
@@ -99,6 +137,10 @@ def main(arguments):
         for identity, (hazard, requirement) in requirements.items():
             print(f"| {identity} | {hazard} | {requirement} | {', '.join(tests_of[identity])} |")
     clean = None if wants_matrix else f"trace: {len(requirements)} requirements, each with a test"
+    if ran is not None:
+        for identity in check_that_they_ran(tests_of, root / ran, problems):
+            print(f"trace: {identity}: skipped, all its tests need a GPU: {', '.join(tests_of[identity])}")
+        clean = clean and clean + " that ran"
     return verdict(problems, "faults in the trace", clean)
 
 

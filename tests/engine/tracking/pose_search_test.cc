@@ -4,12 +4,31 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "hal/forwarding_vision_device.h"
 #include "tests/engine/tracking/search_in_map.h"
 
 namespace haustra::test {
 namespace {
 
 TimePoint AfterMs(int ms) { return TimePoint(std::chrono::milliseconds(ms)); }
+
+// Never answers a search.
+class SilentDevice final : public ForwardingVisionDevice {
+ public:
+  using ForwardingVisionDevice::ForwardingVisionDevice;
+  Result<Ticket> EnqueueGuidedMatch(Lane, const GuidedMatchRequest& request) override {
+    allowed = request.train_allowed;
+    return Ticket{1};
+  }
+  Status Wait(Ticket, TimePoint) override { return Status(StatusCode::kDeadlineExceeded); }
+
+  std::span<const std::uint8_t> allowed;  // of the last one, which may still read it
+};
 
 class PoseSearchTest : public SearchInMap {
  protected:
@@ -24,6 +43,11 @@ class PoseSearchTest : public SearchInMap {
       const int feature = frame_.features.num++;
       Show(in_cam, &frame_.features.keypoints[feature]);
       search_.estimate().matches.push_back({feature, map_.num_points++});
+    }
+  }
+  void LookAtPoints() {
+    for (int i = 0; i < map_.num_points; ++i) {
+      map_.points[i].normal = (wall_.InverseTranslation() - map_.points[i].position).normalized();
     }
   }
   // How far from the truth the fit ends that begins at the last pose.
@@ -128,13 +152,29 @@ TEST_F(PoseSearchTest, CountsTheSeasonedPointsInView) {
   Add(30, wall_, 3, AfterMs(1000));
   Add(20, wall_, 3, AfterMs(1001));
   Add(10, wall_, 2, TimePoint::max());
-  for (int i = 0; i < map_.num_points; ++i) {
-    map_.points[i].normal = (wall_.InverseTranslation() - map_.points[i].position).normalized();
-  }
+  LookAtPoints();
   ErrorOfFit();
   search_.SearchLocalMap(0.0);
   EXPECT_EQ(search_.estimate().num_expected, 50);
   EXPECT_EQ(search_.estimate().num_expected_seasoned, 30);
+}
+
+TEST_F(PoseSearchTest, ChanceIsNotMeasuredWhereASearchThatRanOutOfTimeStillReads) {
+  Add(50, wall_, 3, AfterMs(0));
+  LookAtPoints();
+  ErrorOfFit();
+  SilentDevice device(colon_.device());
+  LaneWait lane{device};
+  PoseSearch search(
+      {config_, colon_.camera(), scene_, lane, budget_, overlay_, noise_, sight_, snapshots_, frame_, last_});
+  search.estimate() = search_.estimate();
+  budget_.BeginFrame(AfterMs(1), true, false);
+  EXPECT_FALSE(search.SearchLocalMap(0.0));
+  ASSERT_TRUE(lane.has_pending());
+  const std::vector<std::uint8_t> allowed(device.allowed.begin(), device.allowed.end());
+  EXPECT_EQ(std::ranges::count(allowed, 0), 50) << "what is matched already is not to be found again";
+  EXPECT_FALSE(search.MeasureChance());
+  EXPECT_TRUE(std::ranges::equal(allowed, device.allowed));
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """tools/benchmarks/recordings.py: which frame a kind shows when, where the camera goes with the pixels, and the pixels
-themselves where FFmpeg is."""
+themselves where FFmpeg is: ctest shows these by a name of their own."""
 
 import shutil
 import subprocess
@@ -29,7 +29,7 @@ coefficients:
 """
 
 
-class RecordingsTest(unittest.TestCase):
+class ClipTest(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
@@ -66,6 +66,8 @@ class RecordingsTest(unittest.TestCase):
         self.assertEqual(len(times), len(frames))
         return [(time, int(frame.resolve().stem)) for time, frame in list(zip(times, frames))[:num]]
 
+
+class RecordingsTest(ClipTest):
     def test_twice_shows_each_frame_twice_in_the_same_time(self):
         shown = self.shown(self.make("twice"))
         self.assertEqual(len(shown), 2 * FRAMES)
@@ -109,7 +111,9 @@ class RecordingsTest(unittest.TestCase):
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("no kind x", done.stderr)
 
-    @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
+
+@unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
+class PixelsTest(ClipTest):
     def test_surround_is_dark_and_the_window_is_as_it_was(self):
         self.clip = self.make_clip(5)
         made = self.make("surround")
@@ -124,7 +128,6 @@ class RecordingsTest(unittest.TestCase):
         self.assertLess(rows[top - 1][left + 5], 20)
         self.assertLess(rows[top + HEIGHT][left + 5], 20)
 
-    @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_back_shows_what_it_began_with_again_and_turned(self):
         self.clip = self.make_clip(50)
         made = self.make("back", "--turn", 20)
@@ -139,7 +142,6 @@ class RecordingsTest(unittest.TestCase):
         self.assertLess(raw[WIDTH * 87 + 5], 80)
         self.assertAlmostEqual(raw[WIDTH * 60 + 80], 60 * 5 / 6, delta=2)
 
-    @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
     def test_every_kind_is_a_whole_clip(self):
         self.clip = self.make_clip(12)
         for kind in recordings.KINDS:

@@ -550,6 +550,18 @@ TEST_F(DaemonDevice, MapsOnTheirWayToASlowDiskAreKeptWhenTheTimeIsUp) {
   EXPECT_FALSE(kept.is_checkpoint) << "an older file has replaced them";
 }
 
+TEST_F(DaemonDevice, ADiskThatTakesItsTimeAfterTheWorkerDiedIsNoFault) {
+  RecordProperty("req", "DMN-002,DMN-005");
+  config_.watchdog.work_limit_ms = 6000;  // as above
+  ASSERT_NO_FATAL_FAILURE(BeginAndMap());
+  const Kept kept = EndKeepWithoutWorker([this] {
+    KillWorker();
+    std::this_thread::sleep_for(milliseconds(config_.watchdog.work_limit_ms + 500));
+  });
+  EXPECT_EQ(kept.answer, "kept as case-1\n");
+  EXPECT_TRUE(StatusValue("last_fault").starts_with("the worker ended: ")) << Ask("status");
+}
+
 TEST_F(DaemonDevice, CheckpointIsKeptWhenTheMapsOfAWorkerThatDiedDoNotComeToTheDisk) {
   RecordProperty("req", "DMN-005,DMN-010");
   ASSERT_NO_FATAL_FAILURE(BeginAndMap());

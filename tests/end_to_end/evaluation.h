@@ -18,7 +18,7 @@ struct Floors {
   double live_visible_coverage = 0.0;  // percent, at least
   double rms_ate_mm = 0.0;             // at most
   int maps = 0;                        // at most
-  int joins = 0;                       // judged, at least
+  int joins = 0;                       // judged true, at least
 };
 // Of `losses` on any device. Five seeds on one processor had 82.0 to 83.0 % (all that can be seen; 98.3 % of it live),
 // 0.15 to 0.36 mm, one map after three relocalisations.
@@ -34,5 +34,7 @@ inline Floors LossesFloors() {
 
 // No false join either, of maps or of a frame with a map. Without a folder: of the fixture.
 void ExpectAtLeast(const Floors& floors, const std::string& result_folder = "");
+// The part of it that looks at the evaluation's joins. One that nobody judged does not count.
+void ExpectJoins(const nlohmann::json& joins, int at_least);
 
 }  // namespace haustra::end_to_end

@@ -14,7 +14,7 @@ TEST(SequentialRun, StandardSequenceIsMappedOverAllVisibleFrames) {
                  .coverage = 90,
                  .visible_coverage = 98,
                  .live_visible_coverage = 96,
-                 .rms_ate_mm = 0.12,
+                 .rms_ate_mm = 0.11,
                  .maps = 1,
                  .joins = 1});
 }

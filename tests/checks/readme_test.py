@@ -5,11 +5,13 @@ import unittest
 
 from checked_tree import run_checker
 
-BLOCK = """<!-- results: begin -->
-| sequence | live % | error | ORB-SLAM3: % |
+TABLE = """| sequence | live % | error | ORB-SLAM3: % |
 |---|---|---|---|
 | colon_1 | 96.5 (90.1) | 0.30 mm | 88.0 |
-
+| colon_2 | 97.5 (90.1) | 0.31 mm | - |
+"""
+BLOCK = f"""<!-- results: begin -->
+{TABLE}
 Machine with 7 cores, a median of 96.5 %, [results](tools/benchmarks/results/2026-11-23-3e3d8e5.md).
 <!-- results: end -->
 """
@@ -45,10 +47,10 @@ It is small.
 GOOD_TREE = {
     "README.md": README,
     "tools/report/demo.svg": "<svg/>\n",
-    "tools/benchmarks/results/2026-11-23-3e3d8e5.md": "| colon_1 | 96.5 (90.1) | 0.30 mm |\n",
-    "tools/benchmarks/peers.json": '{"coverage": [88]}\n',
-    "CHANGELOG.md": "It takes 5 % less. `gone.h` went.\n",
+    "tools/benchmarks/results/2026-11-23-3e3d8e5.md": f"# Results\n\n{TABLE}\nMedian.\n",
+    "CHANGELOG.md": "It takes 5 % less ([how](tools/benchmarks/results/2026-11-22-0d47607.md)). `gone.h` went.\n",
     "tools/benchmarks/results/2026-11-22-0d47607.md": f"{LONG}.\n",
+    "tools/benchmarks/results/2026-11-22-0d47607.json": "{}\n",
     "kernels/cuda/decisions/2026-11-22-bands.md": "# Bands\n\nBefore 91.0 us at 640x480, 2026-11-22, commit 48a00ea.\n" + "\n" * 57,
     "toolchains/decisions/2026-11-24-flags.md": "# Flags\n\nIt takes 7.5 % less.\n",
     "build/README.md": f"{LONG}. [gone](gone.md)\n",
@@ -60,9 +62,11 @@ for folder in ("hal", "kernels", "capture", "engine", "platform", "toolchains", 
 GOOD_TREE["config/README.md"] = """# config
 
 <!-- figures: preset.h -->
-It moves by 4 % within 3 seconds, see [C++20](preset.h). `0.7 ms` is what is typed, `config/preset.h` and `preset.h` are files.
+It moves by 4 % within 3 seconds and has 7 MB, see [C++20](preset.h). `0.7 ms` is what is typed, `config/preset.h` and `preset.h` are files.
 """ + SECTIONS
-GOOD_TREE["config/preset.h"] = "constexpr double kMotion = 0.04;\n"
+GOOD_TREE["config/preset.h"] = """constexpr double kMotion = 0.04;
+constexpr int kWithinSeconds = 3, kTableMegabytes = 7;
+"""
 GOOD_TREE["hal/README.md"] = "# hal\n\n- A look takes 91 us ([why](../kernels/cuda/decisions/2026-11-22-bands.md)).\n" + SECTIONS
 GOOD_TREE["kernels/README.md"] = """# kernels
 
@@ -78,7 +82,7 @@ GOOD_TREE["toolchains/README.md"] = "# toolchains\n\nIt takes 7.5 % less, and a 
 # What takes the place of a file of the good tree (nothing: the file is gone), and what the checker must say.
 BAD_FILES = [
     ("README.md", README + "\n" * 120, "lines, 120 are allowed"),
-    ("README.md", README + f"\nA new sentence. {LONG}. Another.\n", "README.md:27: a sentence of 36 words, 35 are allowed: word"),
+    ("README.md", README + f"\nA new sentence. {LONG}. Another.\n", "README.md:28: a sentence of 36 words, 35 are allowed: word"),
     ("README.md", README + f"\n- {LONG}\n", "a sentence of 36 words"),
     ("README.md", README + f"\n1. {LONG}\n", "a sentence of 36 words"),
     ("README.md", README + "\n" + LONG.replace(" ", "\n") + "\n", "a sentence of 36 words"),
@@ -100,23 +104,35 @@ BAD_FILES = [
     ("config/README.md", None, "config:0: has no README.md"),
     ("engine/README.md", "# engine\n\n## Limits\n", "engine/README.md:1: has no section Contract"),
     ("tests/README.md", "# tests\n\n## Contract\n\n## Limitsless\n", "tests/README.md:1: has no section Limits"),
-    ("README.md", README.replace("96.5", "96.6"), "96.6 is not in 2026-11-23-3e3d8e5.md, peers.json"),
-    ("README.md", README.replace("88.0", "8"), "8 is not in"),
-    ("README.md", README.replace("0.30 mm", "0.3 mm, 4"), "4 is not in"),
-    ("tools/benchmarks/peers.json", '{"coverage": [8.8]}\n', "88.0 is not in"),
-    ("tools/benchmarks/results/2026-11-23-3e3d8e5.md", "nothing\n", "96.5 is not in"),
+    ("README.md", README.replace("96.5", "96.6"), "this row is not that of 2026-11-23-3e3d8e5.md: | colon_1 | 96.5"),
+    ("README.md", README.replace("| colon_1 | 96.5", "| colon_1 | 97.5"), "this row is not that of"),
+    ("README.md", README.replace("colon_1", "colon_3").replace("colon_2", "colon_1").replace("colon_3", "colon_2"),
+     "this row is not that of"),
+    ("README.md", README.replace("| colon_2 | 97.5 (90.1) | 0.31 mm | - |\n", ""),
+     "the table has 3 lines, that of 2026-11-23-3e3d8e5.md 4"),
+    ("tools/benchmarks/results/2026-11-23-3e3d8e5.md", "nothing\n", "that of 2026-11-23-3e3d8e5.md 0"),
     ("tools/benchmarks/results/2026-11-23-3e3d8e5.md", None, "links to no file in tools/benchmarks/results/"),
+    ("README.md", README.replace("Machine", "[Others](tools/benchmarks/results/2026-11-22-0d47607.md)"), "or to several"),
+    ("tools/benchmarks/results/2026-11-22-0d47607.json", None, "2026-11-22-0d47607.md:0: its raw figures, a .json beside it, are"),
+    ("CHANGELOG.md", "`2026-11-22-0d47607.md` went.\n", "2026-11-22-0d47607.md:0: no page links to it"),
     ("README.md", README.replace(BLOCK, ""), "one block of results"),
     ("README.md", README + BLOCK, "one block of results"),
-    ("README.md", README.replace("|", "/"), "the block of results has no table"),
+    ("README.md", README.replace("|", "/"), "the table has 0 lines"),
+    ("engine/README.md", f"| a | {LONG} |\n|---|---|\n| b | {LONG[5:]} |\n",
+     "engine/README.md:1: a cell with a sentence of 36 words"),
     ("README.md", README.replace("12 of them", "0.5 of them"), "a figure (0.5) without a results file"),
     ("kernels/README.md", "| a | 91 us |\n|---|---|\n", "kernels/README.md:1: a figure (91) without a results file"),
-    ("README.md", README + "\nA frame takes 2.5.\n", "README.md:27: a figure (2.5) that is in no results file"),
+    ("README.md", README + "\nA frame takes 2.5.\n", "README.md:28: a figure (2.5) that is in no results file"),
     ("README.md", README.replace("a median of 96.5", "a median of 97"), "a figure (97%) that is in no results file"),
     ("hal/README.md", GOOD_TREE["hal/README.md"].replace("91 us", "92 us"), "hal/README.md:3: a figure (92us) that is in no"),
     ("hal/README.md", "# hal\n\n- A look takes 91 us.\n", "hal/README.md:3: a figure (91us) that is in no results file"),
     ("config/README.md", GOOD_TREE["config/README.md"].replace("4 %", "5 %"), "config/README.md:4: a figure (5%)"),
     ("config/README.md", GOOD_TREE["config/README.md"].replace("4 %", "4 mm"), "config/README.md:4: a figure (4mm)"),
+    ("config/README.md", GOOD_TREE["config/README.md"].replace("3 seconds", "5 seconds"), "config/README.md:4: a figure (5seconds)"),
+    ("config/README.md", GOOD_TREE["config/README.md"].replace("7 MB", "8 MB"), "config/README.md:4: a figure (8MB)"),
+    *[("engine/README.md", f"# engine\n\nIt has 42 {unit}.\n", f"engine/README.md:3: a figure (42{unit}) that is in no")
+      for unit in ("s", "minutes", "hours", "Hz", "kB", "MB", "GB")],
+    ("engine/README.md", "| memory | 42 MB |\n|---|---|\n", "engine/README.md:1: a figure (42) without a results file"),
     # In a record that another README links to, in a link that nobody can follow, in another folder's records.
     ("engine/README.md", "# engine\n\nA look takes 91 us.\n", "engine/README.md:3: a figure (91us) that is in no results file"),
     ("hal/README.md", "# hal\n\nA look takes 91 us (`[why](../kernels/cuda/decisions/2026-11-22-bands.md)`).\n",

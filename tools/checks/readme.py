@@ -4,16 +4,19 @@
     readme.py [ROOT]      ROOT defaults to the repository that this file lies in
 
 - README.md has at most 120 lines. Every top folder has a README.md, with a section Contract and a section Limits.
-- No sentence of a README.md, a decision record, CHANGELOG.md or CONTRIBUTING.md has more than 35 words. Code, tables, headings
-  and comments do not count; a piece of inline code and a link's text are one word and its words.
+- No sentence of a README.md, a decision record, CHANGELOG.md or CONTRIBUTING.md has more than 35 words, and no sentence of a
+  cell of a README.md's table. Code, headings and comments do not count; a piece of inline code and a link's text are one word
+  and its words.
 - A decision record is a page at most: 60 lines.
 - Source files and scripts that inline code of a README.md names are in the tree, at any place that ends with the name.
 - Links to files of the tree resolve, in every .md file.
-- README.md has one block of results between its markers, with a link to a results file. Every number of its table occurs in
-  that file or in tools/benchmarks/peers.json.
-- Any other table of a README.md with figures outside inline code (numbers with %, ms, us or mm, and decimal fractions) has, on
-  the line before it, <!-- figures: FILE... -->: paths from that README.md to results files, decision records or sources. Every
-  number of the table occurs in one of them, and the README.md links to each, or it lies in decisions/ beside it.
+- README.md has one block of results between its markers, with a link to one results file. Its table is that file's, row by row.
+- Every page of tools/benchmarks/results is linked by another page, and has its raw figures beside it, a .json of its name, but
+  for the old ones that are listed here.
+- Any other table of a README.md with figures outside inline code (decimal fractions, and numbers with %, a unit of time or
+  length, Hz, kB, MB or GB) has, on the line before it, <!-- figures: FILE... -->: paths from that README.md to results files,
+  decision records or, for a limit or a default, the source that has it. Every number of the table occurs in one of them, and
+  the README.md links to each, or it lies in decisions/ beside it.
 - Figures in the prose of a README.md occur in such a file, or in a results file or decision record that it links to, or in one
   of decisions/ beside it. 1 % may stand there as 0.01. What is a part of a size, a date or a name there is no figure.
 
@@ -32,14 +35,20 @@ PLAIN = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
 TOP_FOLDERS = ["hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"]
 SECTIONS = ["Contract", "Limits"]  # of the README of each top folder
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
-PEERS = "tools/benchmarks/peers.json"
 RESULTS = "tools/benchmarks/results/"
+# Results of before raw figures were kept.
+WITHOUT_JSON = {
+    "2026-11-22-aa07df5-h200", "2026-11-23-36db57d-joins", "2026-11-23-3e3d8e5", "2026-11-23-48a00ea-h200",
+    "2026-11-25-0267916-surface", "2026-11-25-60ea58c-retrieval", "2026-11-26-14dd19a-depth-on-cuda", "2026-11-26-8f11f32-marks",
+    "2026-11-27-125748f-surface", "2026-11-27-262b8e2-depth-peers", "2026-11-27-28bfdd7-surface-720x540",
+    "2026-11-27-3e1cb4f-retrieval-cuda", "2026-11-28-ae2be7b-wall", "2026-11-30-527d133-wall",
+}
 FIGURES = re.compile(r"^<!-- figures: (.*) -->$")
 # Where figures come from.
 SOURCE = re.compile(r"(?:^|/)(?:benchmarks/results|decisions)/[^/]+\.md$")
 # A number by itself: not a part of a name, a size (720x540), a version or a revision.
 NUMBER = re.compile(r"(?<![\w./-])\d+(?:\.\d+)?(?![\w/]|\.\d|-\d)")
-QUANTITY = re.compile(rf"({NUMBER.pattern})(?: ?(%|(?:ms|us|mm)\b))?")
+QUANTITY = re.compile(rf"({NUMBER.pattern})(?: ?(%|(?:us|ms|s|mm|seconds|minutes|hours|Hz|kB|MB|GB)\b))?")
 SOURCE_FILE = re.compile(r"(?<![\w./*{])[\w-][\w./-]*\.(?:h|cc|cuh?|c|py|sh|cmake)(?![\w.])")
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)[^)]*\)|\b(?:src|href)=\"([^\"]+)\"")
 
@@ -157,6 +166,13 @@ class Checker(Violations):
                     start = " ".join(sentence.split()[:6])
                     self.report(path, line, f"a sentence of {count} words, {MAX_WORDS} are allowed: {start} ...")
 
+    def check_cells(self, path, text):
+        for number, line in lines_of(text):
+            for cell in line.strip().strip("|").split("|") if is_table(line) else []:
+                for sentence in sentences(cell.strip()):
+                    if (count := len(words_of(sentence))) > MAX_WORDS:
+                        self.report(path, number, f"a cell with a sentence of {count} words, {MAX_WORDS} are allowed")
+
     def check_links(self, path, text):
         for number, line in lines_of(text):
             for match in LINK.finditer(re.sub(r"`[^`]*`", "", line)):
@@ -221,17 +237,26 @@ class Checker(Violations):
             self.report(path, 1, f"one block of results, {BEGIN} to {END}, is wanted")
             return
         block = text[text.index(BEGIN):text.index(END)]
-        linked = sorted(set(re.findall(rf"\(({RESULTS}[^)\s]+\.md)\)", block)))
-        sources = [self.root / name for name in linked if (self.root / name).is_file()]
+        linked = set(re.findall(rf"\(({RESULTS}[^)\s]+\.md)\)", block))
         first = text.count("\n", 0, text.index(BEGIN)) + 1
-        if not sources:
-            self.report(path, first, f"the block of results links to no file in {RESULTS}")
+        if len(linked) != 1 or not (source := self.root / linked.pop()).is_file():
+            self.report(path, first, f"the block of results links to no file in {RESULTS}, or to several")
             return
         table = [(first + i, line) for i, line in enumerate(block.splitlines()) if is_table(line)]
-        if not table:
-            self.report(path, first, "the block of results has no table")
-        peers = [self.root / PEERS] if (self.root / PEERS).is_file() else []
-        self.check_numbers(path, table, sources + peers)
+        measured = [line for line in source.read_text(encoding="utf-8").splitlines() if is_table(line)]
+        for (number, line), row in zip(table, measured):
+            if line != row:
+                self.report(path, number, f"this row is not that of {source.name}: {row}")
+        if not table or len(table) != len(measured):
+            self.report(path, first, f"the table has {len(table)} lines, that of {source.name} {len(measured)}")
+
+    def check_results_pages(self, linked):
+        """`linked`: what the pages of the tree link to, each but itself."""
+        for page in sorted((self.root / RESULTS).glob("*.md")):
+            if page.resolve() not in linked:
+                self.report(page, 0, "no page links to it")
+            if page.stem not in WITHOUT_JSON and not page.with_suffix(".json").is_file():
+                self.report(page, 0, "its raw figures, a .json beside it, are not there")
 
     def run(self):
         for folder in TOP_FOLDERS:
@@ -245,9 +270,11 @@ class Checker(Violations):
                     self.report(readme, 1, f"has no section {section}")
         files = list(self.files())
         places = ["/" + path.relative_to(self.root).as_posix() for path in files]
+        linked = set()
         for path in (path for path in files if path.suffix == ".md"):
             text = path.read_text(encoding="utf-8")
             self.check_links(path, text)
+            linked |= linked_files(path, text) - {path.resolve()}
             if path.parent.name == "decisions":
                 self.check_lines(path, text, MAX_RECORD_LINES)
             if path.parent.name == "decisions" or path.name in PLAIN:
@@ -255,6 +282,7 @@ class Checker(Violations):
             if path.name != "README.md":
                 continue
             self.check_names(path, text, places)
+            self.check_cells(path, text)
             self.check_prose(path, text)
             if path.parent == self.root:
                 self.check_lines(path, text, MAX_LINES)
@@ -263,6 +291,7 @@ class Checker(Violations):
                     inside = text[text.index(BEGIN):text.index(END)]
                     text = text.replace(inside, "\n" * inside.count("\n"))
             self.check_figures(path, text)
+        self.check_results_pages(linked)
         return self.lines()
 
 

@@ -9,23 +9,23 @@
 namespace haustra {
 namespace {
 
+constexpr std::string_view kMarkArguments = " X Y LABEL [FRAME [PROCEDURE]]";
 struct CommandName {
   std::string_view name;
   ControlCommand command;
+  std::string_view arguments = {};
 };
 constexpr std::array<CommandName, 9> kCommands{{{"status", ControlCommand::kStatus},
                                                 {"metrics", ControlCommand::kMetrics},
-                                                {"begin", ControlCommand::kBegin},
+                                                {"begin", ControlCommand::kBegin, " [LABEL]"},
                                                 {"resume", ControlCommand::kResume},
-                                                {"end", ControlCommand::kEnd},
-                                                {"save", ControlCommand::kSave},
-                                                {"mark", ControlCommand::kMark},
+                                                {"end", ControlCommand::kEnd, " [keep|wipe]"},
+                                                {"save", ControlCommand::kSave, " NAME"},
+                                                {"mark", ControlCommand::kMark, kMarkArguments},
                                                 {"marks", ControlCommand::kMarks},
-                                                {"unmark", ControlCommand::kUnmark}}};
-constexpr std::string_view kKnown =
-    "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME, mark X Y LABEL [FRAME [PROCEDURE]], marks, "
-    "unmark LABEL [PROCEDURE]";
-constexpr std::string_view kMarkForm = "; mark X Y LABEL [FRAME [PROCEDURE]]";
+                                                {"unmark", ControlCommand::kUnmark, " LABEL [PROCEDURE]"}}};
+
+std::string MarkForm() { return "; mark" + std::string(kMarkArguments); }
 
 bool IsPrintable(char c) { return c >= 0x20 && c < 0x7f; }
 
@@ -69,13 +69,13 @@ Status ParseProcedure(std::string_view argument, ControlRequest* request) {
 
 Status ParseMark(std::string_view argument, ControlRequest* request) {
   const auto missing = [](const char* what) {
-    return InvalidArgument(std::string("mark: ") + what + " is missing" + std::string(kMarkForm));
+    return InvalidArgument(std::string("mark: ") + what + " is missing" + MarkForm());
   };
   for (double* value : {&request->x_px, &request->y_px}) {
     if (argument.empty()) return missing(value == &request->x_px ? "X" : "Y");
     const std::string_view word = TakeWord(&argument);
     if (!ParseAll(word, value) || !(std::abs(*value) <= kMaxMarkPixel)) {
-      return InvalidArgument("mark: " + Quoted(word) + " is no pixel" + std::string(kMarkForm));
+      return InvalidArgument("mark: " + Quoted(word) + " is no pixel" + MarkForm());
     }
   }
   if (argument.empty()) return missing("LABEL");
@@ -102,6 +102,20 @@ bool IsControlName(std::string_view name) {
                      [&](char c) { return is_alphanumeric(c) || c == '.' || c == '_' || c == '-'; });
 }
 
+std::vector<std::string> ControlWords() {
+  std::vector<std::string> words;
+  for (const CommandName& command : kCommands) words.emplace_back(command.name);
+  return words;
+}
+
+std::string ControlForms() {
+  std::string forms;
+  for (const CommandName& command : kCommands) {
+    forms += (forms.empty() ? "" : ", ") + std::string(command.name) + std::string(command.arguments);
+  }
+  return forms;
+}
+
 Result<ControlRequest> ParseControlRequest(std::string_view packet) {
   if (packet.size() > kMaxRequestBytes) {
     return InvalidArgument("request is longer than " + std::to_string(kMaxRequestBytes) + " bytes");
@@ -117,7 +131,7 @@ Result<ControlRequest> ParseControlRequest(std::string_view packet) {
   const auto* found =
       std::find_if(kCommands.begin(), kCommands.end(), [&](const CommandName& c) { return c.name == word; });
   if (found == kCommands.end()) {
-    return InvalidArgument("unknown request " + Quoted(word) + "; there are " + std::string(kKnown));
+    return InvalidArgument("unknown request " + Quoted(word) + "; there are " + ControlForms());
   }
   if (packet.ends_with(' ')) return InvalidArgument("request ends in a space");
 

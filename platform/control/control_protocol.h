@@ -27,6 +27,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "hal/core/status.h"
 
@@ -66,6 +67,10 @@ constexpr bool IsAboutMarks(ControlCommand command) {
 }
 
 bool IsControlName(std::string_view name);
+
+// What a request may begin with, and how each is written: "begin", "begin [LABEL]".
+std::vector<std::string> ControlWords();
+std::string ControlForms();
 
 // kInvalidArgument: says what is wrong with it, in printable characters whatever came.
 Result<ControlRequest> ParseControlRequest(std::string_view packet);

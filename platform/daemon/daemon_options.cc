@@ -11,6 +11,7 @@ void AddDaemonOptions(CLI::App& app, DaemonArguments& arguments) {
   app.set_version_flag("--version", std::string("haustrad ") + Version());
   app.add_option("--config", arguments.config, "Configuration file (YAML)");
   app.add_option("--set", arguments.assignments, "Overrides one key of the configuration: section.key=value")
+      ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
   app.add_option("--source", arguments.source,
                  "Camera, folder of frames, data set or video: the same as --set source.path=...");

@@ -24,7 +24,8 @@ for file in /usr/bin/haustra /usr/bin/haustrad /usr/include/haustra_depth_table.
   /usr/lib/systemd/system/haustrad.service \
   /usr/lib/sysusers.d/haustra.conf /etc/haustra/haustra.yaml /usr/share/doc/haustra/copyright \
   /usr/share/man/man1/haustra-run.1 /usr/share/man/man5/haustra.yaml.5 /usr/share/man/man8/haustrad.8 \
-  /usr/share/bash-completion/completions/haustra /usr/share/zsh/vendor-completions/_haustra \
+  /usr/share/bash-completion/completions/haustra /usr/share/bash-completion/completions/haustrad \
+  /usr/share/zsh/vendor-completions/_haustra /usr/share/zsh/vendor-completions/_haustrad \
   /opt/haustra/licences/SOUP.md /opt/haustra/licences/sbom.spdx.json /opt/haustra/examples/pose_client.c; do
   grep -Eq " \.$file( |\$)" "$scratch/contents" || fail "$file is not in the package"
 done

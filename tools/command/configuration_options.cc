@@ -11,6 +11,7 @@ void AddConfigurationOptions(CLI::App& command, ConfigurationOptions& options) {
   command.add_option("--config", options.config, "Configuration file (YAML); see config/");
   // One assignment each time: without this, it would take the words that follow as well.
   command.add_option("--set", options.assignments, "Overrides one key of the configuration: section.key=value")
+      ->type_name("KEY=VALUE")
       ->allow_extra_args(false);
   AddDeviceOptions(command, options.device, options.threads);
 }

@@ -1,25 +1,11 @@
 #include "tools/manual/completion.h"
 
-#include <set>
+#include <functional>
 
 #include "tools/manual/manual_page.h"
 
 namespace haustra::manual {
 namespace {
-
-// The options of a command and of those below it, each once.
-std::vector<OptionText> AllOptions(const CLI::App& command) {
-  std::vector<OptionText> options;
-  std::set<std::string> seen;
-  const auto add = [&](const CLI::App& app) {
-    for (OptionText& option : OptionsOf(app)) {
-      if (!option.is_positional && seen.insert(option.names).second) options.push_back(std::move(option));
-    }
-  };
-  add(command);
-  for (const CLI::App* below : CommandsOf(command)) add(*below);
-  return options;
-}
 
 std::string LongName(const OptionText& option) { return option.names.substr(option.names.find("--")); }
 
@@ -27,6 +13,24 @@ std::string Words(const std::vector<std::string>& words, const char* end = "") {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "" : " ") + word + end;
   return text;
+}
+
+// A program and all commands below it, each before those below it.
+void ForEach(const CLI::App& app, const std::function<void(const CLI::App&)>& visit) {
+  visit(app);
+  for (const CLI::App* below : CommandsOf(app)) ForEach(*below, visit);
+}
+
+bool TakesKey(const OptionText& option) { return option.names == "--set"; }
+
+// What may stand for a value, in the tables of bash: words, or '/' for names of files, or '=' for the keys.
+std::string BashValue(const OptionText& option) {
+  if (TakesKey(option)) return "=";
+  return option.is_path ? "/" : Words(option.choices);
+}
+
+std::string BashEntry(const std::string& key, const std::string& value) {
+  return "    ['" + key + "']='" + value + "'\n";
 }
 
 // Inside single quotes, and inside the brackets of zsh.
@@ -45,94 +49,117 @@ std::string ZshText(const std::string& text) {
   return escaped;
 }
 
+// A value as _arguments takes it. What its user goes on with is followed by no space.
+std::string ZshValue(const std::string& name, const OptionText& option) {
+  const std::string words = Words(option.choices);
+  std::string offered = words.empty() ? " " : "(" + words + ")";
+  if (words.find('@') != std::string::npos) offered = " compadd -S \"\" -- " + words;
+  if (option.is_path) offered = "_files";
+  if (TakesKey(option)) offered = " compadd -S \"\" -a keys";
+  return ":" + ZshText(name) + ":" + offered;
+}
+
+// `first`: what the function does first.
+std::string ZshFunction(const CLI::App& app, const std::string& first) {
+  const std::vector<const CLI::App*> below = CommandsOf(app);
+  std::string commands, arguments;
+  for (const CLI::App* each : below) {
+    commands += "    '" + each->get_name() + ":" + ZshText(each->get_description()) + "'\n";
+  }
+  int place = 0;
+  for (const OptionText& option : OptionsOf(app)) {
+    arguments += " \\\n    '";
+    if (option.is_positional) {
+      arguments += (option.takes_many ? "*" : std::to_string(++place)) + ZshValue(option.names, option);
+    } else {
+      arguments += "*" + LongName(option) + "[" + ZshText(option.description) + "]";
+      if (!option.value.empty()) arguments += ZshValue("value", option);
+    }
+    arguments += "'";
+  }
+  const std::string name = "_" + NameOf(app, '_'), begin = name + "() {\n" + first;
+  if (below.empty()) return begin + "  _arguments" + arguments + "\n}\n";
+  return begin +
+         "  local curcontext=\"$curcontext\" state line\n"
+         "  local -A opt_args\n"
+         "  local -a commands\n"
+         "  commands=(\n" +
+         commands + "  )\n  _arguments -C" + arguments +
+         " \\\n    '1: :->command' '*:: :->rest'\n"
+         "  case $state in\n"
+         "    command) _describe command commands ;;\n"
+         "    rest) (( $+functions[" +
+         name + "_$words[1]] )) && " + name +
+         "_$words[1] ;;\n"
+         "  esac\n"
+         "}\n";
+}
+
 }  // namespace
 
 std::string BashCompletion(const CLI::App& app, const std::vector<std::string>& keys) {
-  std::vector<std::string> commands;
-  for (const CLI::App* command : CommandsOf(app)) commands.push_back(command->get_name());
-  std::string values, options;
-  for (const CLI::App* command : CommandsOf(app)) {
-    std::vector<std::string> names, below;
-    for (const OptionText& option : AllOptions(*command)) {
-      names.push_back(LongName(option));
-      if (!option.choices.empty()) {
-        values +=
-            "    '" + command->get_name() + " " + LongName(option) + "') words='" + Words(option.choices) + "' ;;\n";
-      } else if (!option.value.empty() && option.names != "--set") {
-        values += "    '" + command->get_name() + " " + LongName(option) + "') return ;;\n";
+  const std::string program = app.get_name();
+  std::string below, options, values;
+  ForEach(app, [&](const CLI::App& command) {
+    const std::string name = NameOf(command, ' ');
+    std::vector<std::string> commands, names;
+    for (const CLI::App* each : CommandsOf(command)) commands.push_back(each->get_name());
+    int place = 0;
+    for (const OptionText& option : OptionsOf(command)) {
+      if (option.is_positional) {
+        values += BashEntry(name + (option.takes_many ? " *" : " " + std::to_string(++place)), BashValue(option));
+        continue;
       }
+      names.push_back(LongName(option));
+      if (!option.value.empty()) values += BashEntry(name + " " + LongName(option), BashValue(option));
     }
-    for (const CLI::App* each : CommandsOf(*command)) below.push_back(each->get_name());
-    options += "    " + command->get_name() + ") options='" + Words(names) + "' below='" + Words(below) + "' ;;\n";
-  }
-  return "# bash completion for haustra; made from the program's own tables.\n"
-         "_haustra() {\n"
-         "  local word=\"${COMP_WORDS[COMP_CWORD]}\" before=\"${COMP_WORDS[COMP_CWORD - 1]}\"\n"
-         "  local command='' options='--help --version' below='' words='' i\n"
+    options += BashEntry(name, Words(names));
+    if (!commands.empty()) below += BashEntry(name, Words(commands));
+  });
+  return "# bash completion for " + program + "; made from the program's own tables.\n_" + program +
+         "() {\n"
+         "  local -A below=(\n" +
+         below +
+         "  )\n"
+         "  local -A options=(\n" +
+         options +
+         "  )\n"
+         "  # Of an option, and of the words of a command by their place; '/': a file, '=': a key.\n"
+         "  local -A values=(\n" +
+         values + "  )\n  local keys='" + Words(keys, "=") + "'\n  local command='" + program +
+         "' option='' offered='' place=1 each i\n"
+         "  local word=\"${COMP_WORDS[COMP_CWORD]}\"\n"
          "  COMPREPLY=()\n"
          "  for ((i = 1; i < COMP_CWORD; ++i)); do\n"
-         "    if [[ ${COMP_WORDS[i]} != -* ]]; then command=\"${COMP_WORDS[i]}\"; break; fi\n"
+         "    each=\"${COMP_WORDS[i]}\"\n"
+         "    if [[ $each == '=' ]]; then option=\"${option:-=}\"  # bash takes --option=value and key=value apart\n"
+         "    elif [[ -n $option ]]; then option=''\n"
+         "    elif [[ $each == -* ]]; then [[ -z ${values[\"$command $each\"]+x} ]] || option=\"$each\"\n"
+         "    elif [[ -n ${options[\"$command $each\"]+x} ]]; then command+=\" $each\"\n"
+         "    else ((++place)); fi\n"
          "  done\n"
-         "  case \"$command $before\" in\n" +
-         values + "    *' --set') words='" + Words(keys, "=") +
-         "'; compopt -o nospace 2> /dev/null ;;\n"
-         "  esac\n"
-         "  if [[ -n $words ]]; then COMPREPLY=($(compgen -W \"$words\" -- \"$word\")); return; fi\n"
-         "  case \"$command\" in\n"
-         "    '') below='" +
-         Words(commands) + "' ;;\n" + options +
-         "  esac\n"
-         "  if [[ $word == -* ]]; then words=\"$options\"; else words=\"$below\"; fi\n"
-         "  COMPREPLY=($(compgen -W \"$words\" -- \"$word\"))\n"
+         "  if [[ $word == '=' ]]; then word='' option=\"${option:-=}\"; fi\n"
+         "  if [[ -n $option ]]; then offered=\"${values[\"$command $option\"]}\"\n"
+         "  elif [[ $word == -* ]]; then offered=\"${options[$command]}\"\n"
+         "  else offered=\"${below[$command]:-${values[\"$command $place\"]-${values[\"$command *\"]}}}\"; fi\n"
+         "  if [[ $offered == '/' ]]; then compopt -o default; return; fi\n"
+         "  if [[ $offered == '=' ]]; then offered=\"$keys\"; fi\n"
+         "  COMPREPLY=($(compgen -W \"$offered\" -- \"$word\"))\n"
+         "  # A key goes on with its value, an event with its time.\n"
+         "  if [[ ${COMPREPLY[0]} == *[=@] ]]; then compopt -o nospace; fi\n"
          "}\n"
-         "complete -o bashdefault -o default -F _haustra haustra\n";
+         "complete -F _" +
+         program + " " + program + "\n";
 }
 
 std::string ZshCompletion(const CLI::App& app, const std::vector<std::string>& keys) {
-  std::string commands, options;
-  for (const CLI::App* command : CommandsOf(app)) {
-    commands += "    '" + command->get_name() + ":" + ZshText(command->get_description()) + "'\n";
-    options += "    " + command->get_name() + ")\n      _arguments";
-    for (const OptionText& option : AllOptions(*command)) {
-      const std::string name = LongName(option);
-      options += " \\\n        '*" + name + "[" + ZshText(option.description) + "]";
-      if (!option.choices.empty()) {
-        options += ":value:(" + Words(option.choices) + ")";
-      } else if (name == "--set") {
-        options += ":key: compadd -S \"\" -a keys";
-      } else if (!option.value.empty()) {
-        options += ":value:_files";
-      }
-      options += "'";
-    }
-    std::vector<std::string> below;
-    for (const CLI::App* each : CommandsOf(*command)) below.push_back(each->get_name());
-    if (!below.empty()) options += " \\\n        '1:command:(" + Words(below) + ")'";
-    options += " \\\n        '*:file:_files'\n      ;;\n";
-  }
-  return "#compdef haustra\n"
-         "# zsh completion for haustra; made from the program's own tables.\n"
-         "_haustra() {\n"
-         "  local -a commands keys\n"
-         "  keys=(" +
-         Words(keys, "=") +
-         ")\n"
-         "  commands=(\n" +
-         commands +
-         "  )\n"
-         "  if (( CURRENT == 2 )); then\n"
-         "    _describe command commands\n"
-         "    _arguments '--help[Print the help]' '--version[Print the version]'\n"
-         "    return\n"
-         "  fi\n"
-         "  local command=$words[2]\n"
-         "  shift words\n"
-         "  (( CURRENT-- ))\n"
-         "  case $command in\n" +
-         options +
-         "  esac\n"
-         "}\n"
-         "_haustra \"$@\"\n";
+  const std::string program = app.get_name();
+  // Functions that this one calls see them.
+  const std::string locals = "  local -a keys\n  keys=(" + Words(keys, "=") + ")\n";
+  std::string functions;
+  ForEach(app, [&](const CLI::App& command) { functions += ZshFunction(command, &command == &app ? locals : ""); });
+  return "#compdef " + program + "\n# zsh completion for " + program + "; made from the program's own tables.\n" +
+         functions + "_" + program + " \"$@\"\n";
 }
 
 }  // namespace haustra::manual

@@ -1,5 +1,6 @@
-// Completion of the command line of haustra in a shell: commands, options, the values that an option chooses from, the
-// keys of --set; else names of files. reentrant.
+// Completion of a command line in a shell: commands, options, the values that an option or a word chooses from, the
+// keys of --set. A value of the parser's type TEXT that nothing is chosen from is the name of a file; any other has a
+// type name of its own, and nothing is offered for it. reentrant.
 #pragma once
 
 #include <CLI/App.hpp>

@@ -30,6 +30,14 @@ Status Write(const fs::path& path, const std::string& text) {
   return WriteFile(path.string(), text);
 }
 
+Status WriteCompletions(const fs::path& folder, const CLI::App& app, const std::vector<ConfigField>& fields) {
+  const std::string name = app.get_name();
+  std::vector<std::string> keys;
+  for (const ConfigField& field : fields) keys.push_back(field.key);
+  HAUSTRA_TRY(Write(folder / "bash-completion/completions" / name, manual::BashCompletion(app, keys)));
+  return Write(folder / "zsh/site-functions" / ("_" + name), manual::ZshCompletion(app, keys));
+}
+
 Status WriteAll(const fs::path& folder) {
   CLI::App app("Monocular visual SLAM for endoscopy", "haustra");
   app.set_version_flag("--version", Version());
@@ -53,14 +61,13 @@ Status WriteAll(const fs::path& folder) {
                     manual::CommandPage(daemon, 8, version,
                                         {"haustra(1)", "haustra-control(1)", "haustra-watch(1)", "haustra.yaml(5)"})));
 
+  const std::vector<ConfigField> daemon_fields = DaemonConfigFields();
   const DaemonConfig defaults;
   HAUSTRA_TRY(Write(folder / "man/man5/haustra.yaml.5",
-                    manual::ConfigurationPage(DaemonConfigFields(), &defaults, EngineConfigFields(), version)));
+                    manual::ConfigurationPage(daemon_fields, &defaults, EngineConfigFields(), version)));
 
-  std::vector<std::string> keys;
-  for (const ConfigField& field : EngineConfigFields()) keys.push_back(field.key);
-  HAUSTRA_TRY(Write(folder / "bash-completion/completions/haustra", manual::BashCompletion(app, keys)));
-  return Write(folder / "zsh/site-functions/_haustra", manual::ZshCompletion(app, keys));
+  HAUSTRA_TRY(WriteCompletions(folder, app, EngineConfigFields()));
+  return WriteCompletions(folder, daemon, daemon_fields);
 }
 
 }  // namespace

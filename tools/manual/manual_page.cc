@@ -141,6 +141,8 @@ std::vector<OptionText> OptionsOf(const CLI::App& command) {
     } else if (!text.is_positional) {
       text.value = type.substr(0, colon);
     }
+    text.takes_many = option->get_items_expected_max() > 1;
+    text.is_path = text.choices.empty() && type.substr(0, colon) == "TEXT";
     if (const std::string range = RangeText(check); !range.empty()) text.description += " From " + range + ".";
     if (const std::string value = option->get_default_str(); !value.empty()) {
       text.description += " Default: " + value + ".";

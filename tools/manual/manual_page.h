@@ -17,6 +17,8 @@ struct OptionText {
   std::string description;  // with range and default
   std::vector<std::string> choices;
   bool is_positional = false;
+  bool takes_many = false;
+  bool is_path = false;  // of the type TEXT, and nothing to choose from
 };
 std::vector<OptionText> OptionsOf(const CLI::App& command);
 

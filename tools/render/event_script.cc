@@ -28,12 +28,6 @@ constexpr std::array<KindEntry, 9> kKinds = {{
 }};
 constexpr double kLongestRampS = 0.16;
 
-std::string KindNames() {
-  std::string names;
-  for (const KindEntry& entry : kKinds) names += (names.empty() ? " " : ", ") + std::string(entry.name);
-  return names;
-}
-
 bool ParseNumber(std::string_view text, double* value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
   return error == std::errc() && end == text.data() + text.size() && std::isfinite(*value);
@@ -48,7 +42,11 @@ Result<Event> ParseEvent(std::string_view text) {
   if (at == std::string_view::npos) return fail("no '@'");
   const auto entry =
       std::find_if(kKinds.begin(), kKinds.end(), [&](const KindEntry& e) { return e.name == text.substr(0, at); });
-  if (entry == kKinds.end()) return fail("kind is none of" + KindNames());
+  if (entry == kKinds.end()) {
+    std::string names;
+    for (const std::string_view name : EventKindNames()) names += (names.empty() ? "" : ", ") + std::string(name);
+    return fail("kind is none of " + names);
+  }
   Event event{entry->kind, 0.0, entry->usual_duration_s};
   const std::string_view times = text.substr(at + 1);
   const std::size_t plus = times.find('+');
@@ -67,6 +65,12 @@ std::string_view ToString(EventKind kind) {
     if (entry.kind == kind) return entry.name;
   }
   return "unknown";
+}
+
+std::vector<std::string_view> EventKindNames() {
+  std::vector<std::string_view> names;
+  for (const KindEntry& entry : kKinds) names.push_back(entry.name);
+  return names;
 }
 
 bool HidesScene(EventKind kind) {

@@ -21,6 +21,7 @@ enum class EventKind {
   kInstrument,  // forceps in view: the scene is seen beside them
 };
 std::string_view ToString(EventKind kind);
+std::vector<std::string_view> EventKindNames();
 // Whether its frames count as such in which the scene cannot be seen. Events that do not hide it leave the path of the
 // scope as it is.
 bool HidesScene(EventKind kind);

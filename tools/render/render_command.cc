@@ -100,6 +100,14 @@ Result<render::RenderOptions> OptionsFrom(const RenderArguments& arguments) {
   return options;
 }
 
+// As CLI11 describes a set, so that help, manual and completion have the kinds.
+CLI::Validator EventScript() {
+  std::string kinds;
+  for (const std::string_view kind : render::EventKindNames()) kinds += std::string(kind) + "@,";
+  return CLI::Validator([](const std::string& script) { return render::ParseEvents(script).status().message(); },
+                        "{" + kinds + "none}");
+}
+
 int RunRender(const RenderArguments& arguments) {
   Result<render::RenderOptions> options = OptionsFrom(arguments);
   if (!options.ok()) return console::Fail(kRenderCommand, options.status(), kExitUsage);
@@ -128,16 +136,21 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
   auto arguments = std::make_shared<RenderArguments>();
   CLI::App* command = app.add_subcommand("render", "Render a colon sequence with exact ground truth");
   std::string presets = "Kind of sequence:";
+  std::vector<std::string> preset_names;
   for (const render::Preset& preset : render::Presets()) {
-    presets += "\n  " + std::string(preset.name) + ": " + std::string(preset.summary);
+    preset_names.emplace_back(preset.name);
+    presets += "\n  " + preset_names.back() + ": " + std::string(preset.summary);
   }
   command->add_option("OUT", arguments->out, "Folder to write the sequence to")->required();
-  command->add_option("--preset", arguments->preset, presets)->capture_default_str();
+  command->add_option("--preset", arguments->preset, presets)
+      ->check(CLI::IsMember(preset_names))
+      ->capture_default_str();
   command->add_option("--seconds", arguments->seconds, "Length; by default the preset's")
       ->check(NumberBetween(0.2, 3600.0));
   command->add_option("--rate", arguments->rate_hz, "Frames a second; by default the preset's")
       ->check(NumberBetween(1.0, 120.0));
-  command->add_option("--size", arguments->size, "Picture size, like 720x540; by default the preset's");
+  command->add_option("--size", arguments->size, "Picture size, like 720x540; by default the preset's")
+      ->type_name("WIDTHxHEIGHT");
   command->add_option("--seed", arguments->seed, "Colon, mucosa and path")
       ->capture_default_str()
       ->transform(WholeNumber<std::uint64_t>());
@@ -145,10 +158,11 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
       ->add_option("--path-seed", arguments->path_seed,
                    "Path, events and noise: another procedure in the same colon; by default that of --seed")
       ->transform(WholeNumber<std::uint64_t>());
-  command->add_option(
-      "--events", arguments->events,
-      "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; kinds "
-      "redout, water, bubbles, debris, blur, jump, slip, narrowband, instrument; none");
+  command
+      ->add_option(
+          "--events", arguments->events,
+          "Events instead of the preset's: kind@start_s[+duration_s], joined by commas or given again; or none")
+      ->check(EventScript());
   command->add_option("--threads", arguments->threads, "Threads; 0: all cores. The pictures do not depend on it")
       ->transform(WholeNumberBetween(0, 256));
   command->add_option("--quality", arguments->quality, "JPEG quality: that of every picture of MJPEG")
@@ -209,10 +223,11 @@ void AddRenderCommand(CLI::App& app, std::function<int()>& action) {
       ->add_option("--field-lag", arguments->shutter.field_lag,
                    "Odd rows are later by this share of the frame period; 0.5: interlaced video")
       ->check(NumberBetween(0.0, 0.5));
-  command->add_option(
-      "--calibration-error", arguments->calibration_error,
-      "F[,CX,CY,K1]: calib.yaml is wrong by F % of the focal length, CX and CY pixels of the centre, K1 "
-      "of the first coefficient; calib_true.yaml is right");
+  command
+      ->add_option("--calibration-error", arguments->calibration_error,
+                   "calib.yaml is wrong by F % of the focal length, CX and CY pixels of the centre, K1 of the first "
+                   "coefficient; calib_true.yaml is right")
+      ->type_name("F[,CX,CY,K1]");
   command->add_flag("--depth", arguments->with_depth,
                     "Write true depth, too: depth/NNNNNN.pgm, the range along the ray at a quarter of the size");
   command->add_flag("--normals", arguments->with_normals,

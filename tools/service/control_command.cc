@@ -16,7 +16,8 @@ namespace {
 constexpr const char* kControlCommand = "control";
 
 struct ControlArguments {
-  std::vector<std::string> words;
+  std::string request;
+  std::vector<std::string> words;  // that follow it
   std::string folder = kRuntimeFolder;
   double timeout_s = 30.0;
 };
@@ -31,8 +32,8 @@ int FailControl(const Status& status) {
 }
 
 int Control(const ControlArguments& arguments) {
-  std::string text;
-  for (const std::string& word : arguments.words) text += (text.empty() ? "" : " ") + word;
+  std::string text = arguments.request;
+  for (const std::string& word : arguments.words) text += " " + word;
   // Here rather than there: a typing error needs no daemon.
   const Result<ControlRequest> request = ParseControlRequest(text);
   if (!request.ok()) return FailControl(request.status());
@@ -51,11 +52,8 @@ int Control(const ControlArguments& arguments) {
 void AddControlCommand(CLI::App& app, std::function<int()>& action) {
   const auto arguments = std::make_shared<ControlArguments>();
   CLI::App* command = app.add_subcommand("control", "One request to a running haustrad");
-  command
-      ->add_option("request", arguments->words,
-                   "status, metrics, begin [LABEL], resume, end [keep|wipe], save NAME, mark X Y LABEL "
-                   "[FRAME [PROCEDURE]], marks, unmark LABEL [PROCEDURE]")
-      ->required();
+  command->add_option("request", arguments->request, ControlForms())->check(CLI::IsMember(ControlWords()))->required();
+  command->add_option("arguments", arguments->words, "What the request takes")->type_name("WORD");
   command->add_option("--folder", arguments->folder, "Runtime folder of the daemon")->capture_default_str();
   command->add_option("--timeout", arguments->timeout_s, "Seconds to wait for the answer")
       ->check(NumberBetween(0.1, 3600.0))

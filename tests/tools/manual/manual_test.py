@@ -6,10 +6,13 @@
 What needs a program that may not be there is a class of its own, and ctest shows it by its own name.
 """
 
+import os
+import pty
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import unittest
 from pathlib import Path
 
@@ -104,12 +107,49 @@ class Formatters(unittest.TestCase):
             self.skipTest("neither mandoc nor groff is installed")
 
 
+def choices():
+    """(words of a command line, what may follow them) of every option that the help lists with what it chooses from."""
+    found = []
+    for command in [[name] for name in commands()] + [["bench", "vision"]]:
+        for option, choice in re.findall(r"(?m)^  (?:-\w,)?(--[\w-]+) \w+:\{([^}]*)\}", said(HAUSTRA, *command, "--help")):
+            found.append((["haustra", *command, option], choice.split(",")))
+    requests = re.search(r"request TEXT:\{([^}]*)\}", said(HAUSTRA, "control", "--help"))[1]
+    return found + [(["haustra", "control"], requests.split(","))]
+
+
+# Shows what zsh offers for each line of $LINES_FILE: the words a line of $OFFERED, and where files are, "FILES".
+ZSH = r"""
+PROMPT= RPROMPT=
+fpath=($FUNCTIONS $fpath)
+autoload -Uz compinit && compinit -u -D
+compadd() {
+  local -a hits
+  if [[ " $* " != *" -"[OAD]" "* ]]; then builtin compadd -A hits "$@"; print -r -- "${(j: :)hits}" >> $OFFERED; fi
+  builtin compadd "$@"
+}
+_files() { print FILES >> $OFFERED; return 1 }
+offer_all() {
+  local line
+  for line in "${(@f)$(< $LINES_FILE)}"; do
+    print -r -- "LINE" >> $OFFERED
+    BUFFER="$line"; CURSOR=$#BUFFER
+    zle list-choices
+  done
+  BUFFER='exit'; zle accept-line
+}
+zle -N offer_all
+bindkey '^T' offer_all
+print READY
+"""
+
+
 class Completion(unittest.TestCase):
     def complete(self, *words):
         """What bash offers after these words, the last of which is being typed."""
-        script = f"""source {SHARE / "bash-completion/completions/haustra"}
+        script = f"""source {SHARE / "bash-completion/completions" / words[0]}
+compopt() {{ if [[ $2 == default ]]; then echo FILES; fi; }}
 COMP_WORDS=({" ".join(f"'{w}'" for w in words)}) COMP_CWORD={len(words) - 1}
-_haustra
+_{words[0]}
 printf '%s\\n' "${{COMPREPLY[@]}}" """
         return said("bash", "-c", script).split()
 
@@ -120,26 +160,92 @@ printf '%s\\n' "${{COMPREPLY[@]}}" """
             offered = self.complete("haustra", name, "--")
             for option in options_of(said(HAUSTRA, name, "--help")):
                 self.assertIn(option, offered, name)
-        self.assertEqual(self.complete("haustra", "run", "--device", ""), ["auto", "cpu", "cuda"])
-        self.assertEqual(self.complete("haustra", "atlas", ""), ["info"])
         self.assertIn("noise.k=", self.complete("haustra", "run", "--set", "noise."))
-        self.assertEqual(self.complete("haustra", "run", "--out", ""), [])  # bash goes on with names of files
+        self.assertEqual(self.complete("haustra", "run", "--out", ""), ["FILES"])
+        self.assertEqual(self.complete("haustra", "run", ""), ["FILES"])
+        self.assertEqual(self.complete("haustra", "evaluate", "a", "b", ""), ["FILES"])
+        self.assertEqual(self.complete("haustra", "run", "--seed", ""), [])
+
+    def test_bash_goes_down_to_commands_of_commands(self):
+        self.assertEqual(self.complete("haustra", "atlas", ""), ["info"])
+        self.assertEqual(self.complete("haustra", "atlas", "info", ""), ["FILES"])
+        self.assertIn("--features", self.complete("haustra", "bench", "vision", "--"))
+
+    def test_bash_knows_what_is_the_value_of_an_option(self):
+        self.assertEqual(self.complete("haustra", "control", "--folder", "status", "res"), ["resume"])
+        self.assertEqual(self.complete("haustra", "control", "mark", "1", ""), [])
+        self.assertEqual(self.complete("haustra", "run", "--device", "=", "cu"), ["cuda"])
+        self.assertEqual(self.complete("haustra", "run", "--device", "="), ["auto", "cpu", "cuda"])
+        self.assertEqual(self.complete("haustra", "run", "--set", "noise.k", "=", ""), [])
+
+    def test_bash_offers_every_choice(self):
+        lines = choices()
+        self.assertIn((["haustra", "run", "--device"], ["auto", "cpu", "cuda"]), lines)
+        for wanted in ("haustra render --preset", "haustra render --events", "haustra control", "haustra export --format"):
+            self.assertIn(wanted, [" ".join(words) for words, _ in lines])
+        for words, values in lines:
+            self.assertEqual(self.complete(*words, ""), values, words)
+
+    def test_bash_completes_the_service(self):
+        self.assertLessEqual(set(options_of(said(HAUSTRAD, "--help"))), set(self.complete("haustrad", "--")))
+        self.assertEqual(self.complete("haustrad", "--config", ""), ["FILES"])
+        self.assertEqual(self.complete("haustrad", "--set", "watchdog.work_"), ["watchdog.work_limit_ms="])
 
     def test_completion_of_zsh_has_all_options(self):
         path = SHARE / "zsh/site-functions/_haustra"
         text = path.read_text(encoding="utf-8")
         self.assertTrue(text.startswith("#compdef haustra\n"))
         for name in commands():
-            part = text.split(f"    {name})\n")[1].split(";;")[0]
+            part = text.split(f"_haustra_{name}() {{\n")[1].split("\n}\n")[0]
             for option in options_of(said(HAUSTRA, name, "--help")):
                 self.assertIn(f"'*{option}[", part)
 
 
 class Zsh(unittest.TestCase):
+    def zsh_completes(self, lines):
+        """What zsh itself offers, line by line; the last word of each is being typed."""
+        with tempfile.TemporaryDirectory() as folder:
+            offered, setup, to_do = (Path(folder) / name for name in ("offered", "setup", "lines"))
+            setup.write_text(ZSH)
+            to_do.write_text("\n".join(" ".join(words) for words in lines))
+            environment = {"PATH": os.environ["PATH"], "HOME": folder, "TERM": "dumb", "OFFERED": str(offered),
+                           "LINES_FILE": str(to_do), "FUNCTIONS": str(SHARE / "zsh/site-functions")}
+            terminal, other_end = pty.openpty()
+            shell = subprocess.Popen(["zsh", "-f", "-i"], stdin=other_end, stdout=other_end, stderr=other_end, cwd=folder,
+                                     env=environment, start_new_session=True)
+            os.close(other_end)
+            os.write(terminal, f"source {setup}\n".encode())
+            said_there = b""
+            try:
+                while True:
+                    said_there += os.read(terminal, 65536)
+                    if b"READY\r\n" in said_there:
+                        os.write(terminal, b"\x14")
+                        said_there = b""
+            except OSError:
+                pass  # the shell has ended
+            finally:
+                os.close(terminal)
+                shell.wait()
+            return [part.split() for part in offered.read_text().split("LINE\n")[1:]]
+
     @unittest.skipUnless(shutil.which("zsh"), "zsh is not installed")
     def test_zsh_can_read_its_completion(self):
         path = SHARE / "zsh/site-functions/_haustra"
         self.assertEqual(subprocess.run(["zsh", "-n", path], capture_output=True, text=True).stderr, "")
+
+    @unittest.skipUnless(shutil.which("zsh"), "zsh is not installed")
+    def test_zsh_offers_the_same(self):
+        lines = [(words + [""], values) for words, values in choices()]
+        files = ["FILES"]
+        lines += [(["haustra", ""], commands()), (["haustra", "atlas", ""], ["info"]), (["haustra", "atlas", "info", ""], files),
+                  (["haustra", "run", "--out", ""], files), (["haustra", "run", ""], files),
+                  (["haustra", "run", "--seed", ""], []), (["haustra", "control", "mark", "1", ""], []),
+                  (["haustra", "render", "--size", ""], []), (["haustra", "run", "--set", "noise.k"], ["noise.k="]),
+                  (["haustra", "control", "--time"], ["--timeout"]), (["haustrad", "--source", ""], files),
+                  (["haustrad", "--set", "watchdog.work_"], ["watchdog.work_limit_ms="])]
+        for (words, values), offered in zip(lines, self.zsh_completes([words for words, _ in lines]), strict=True):
+            self.assertEqual(set(offered), set(values), words)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "platform/exit_codes.h"
 #include "platform/version.h"
 
 namespace haustra {
@@ -19,18 +20,7 @@ void AddDaemonOptions(CLI::App& app, DaemonArguments& arguments) {
                "Reads the configuration and ends: 0, or 78 and what is wrong with it");
   app.add_flag("--print-config", arguments.print_config,
                "Prints the configuration with the origin of each value, and ends");
-  app.footer(
-      "Exit codes:\n"
-      "  0  stopped as told\n"
-      "  64 wrong arguments\n"
-      "  65 source or calibration is not what it should be\n"
-      "  66 no such source or calibration\n"
-      "  69 device not available\n"
-      "  70 internal error\n"
-      "  71 the system refuses\n"
-      "  74 files cannot be written\n"
-      "  75 another haustrad uses the state folder\n"
-      "  78 a configuration that is wrong or not there, or whose memory plan does not fit");
+  app.footer(ExitCodesText(&ExitCodeMeaning::of_haustrad));
 }
 
 }  // namespace haustra

@@ -4,6 +4,7 @@
 
 #include "kernels/cpu/cpu_vision_device.h"
 #include "tools/bench_command/vision_bench.h"
+#include "tools/command/configuration_options.h"
 #include "tools/command/console.h"
 #include "tools/command/number_checks.h"
 #include "tools/exit_codes.h"
@@ -16,9 +17,8 @@ void AddBenchCommand(CLI::App& app, std::function<int()>& action) {
   CLI::App* vision = bench->add_subcommand("vision", "Extraction and matching of the vision device on one picture");
   const auto options = std::make_shared<VisionBenchOptions>();
   vision->add_option("IMAGE", options->image_path, "PNG or JPEG file")->required();
-  vision->add_option("--device", options->device, "cpu or cuda")
-      ->check(CLI::IsMember({"cpu", "cuda"}))
-      ->capture_default_str();
+  options->device = "auto";
+  AddDeviceOption(*vision, options->device);
   vision->add_option("--threads", options->num_threads, "Threads of the CPU device")
       ->transform(WholeNumberBetween(1, kMaxCpuVisionThreads));
   vision->add_option("--features", options->num_features, "Features to extract")

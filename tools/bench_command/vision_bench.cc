@@ -85,9 +85,6 @@ class VisionBench {
       HAUSTRA_ASSIGN(device_, CreateCpuVisionDevice(plan, extract, options_.num_threads));
       return Status::Ok();
     }
-    if (options_.device != "cuda") {
-      return InvalidArgument("vision device '" + options_.device + "': unknown; use 'cpu' or 'cuda'");
-    }
 #ifdef HAUSTRA_HAVE_CUDA
     using kernels::cuda::DotProduct;
     HAUSTRA_ASSIGN(

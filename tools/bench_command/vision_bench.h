@@ -10,8 +10,8 @@ namespace haustra {
 
 struct VisionBenchOptions {
   std::string image_path;
-  std::string device = "cpu";
-  int num_threads = 1;  // of the CPU device
+  std::string device = "cpu";  // or "cuda"
+  int num_threads = 1;         // of the CPU device
   int num_features = 2000;
   int repeats = 1000;             // of each measurement, after a warm-up
   std::int64_t num_database = 0;  // descriptors that 512 queries are matched against; 0: leave out

@@ -54,10 +54,7 @@ void AddQuietFlags(CLI::App& app) {
 }
 
 void AddExitCodes(CLI::App& app) {
-  std::string text = "Exit codes:";
-  for (const ExitCodeMeaning& code : kExitCodeMeanings) {
-    text += "\n  " + std::to_string(code.code) + std::string(code.code < 10 ? 2 : 1, ' ') + code.meaning;
-  }
+  std::string text = ExitCodesText(&ExitCodeMeaning::of_haustra);
   const std::vector<CLI::App*> commands = app.get_subcommands([](const CLI::App*) { return true; });
   if (!commands.empty()) text = "'" + app.get_name() + " COMMAND --help' lists what a command takes.\n\n" + text;
   app.footer(text);

@@ -61,6 +61,22 @@ TEST_F(CommandLineTest, HelpSaysHowToAskForMore) {
   for (CLI::App* command : Commands()) EXPECT_THAT(command->help(), Not(HasSubstr("x)"))) << "words are not counted";
 }
 
+TEST_F(CommandLineTest, TheVisionDeviceIsChosenInTheSameWay) {
+  int num_choosing = 0;
+  const auto check = [&](const CLI::App* command) {
+    const CLI::Option* device = command->get_option_no_throw("--device");
+    if (device == nullptr) return;
+    EXPECT_EQ(device->get_type_name(), "TEXT:{auto,cpu,cuda}") << command->get_name();
+    EXPECT_EQ(device->get_default_str(), "auto") << command->get_name();
+    ++num_choosing;
+  };
+  for (CLI::App* command : Commands()) {
+    check(command);
+    for (const CLI::App* below : command->get_subcommands([](const CLI::App*) { return true; })) check(below);
+  }
+  EXPECT_GE(num_choosing, 7) << "run, calibrate, latency, plan, soak, surface, bench vision";
+}
+
 TEST_F(CommandLineTest, EveryOptionSaysWhatItIs) {
   for (CLI::App* command : Commands()) {
     for (const CLI::Option* option : command->get_options()) {
@@ -105,12 +121,6 @@ TEST_F(CommandLineTest, NumbersThatAreNotAllowedAreNamedWithWhatIs) {
   for (const char* bad : {"0", "-0.02", "nan", "inf", "thick"}) {
     EXPECT_EQ(answer({bad, "--voxel", "o", "--out", "a", "surface"}),
               std::string("--voxel: '") + bad + "' is not a number from 0.002 to 0.2");
-  }
-}
-
-TEST_F(CommandLineTest, DeviceIsChosenUnlessItIsNamed) {
-  for (const char* name : {"run", "plan", "latency", "soak", "calibrate"}) {
-    EXPECT_EQ(app_.get_subcommand(name)->get_option("--device")->get_default_str(), "auto") << name;
   }
 }
 

@@ -73,6 +73,13 @@ class Pages(unittest.TestCase):
             self.assertIn(f"haustra-{name} (1)", overview)
         self.check(SHARE / "man/man8/haustrad.8", said(HAUSTRAD, "--help"))
 
+    @unittest.skipUnless(HAUSTRAD, "there is no haustrad")
+    def test_readme_of_the_service_has_its_exit_codes(self):
+        listed = re.findall(r"(?m)^  (\d+) +(.+)$", said(HAUSTRAD, "--help").split("Exit codes:")[1])
+        readme = (Path(__file__).resolve().parents[3] / "platform/daemon/README.md").read_text(encoding="utf-8")
+        table = re.findall(r"(?m)^\| (\d+) \| (.+) \|$", readme.split("| code | meaning |")[1].split("\n\n")[0])
+        self.assertEqual(table, listed)
+
     def test_every_key_is_in_the_page_of_the_configuration(self):
         text = text_of(SHARE / "man/man5/haustra.yaml.5")
         printed = said(HAUSTRAD, "--print-config")

@@ -2,6 +2,7 @@
 
 #include "capture/files/file_sink.h"
 #include "capture/files/whole_file.h"
+#include "engine/io/atlas_reader.h"
 
 namespace haustra {
 namespace {
@@ -22,6 +23,11 @@ Status SaveAtlasFile(const Engine& engine, const std::string& path) {
 }
 
 Status CheckAtlasFileCanBeSaved(const std::string& path) { return FileSink::Create(path).status(); }
+
+Status CheckAtlasFileCanBeLoaded(const std::string& path) {
+  HAUSTRA_ASSIGN(const std::vector<std::uint8_t> bytes, ReadWholeFile(path));
+  return WithPath(path, ReadAtlas(bytes).status());
+}
 
 Status LoadAtlasFile(const std::string& path, Engine* engine) {
   HAUSTRA_ASSIGN(const std::vector<std::uint8_t> bytes, ReadWholeFile(path));

@@ -14,6 +14,9 @@ Status SaveAtlasFile(const Engine& engine, const std::string& path);
 // Whether SaveAtlasFile could begin there; leaves nothing behind.
 Status CheckAtlasFileCanBeSaved(const std::string& path);
 
+// Whether it is there, and whole. What only an engine can say of it comes with LoadAtlasFile. Errors as there.
+Status CheckAtlasFileCanBeLoaded(const std::string& path);
+
 // Before the first frame; see Engine::LoadAtlas. kNotFound: no such file; kUnavailable: cannot be read.
 Status LoadAtlasFile(const std::string& path, Engine* engine);
 

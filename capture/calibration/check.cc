@@ -1,9 +1,30 @@
+#include <algorithm>
 #include <cmath>
+#include <span>
+#include <utility>
 
 #include "capture/calibration/formats.h"
 #include "capture/number.h"
 
 namespace haustra::capture::internal {
+namespace {
+
+constexpr double kMaxFocalPx = 1e7;
+
+// A coefficient of the distortion: alone it moves a pixel by itself times a power of the pixel's distance from the
+// centre, as a share of that distance.
+struct Term {
+  std::string_view name;
+  std::size_t index;
+  int power;
+};
+constexpr Term kPinholeTerms[] = {{"k1", 0, 2}, {"k2", 1, 4}, {"p1", 2, 1}, {"p2", 3, 1}, {"k3", 4, 6}};
+constexpr Term kKannalaBrandtTerms[] = {{"k1", 0, 2}, {"k2", 1, 4}, {"k3", 2, 6}, {"k4", 3, 8}};
+constexpr Term kOcamCalibTerms[] = {{"a2", 1, 2}, {"a3", 2, 3}, {"a4", 3, 4}};
+// At the corner of the picture that is farthest from the centre. Published cameras stay below one.
+constexpr double kMaxTerm = 10.0;
+
+}  // namespace
 
 Status CheckCalibration(const CameraCalibration& calibration,
                         const std::function<std::string(std::string_view field)>& where) {
@@ -24,8 +45,8 @@ Status CheckCalibration(const CameraCalibration& calibration,
   HAUSTRA_TRY(check_side("height_px", calibration.height_px));
   if (calibration.kind != CameraModelKind::kOcamCalib) {
     // From a half angle of view near 90 degrees to less than a tenth of a degree.
-    HAUSTRA_TRY(check_range("fx", calibration.fx, 1.0, 1e7));
-    HAUSTRA_TRY(check_range("fy", calibration.fy, 1.0, 1e7));
+    HAUSTRA_TRY(check_range("fx", calibration.fx, 1.0, kMaxFocalPx));
+    HAUSTRA_TRY(check_range("fy", calibration.fy, 1.0, kMaxFocalPx));
   }
   HAUSTRA_TRY(check_range("cx", calibration.cx, 0.0, calibration.width_px - 1.0));
   HAUSTRA_TRY(check_range("cy", calibration.cy, 0.0, calibration.height_px - 1.0));
@@ -34,17 +55,37 @@ Status CheckCalibration(const CameraCalibration& calibration,
   }
   HAUSTRA_TRY(check_range("max_half_angle_deg", calibration.max_half_angle_deg, 0.0, 180.0));
   HAUSTRA_TRY(check_range("focal_guess_sigma", calibration.focal_guess_sigma, 0.0, kMaxFocalGuessSigma));
-  for (const double coefficient : calibration.coefficients) {
-    if (!std::isfinite(coefficient)) return refuse("coefficients", coefficient, "not finite");
-  }
-  if (calibration.kind == CameraModelKind::kOcamCalib) {
-    const auto& [a0, a2, a3, a4, c, d, e, unused] = calibration.coefficients;
-    if (!(a0 > 0.0)) {
-      return refuse("a0", a0,
-                    "not positive; with z forward it is (the MATLAB toolbox looks along -z: negate a0 to a4)");
+  const double corner_x_px = std::max(calibration.cx, calibration.width_px - 1 - calibration.cx);
+  const double corner_y_px = std::max(calibration.cy, calibration.height_px - 1 - calibration.cy);
+  const auto check_terms = [&](std::span<const Term> terms, double corner, double at_centre) {
+    for (const Term& term : terms) {
+      const double value = calibration.coefficients[term.index];
+      if (!(std::abs(value) * std::pow(corner, term.power) <= kMaxTerm * at_centre)) {
+        return refuse(term.name, value,
+                      "which moves a corner of the picture by more than ten times its distance from the centre");
+      }
     }
-    if (!(c - d * e > 0.1)) return refuse("c", c, "and [c d; e 1] mirrors or flattens the image");
+    return Status::Ok();
+  };
+  switch (calibration.kind) {
+    case CameraModelKind::kPinhole:
+    case CameraModelKind::kKannalaBrandt: {
+      const double corner = std::hypot(corner_x_px / calibration.fx, corner_y_px / calibration.fy);
+      if (calibration.kind == CameraModelKind::kPinhole) return check_terms(kPinholeTerms, corner, 1.0);
+      return check_terms(kKannalaBrandtTerms, corner, 1.0);
+    }
+    case CameraModelKind::kOcamCalib: break;
   }
+  const auto& [a0, a2, a3, a4, c, d, e, unused] = calibration.coefficients;
+  if (!(a0 > 0.0)) {
+    return refuse("a0", a0, "not positive; with z forward it is (the MATLAB toolbox looks along -z: negate a0 to a4)");
+  }
+  HAUSTRA_TRY(check_range("a0", a0, 0.0, kMaxFocalPx));
+  HAUSTRA_TRY(check_terms(kOcamCalibTerms, std::hypot(corner_x_px, corner_y_px), a0));
+  for (const auto& [name, value] : {std::pair{"c", c}, std::pair{"d", d}, std::pair{"e", e}}) {
+    HAUSTRA_TRY(check_range(name, value, -kMaxTerm, kMaxTerm));
+  }
+  if (!(c - d * e > 0.1)) return refuse("c", c, "and [c d; e 1] mirrors or flattens the image");
   return Status::Ok();
 }
 

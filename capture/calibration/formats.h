@@ -29,10 +29,14 @@ inline constexpr double kMinRateHz = 0.001;  // less may be no time from frame t
 inline constexpr double kMaxRateHz = 10000.0;
 inline constexpr double kMaxFocalGuessSigma = 1.0;  // farther off is no guess
 
-// What holds for every calibration: sizes, focal lengths, principal point inside the image, finite coefficients.
-// `where` turns a field name (width_px, fx, cx, ...) into the place that the message begins with.
+// What holds for every calibration: sizes, focal lengths, principal point inside the image, coefficients that leave the
+// corners of the picture about where they are. `where` turns a field name (width_px, fx, k1, ...) into the place that
+// the message begins with.
 Status CheckCalibration(const CameraCalibration& calibration,
                         const std::function<std::string(std::string_view field)>& where);
+
+// Of the fields of a pinhole or Kannala-Brandt camera: k1, p1, ...
+inline bool IsDistortion(std::string_view field) { return field.starts_with('k') || field.starts_with('p'); }
 
 // The smallest set of coefficients of each model, in the order of hal/camera_calibration.h.
 inline constexpr int kNumPinholeCoefficients = 5;

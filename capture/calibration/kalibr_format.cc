@@ -74,8 +74,7 @@ Result<CameraCalibration> ReadCamera(const YamlMap& camera, const Keys& keys) {
   }
   HAUSTRA_TRY(CheckCalibration(calibration, [&](std::string_view field) {
     if (field == "rate_hz") return camera.Where(field);
-    if (field == "coefficients") return camera.Where(keys.coefficients);
-    return camera.Where("intrinsics") + ": " + std::string(field);
+    return camera.Where(IsDistortion(field) ? keys.coefficients : "intrinsics") + ": " + std::string(field);
   }));
   return calibration;
 }

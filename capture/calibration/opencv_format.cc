@@ -116,8 +116,7 @@ Result<CameraCalibration> ReadOpencvFormat(const YamlMap& file) {
   }
   HAUSTRA_TRY(CheckCalibration(calibration, [&](std::string_view field) {
     if (field == "rate_hz") return file.Where(field);
-    if (field == "coefficients") return file.Where(distortion_key);
-    return file.Where(matrix_key) + ": " + std::string(field);
+    return file.Where(IsDistortion(field) ? distortion_key : matrix_key) + ": " + std::string(field);
   }));
   return calibration;
 }

@@ -26,7 +26,7 @@ Status ReadInto(const std::string& path, std::size_t max_bytes, Bytes* bytes) {
   }
   struct stat info {};
   if (::fstat(file.value, &info) != 0) return Unavailable(path + ": cannot be read: " + ErrnoText(errno));
-  if (S_ISDIR(info.st_mode)) return Unavailable(path + ": is a folder, not a file");
+  if (S_ISDIR(info.st_mode)) return DataLoss(path + ": is a folder, not a file");
   const Status too_long = CapacityExceeded(path + ": longer than " + std::to_string(max_bytes) + " bytes");
   const std::size_t told = S_ISREG(info.st_mode) ? static_cast<std::size_t>(info.st_size) : 0;
   if (told > max_bytes) return too_long;

@@ -1,7 +1,7 @@
 // A file as a whole in memory. Whatever reads one reads it here. reentrant.
 //
-// Errors: kNotFound: no such file; kUnavailable: a folder, or cannot be opened or read; kCapacityExceeded: longer than
-// max_bytes, of which nothing more is read. The message names the file and the reason.
+// Errors: kNotFound: no such file; kDataLoss: a folder; kUnavailable: cannot be opened or read; kCapacityExceeded:
+// longer than max_bytes, of which nothing more is read. The message names the file and the reason.
 #pragma once
 
 #include <cstddef>

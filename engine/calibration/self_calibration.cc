@@ -113,9 +113,9 @@ class Estimator {
 
   Status TooFew(std::size_t count) const {
     return FailedPrecondition(
-        Text("only %zu pieces of the clip can be reconstructed, %d are needed: it is short, the scope hardly moves or "
+        Text("%d pieces of the clip must be reconstructed, and %zu can be: it is short, the scope hardly moves or "
              "jumps from picture to picture, or these show too little that stays in place",
-             count, options_.min_windows));
+             options_.min_windows, count));
   }
 
   void Rebuild(double tolerance_px, std::span<const std::size_t> chosen) {

@@ -332,6 +332,25 @@ TEST_F(CalibrationReaderTest, ValueOutOfRangeIsRefusedWithKeyAndLine) {
               AllOf(HasSubstr("calib.yaml:9: 'coefficients.a0'"), HasSubstr("negate a0 to a4")));
 }
 
+// It would move the corners of the picture by more than ten times their distance from the centre.
+TEST_F(CalibrationReaderTest, DistortionThatNoCameraHasIsRefusedWithKeyAndLine) {
+  EXPECT_THAT(
+      MessageOf(Replaced(kSmallCalibration, "0.008", "1e9")),
+      HasSubstr("calib.yaml:8: 'Camera.k2' is 1e+09, which moves a corner of the picture by more than ten times"));
+  EXPECT_THAT(MessageOf(Replaced(kSmallCalibration, "-0.0031", "-60")), HasSubstr("calib.yaml:9: 'Camera.k3' is -60"));
+  EXPECT_THAT(MessageOf(Replaced(kOpencv, "4.0e-04", "1e9")),
+              HasSubstr("calib.yaml:12: 'distortion_coefficients': k4 is 1e+09, which moves"));
+  EXPECT_THAT(MessageOf(Replaced(kKalibr, "0.0004", "1e9")),
+              HasSubstr("calib.yaml:4: 'cam0.distortion_coeffs': k4 is 1e+09, which moves"));
+  EXPECT_THAT(MessageOf(Replaced(kOcam, "  c: 0.9999\n", "  c: 1e9\n")),
+              HasSubstr("'coefficients.c' is 1e+09, not in -10"));
+  EXPECT_THAT(MessageOf(Replaced(kOcam, "769.2", "1e9")), HasSubstr("'coefficients.a0' is 1e+09, not in 0 to"));
+  // A lens of a narrow view: large numbers of what is small at the corner.
+  std::string tele = Replaced(kSmallCalibration, "40.5", "4050");
+  tele = Replaced(Replaced(tele, "40.25", "4025"), "0.008", "1e5");
+  EXPECT_TRUE(ReadText(tele).ok()) << ReadText(tele).status().ToString();
+}
+
 TEST_F(CalibrationReaderTest, KeyThatComesTwiceIsRefused) {
   EXPECT_THAT(MessageOf(std::string(kSmallCalibration) + "Camera.fx: 41\n"),
               HasSubstr("calib.yaml:15: 'Camera.fx' was given before, in line 3"));

@@ -191,8 +191,8 @@ TEST_F(ImageCodecTest, MissingFileIsNotFound) {
   EXPECT_THAT(image.status().message(), HasSubstr("no.png: no such file"));
 }
 
-TEST_F(ImageCodecTest, FolderInPlaceOfAFileIsUnavailable) {
-  EXPECT_EQ(ReadImage(folder_.path(), ChannelChoice::kAsStored).code(), StatusCode::kUnavailable);
+TEST_F(ImageCodecTest, FolderInPlaceOfAFileIsDataLoss) {
+  EXPECT_EQ(ReadImage(folder_.path(), ChannelChoice::kAsStored).code(), StatusCode::kDataLoss);
 }
 
 TEST_F(ImageCodecTest, EmptyFileAndTextAreDataLoss) {

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
+
 #include "tests/capture/temp_folder.h"
 
 namespace haustra {
@@ -237,6 +239,22 @@ TEST_F(ImageFolderSourceTest, MaskThatDoesNotFitIsRefused) {
   EXPECT_THAT(OpenError(StatusCode::kInvalidArgument), HasSubstr("mask.png: the mask is 32x24, the calibration 64x48"));
   folder_.WriteImage("mask.png", FlatImage(64, 48, PixelFormat::kGrey8, 0));
   EXPECT_THAT(OpenError(StatusCode::kInvalidArgument), HasSubstr("leaves nothing of the image"));
+}
+
+// A picture of the scene, or one that was never made black and white.
+TEST_F(ImageFolderSourceTest, MaskThatIsAPictureIsRefusedAndGreyEdgesAreNot) {
+  Image mask = FlatImage(64, 48, PixelFormat::kGrey8, 255);
+  const auto paint_rows = [&mask](int first, int last, int value) {
+    for (int y = first; y <= last; ++y) std::memset(mask.row(y), value, 64);
+  };
+  paint_rows(0, 9, 3);
+  paint_rows(10, 18, 100);
+  folder_.WriteImage("mask.png", mask);
+  ASSERT_TRUE(Open().ok()) << Open().status().ToString();
+  paint_rows(19, 19, 130);
+  folder_.WriteImage("mask.png", mask);
+  EXPECT_THAT(OpenError(StatusCode::kInvalidArgument),
+              HasSubstr("mask.png: 20.8 % of it is grey, not black or white (at most 20 %)"));
 }
 
 TEST_F(ImageFolderSourceTest, DuplicateTimeStampIsRefusedWithItsLine) {

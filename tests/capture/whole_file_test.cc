@@ -69,7 +69,7 @@ TEST(WholeFile, ErrorNamesTheFileAndTheReason) {
   folder.Write("file", "text");
   EXPECT_EQ(ReadWholeText(folder.Path("file/below")).code(), StatusCode::kNotFound);
   const Status is_folder = ReadWholeText(folder.path()).status();
-  EXPECT_EQ(is_folder.code(), StatusCode::kUnavailable);
+  EXPECT_EQ(is_folder.code(), StatusCode::kDataLoss);
   EXPECT_EQ(is_folder.message(), folder.path() + ": is a folder, not a file");
   std::filesystem::create_symlink("turns", folder.Path("turns"));
   const Status turns = ReadWholeText(folder.Path("turns")).status();

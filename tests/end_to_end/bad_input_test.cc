@@ -375,8 +375,30 @@ TEST_F(BadInput, MissingCalibrationOfAMeasurementNamesTheCommandThatEstimatesOne
 
 TEST_F(BadInput, FileThatIsNoAtlasIsNamed) {
   ExpectOutcome(Haustra({"atlas", "info", scratch_ + "/none"}), kExitNoInput, {scratch_ + "/none: no such file"});
-  ExpectOutcome(Haustra({"atlas", "info", scratch_}), kExitUnavailable, {scratch_ + ": is a folder, not a file"});
+  ExpectOutcome(Haustra({"atlas", "info", scratch_}), kExitBadData, {scratch_ + ": is a folder, not a file"});
   ExpectOutcome(Haustra({"atlas", "info", sequence_ + "/calib.yaml"}), kExitBadData, {"no atlas file"});
+}
+
+TEST_F(BadInput, FolderInThePlaceOfAFileIsNamed) {
+  const std::string refusal = sequence_ + ": is a folder, not a file";
+  for (const char* option : {"--calibration", "--mask", "--marks", "--load-atlas"}) {
+    ExpectRefusal(kExitBadData, {refusal}, {option, sequence_});
+  }
+  ExpectOutcome(Haustra({"evaluate", ResultFolder("standard"), "--groundtruth", sequence_}), kExitBadData, {refusal});
+  ExpectOutcome(HaustraOnCpu({"latency", sequence_, "--require", sequence_}), kExitBadData, {refusal});
+}
+
+// Before a camera is estimated, which may take minutes.
+TEST_F(BadInput, AtlasToLoadIsLookedAtFirst) {
+  fs::remove(sequence_ + "/calib.yaml");
+  for (const auto& [atlas, code] : {std::pair{scratch_ + "/none.atlas", kExitNoInput},
+                                    {sequence_, kExitBadData},
+                                    {Write("no.atlas", "not an atlas"), kExitBadData}}) {
+    const CommandResult run = Run({"--load-atlas", atlas});
+    ExpectOutcome(run, code, {atlas + ": "});
+    EXPECT_EQ(run.err.find("estimat"), std::string::npos) << run.err;
+    EXPECT_FALSE(Exists(out_));
+  }
 }
 
 TEST_F(BadInput, FileThatIsNoVideoIsSaidToBeNone) {
@@ -432,6 +454,9 @@ TEST_F(BadInput, WrongCommandLinesAreUsageErrors) {
       {"run", sequence_, sequence_, "--out", out_},
       {"evaluate"},
       {"render"},
+      {"soak", sequence_, "--mode", "sequential", "--rate", "2"},
+      {"soak", sequence_, "--minutes", "1"},
+      {"soak", sequence_, "--minutes", "10", "--procedure", "1"},
   };
   for (const std::vector<std::string>& arguments : wrong) {
     const CommandResult result = Haustra(arguments);

@@ -104,8 +104,8 @@ TEST(FixedMemory, ShortSoakPassesAndOneWithoutSamplesDoesNot) {
   EXPECT_GT(num_frames, 280);
   EXPECT_GT(std::stod(samples.back()["rss_mb"]), 10.0);
   EXPECT_EQ(samples.back()["procedure"], "0");
-  const CommandResult nothing =
-      HaustraOnCpu({"soak", SequenceFolder("standard"), "--minutes", "0.02", "--mode", "sequential"});
+  const CommandResult nothing = HaustraOnCpu({"soak", SequenceFolder("standard"), "--minutes", "0.02", "--warm-up", "0",
+                                              "--interval", "60", "--mode", "sequential"});
   EXPECT_EQ(nothing.exit_code, 1) << nothing.ToString();
   EXPECT_THAT(nothing.out, HasSubstr("FAILED: 0 samples after the warm-up"));
 }

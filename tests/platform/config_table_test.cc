@@ -258,7 +258,7 @@ TEST(ConfigTable, MissingFileAndFolderAreToldApart) {
   EXPECT_EQ(missing.code(), StatusCode::kNotFound);
   EXPECT_EQ(missing.message(), folder.Path("none.yaml") + ": no such file");
   const Status is_folder = store.ApplyFile(folder.Path(""));
-  EXPECT_EQ(is_folder.code(), StatusCode::kUnavailable);
+  EXPECT_EQ(is_folder.code(), StatusCode::kDataLoss);
   EXPECT_EQ(is_folder.message(), folder.Path("") + ": is a folder, not a file");
 }
 

@@ -5,10 +5,12 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "capture/files/whole_file.h"
+#include "engine/io/ply_writer.h"
 #include "tools/command/common_options.h"
 #include "tools/command/console.h"
 #include "tools/command/output_folder.h"
@@ -45,6 +47,21 @@ struct ExportedFile {
   std::string bytes;
 };
 
+// Whether a file of the run has the points of its map, all of them: it is given on as it is.
+Status CheckPly(const std::string& path, const std::string& bytes, std::size_t num_points) {
+  constexpr std::string_view kHeaderEnd = "\nend_header\n";
+  const std::size_t end = bytes.find(kHeaderEnd);
+  if (!bytes.starts_with("ply\n") || end == std::string::npos) return DataLoss(path + ": not a PLY file, or cut");
+  const std::string vertices = "\nelement vertex " + std::to_string(num_points) + "\n";
+  if (bytes.find(vertices) > end) {
+    return DataLoss(path + ": does not say that it has the " + std::to_string(num_points) + " points of points3D.txt");
+  }
+  const std::size_t held = bytes.size() - end - kHeaderEnd.size(), wanted = num_points * kPlyPointBytes;
+  if (held == wanted) return Status::Ok();
+  return DataLoss(path + ": " + std::to_string(held) + " bytes of points, " + std::to_string(num_points) +
+                  " points are " + std::to_string(wanted));
+}
+
 // What becomes of a map. Errors are of files of the run.
 Result<std::vector<ExportedFile>> FilesOf(const ExportArguments& arguments, const ExportedMap& map) {
   const std::string& format = arguments.format;
@@ -59,6 +76,7 @@ Result<std::vector<ExportedFile>> FilesOf(const ExportArguments& arguments, cons
   std::vector<ExportedFile> files;
   for (const char* ending : endings) {
     HAUSTRA_ASSIGN(std::string bytes, ReadWholeText(exported + ending));
+    if (format == "ply") HAUSTRA_TRY(CheckPly(exported + ending, bytes, map.points.size()));
     files.push_back({ending, std::move(bytes)});
   }
   return files;

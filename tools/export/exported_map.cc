@@ -27,7 +27,7 @@ Result<ExportedMaps> ReadExportedMaps(const std::string& run) {
     map.rgb = std::move(model.rgb);
     exported.maps.push_back(std::move(map));
   }
-  if (exported.maps.empty()) return NotFound(run + ": the run has no map");
+  if (exported.maps.empty()) return FailedPrecondition(run + ": the run has no map");
   return exported;
 }
 

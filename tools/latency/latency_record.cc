@@ -17,10 +17,11 @@ std::vector<std::pair<const char*, Duration>> StagesOf(const MappingTimes& times
 }
 
 LatencyRecord::LatencyRecord(std::uint32_t warm_up_frames, std::size_t trace_frames, std::uint64_t enough_frames,
-                             std::function<void()> on_enough)
+                             std::function<void()> on_start, std::function<void()> on_enough)
     : warm_up_frames_(warm_up_frames),
       trace_frames_(trace_frames),
       enough_frames_(enough_frames),
+      on_start_(std::move(on_start)),
       on_enough_(std::move(on_enough)) {
   for (const char* name : {"end_to_end", "capture", "wake_up", "tracking"}) stages_.push_back({name, {}});
   for (int i = 0; i < kNumStages; ++i) stages_.push_back({std::string(ToString(static_cast<haustra::Stage>(i))), {}});
@@ -33,6 +34,11 @@ LatencyRecord::LatencyRecord(std::uint32_t warm_up_frames, std::size_t trace_fra
 
 LatencyHistogram& LatencyRecord::Stage(const std::string& name) {
   return std::find_if(stages_.begin(), stages_.end(), [&](const auto& stage) { return stage.name == name; })->histogram;
+}
+
+void LatencyRecord::OnStart(const RealTimeReport& report) {
+  realtime_ = report;
+  if (on_start_) on_start_();
 }
 
 void LatencyRecord::OnFrame(const FrameOutcome& outcome) {

@@ -19,11 +19,12 @@ namespace haustra {
 class LatencyRecord final : public SessionObserver {
  public:
   // Frames before warm_up_frames count for nothing: their pages are touched for the first time. Keeps the last
-  // trace_frames frames. on_enough (may be empty) is called once, after `enough_frames` measured ones (0: never).
+  // trace_frames frames. on_start is called once, when the session has started and frames come; on_enough once, after
+  // `enough_frames` measured ones (0: never). Both may be empty.
   LatencyRecord(std::uint32_t warm_up_frames, std::size_t trace_frames, std::uint64_t enough_frames,
-                std::function<void()> on_enough);
+                std::function<void()> on_start, std::function<void()> on_enough);
 
-  void OnStart(const RealTimeReport& report) override { realtime_ = report; }
+  void OnStart(const RealTimeReport& report) override;
   void OnFrame(const FrameOutcome& outcome) override;
   void OnMapEvent(const MapEvent& event) override { num_map_events_ += event.kind == MapEventKind::kMapCreated; }
   void OnLatePose(const LatePose&) override {}
@@ -56,7 +57,7 @@ class LatencyRecord final : public SessionObserver {
   const std::uint32_t warm_up_frames_;
   const std::size_t trace_frames_;
   const std::uint64_t enough_frames_;
-  std::function<void()> on_enough_;
+  std::function<void()> on_start_, on_enough_;
   std::vector<StageHistogram> stages_;
   std::optional<RealTimeReport> realtime_;
   std::uint64_t num_warm_up_ = 0, num_late_ = 0, num_dropped_ = 0, num_tracking_ = 0, num_map_events_ = 0;

@@ -124,9 +124,9 @@ int RunRender(const RenderArguments& arguments) {
   const Status status = render::RenderSequence(arguments.out, *options, progress);
   line.Leave();
   if (!status.ok()) return console::FailWriting(kRenderCommand, status);
-  console::Tell("%s: %d frames of %s, seed %llu, %zu events, %.1f s\n", arguments.out.c_str(), options->num_frames(),
+  console::Tell("%s: %d frames of %s, seed %llu, %zu event%s, %.1f s\n", arguments.out.c_str(), options->num_frames(),
                 arguments.preset.c_str(), static_cast<unsigned long long>(arguments.seed), options->events.size(),
-                line.elapsed_s());
+                options->events.size() == 1 ? "" : "s", line.elapsed_s());
   return kExitOk;
 }
 

@@ -323,6 +323,10 @@ int Run(const RunArguments& arguments) {
     if (!read.ok()) return console::Fail(kRunCommand, read.status());
     mark_requests = std::move(read).value();
   }
+  if (!arguments.load_atlas.empty()) {
+    const Status status = CheckAtlasFileCanBeLoaded(arguments.load_atlas);
+    if (!status.ok()) return console::Fail(kRunCommand, status);
+  }
   const Result<RunInput> input = OpenInput(arguments, config.seed);
   if (!input.ok()) return console::Fail(kRunCommand, input.status());
   WarnOfInput(arguments.sequence, *input);

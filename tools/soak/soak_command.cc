@@ -144,10 +144,32 @@ void PrintTotals(const SoakArguments& arguments, const SoakMonitor& monitor, con
       static_cast<unsigned long long>(totals.keyframes_refused));
 }
 
+// All equally long, so that they can be compared.
+int NumProcedures(const SoakArguments& arguments) {
+  if (arguments.procedure_minutes <= 0.0) return 1;
+  return std::max(1, static_cast<int>(std::lround(arguments.minutes / arguments.procedure_minutes)));
+}
+
+Status CheckTimes(const SoakArguments& arguments) {
+  if (arguments.mode != "realtime" && arguments.rate != 1.0) {
+    return InvalidArgument("--rate is the pace of real time: it needs --mode realtime");
+  }
+  const double procedure_s = 60.0 * arguments.minutes / NumProcedures(arguments);
+  if (procedure_s > arguments.warm_up_s) return Status::Ok();
+  char text[160];
+  std::snprintf(text, sizeof(text),
+                "--minutes %g leaves nothing after --warm-up %g in procedures of %g s; give more, or a shorter warm-up",
+                arguments.minutes, arguments.warm_up_s, procedure_s);
+  return InvalidArgument(text);
+}
+
 int Soak(const SoakArguments& arguments) {
   UseOneHeap();  // as the service does
   if (arguments.rendered == !arguments.sequence.empty()) {
     return console::Fail(kSoakCommand, InvalidArgument("name a sequence, or ask for --rendered"), kExitUsage);
+  }
+  if (const Status status = CheckTimes(arguments); !status.ok()) {
+    return console::Fail(kSoakCommand, status, kExitUsage);
   }
   if (!arguments.csv.empty()) {
     const Status status = CheckOutputFile(arguments.csv, {"a table of haustra soak", {kSoakCsvStart}},
@@ -190,11 +212,7 @@ int Soak(const SoakArguments& arguments) {
   };
   SoakMonitor monitor(options, write, AllocationTrap::IsAvailable() ? &CountingHeapWatch() : nullptr);
   const std::atomic<bool>& stop_requested = CatchStopSignals();
-  // All equally long, so that they can be compared.
-  const int num_procedures =
-      arguments.procedure_minutes > 0.0
-          ? std::max(1, static_cast<int>(std::lround(arguments.minutes / arguments.procedure_minutes)))
-          : 1;
+  const int num_procedures = NumProcedures(arguments);
   const Duration video_time = Seconds(60.0 * arguments.minutes / num_procedures);
   SoakTotals totals;
   for (int i = 0; i < num_procedures && !stop_requested.load(); ++i) {

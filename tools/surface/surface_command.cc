@@ -44,6 +44,7 @@ Status CheckTruth(const std::string& groundtruth) {
   if (groundtruth.empty()) return Status::Ok();
   const std::filesystem::path folder = std::filesystem::path(groundtruth).parent_path();
   if (!std::filesystem::exists(groundtruth)) return NotFound(groundtruth + ": no such file");
+  if (std::filesystem::is_directory(groundtruth)) return DataLoss(groundtruth + ": is a folder, not a file");
   if (std::filesystem::exists(folder / "depth") || std::filesystem::exists(folder / "seen_wall.csv"))
     return Status::Ok();
   return NotFound(groundtruth +

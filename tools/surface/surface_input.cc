@@ -35,7 +35,7 @@ Result<std::vector<SurfaceMap>> ReadSurfaceMaps(const evaluate::RunOutput& run) 
       }
     }
   }
-  if (maps.empty()) return NotFound(run.folder + ": the run has no map");
+  if (maps.empty()) return FailedPrecondition(run.folder + ": the run has no map");
   return maps;
 }
 

@@ -49,8 +49,10 @@ TEST(RenderCommand, MissingFolderArgumentIsRefusedByTheParser) {
 TEST(RenderCommand, WritesASequence) {
   const TempFolder root;
   const std::string out = root.Path("out");
-  EXPECT_EQ(Render({out, "--seconds", "0.2", "--size", "160x120", "--events", "water@0.05+0.1", "--seed", "7"}),
-            kExitOk);
+  const CommandAnswer answer = CallCommand({AddRenderCommand}, {"render", out, "--seconds", "0.2", "--size", "160x120",
+                                                                "--events", "water@0.05+0.1", "--seed", "7"});
+  EXPECT_EQ(answer.code, kExitOk);
+  EXPECT_NE(answer.out.find("seed 7, 1 event, "), std::string::npos) << answer.out;
   for (const char* name :
        {"frames/000004.jpg", "times.txt", "calib.yaml", "mask.png", "groundtruth.txt", "events.csv", "revisits.csv"}) {
     EXPECT_TRUE(std::filesystem::exists(out + "/" + name)) << name;

@@ -44,7 +44,7 @@ TEST_F(CsvTableTest, MissingFileIsNotFound) {
 }
 
 TEST_F(CsvTableTest, FolderIsNotAFile) {
-  EXPECT_EQ(CsvTable::Read(folder_.path(), {"a"}).code(), StatusCode::kUnavailable);
+  EXPECT_EQ(CsvTable::Read(folder_.path(), {"a"}).code(), StatusCode::kDataLoss);
 }
 
 TEST_F(CsvTableTest, EmptyFileIsSaidToBeEmpty) {

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "engine/io/ply_writer.h"
 #include "tests/tools/command/call_command.h"
 #include "tests/tools/evaluate/run_folder.h"
 #include "tests/tools/report/small_report.h"
@@ -33,6 +34,11 @@ std::vector<std::vector<double>> Matrix(const std::string& text, char separator)
   return rows;
 }
 
+std::string PlyOf(int num_points) {
+  return "ply\nformat binary_little_endian 1.0\nelement vertex " + std::to_string(num_points) + "\nend_header\n" +
+         std::string(static_cast<std::size_t>(num_points) * kPlyPointBytes, 'p');
+}
+
 class ExportTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -43,7 +49,7 @@ class ExportTest : public ::testing::Test {
       folder_.Write(maps + "/cameras.txt", "1 OPENCV_FISHEYE 720 540 398 398 360 270 0 0 0 0\n");
       folder_.Write(maps + "/images.txt", "2 1 0 0 0 0 0 0 1 a.jpg\n100.5 50.5 7 120.5 60.5 -1\n");
       folder_.Write(maps + "/points3D.txt", "7 0.25 0.5 1.5 200 100 90 0.5 2 0\n8 -1 2 3 1 2 3 0.5 2 1\n");
-      folder_.Write(maps + ".ply", "ply of " + std::string(map));
+      folder_.Write(maps + ".ply", PlyOf(2));
     }
   }
   int Export(const std::string& format, const std::vector<std::string>& more = {}) {
@@ -122,7 +128,7 @@ TEST_F(ExportTest, ModelAndPointsAreThoseOfTheRun) {
     EXPECT_EQ(Exported(name), folder_.Read(std::string("out/maps/") + name));
   }
   ASSERT_EQ(Export("ply", {"--overwrite"}), kExitOk) << err_;
-  EXPECT_EQ(Exported("map_0000.ply"), "ply of map_0000");
+  EXPECT_EQ(Exported("map_0000.ply"), PlyOf(2));
   EXPECT_EQ(Exported("map_0000/images.txt"), "");  // what was there is replaced as a whole
 }
 
@@ -212,6 +218,30 @@ TEST_F(ExportTest, FileOfTheRunThatIsNotThereIsAMissingInput) {
   folder_.Remove("out/maps/map_0000.ply");
   EXPECT_EQ(Export("ply"), kExitNoInput);
   EXPECT_THAT(err_, HasSubstr("map_0000.ply: no such file"));
+}
+
+TEST_F(ExportTest, PointsThatWereCutOrAreNotThoseOfTheMapAreRefused) {
+  const std::string path = "out/maps/map_0000.ply";
+  const auto refusal = [&](const std::string& bytes) {
+    folder_.Write(path, bytes);
+    EXPECT_EQ(Export("ply"), kExitBadData);
+    EXPECT_EQ(Exported("map_0000.ply"), "");
+    return err_;
+  };
+  EXPECT_THAT(refusal(PlyOf(2).substr(0, PlyOf(2).size() - 5)),
+              HasSubstr(folder_.At(path) + ": 41 bytes of points, 2 points are 46"));
+  EXPECT_THAT(refusal(PlyOf(2).substr(0, 30)), HasSubstr(folder_.At(path) + ": not a PLY file, or cut"));
+  EXPECT_THAT(refusal("not a PLY file"), HasSubstr(folder_.At(path) + ": not a PLY file"));
+  EXPECT_THAT(refusal(PlyOf(3)), HasSubstr(folder_.At(path) + ": does not say that it has the 2 points"));
+}
+
+// Its files are there and good: it does not have what was asked for.
+TEST_F(ExportTest, RunWithoutAMapHasNothingToExport) {
+  run_.maps.clear();
+  for (evaluate::RunFrame& frame : run_.frames) frame.map_id = frame.live_map_id = frame.keyframe_id = -1;
+  WriteRunFolder(folder_, "out", run_);
+  EXPECT_EQ(Export("tum"), kExitConfig);
+  EXPECT_THAT(err_, HasSubstr("out: the run has no map"));
 }
 
 }  // namespace

@@ -128,7 +128,7 @@ TEST(Requirement, MistakesNameLineAndKey) {
     EXPECT_THAT(requirement.status().message(), HasSubstr(c.message));
   }
   EXPECT_EQ(LoadRequirement("/no/such/file.yaml").code(), StatusCode::kNotFound);
-  EXPECT_EQ(LoadRequirement("/").code(), StatusCode::kUnavailable);
+  EXPECT_EQ(LoadRequirement("/").code(), StatusCode::kDataLoss);
 }
 
 TEST(LoopedSource, GoesThereAndBackAgainWithTimeGoingOn) {
@@ -180,8 +180,12 @@ FrameOutcome Outcome(std::uint32_t index, int latency_ms, Rung rung = Rung::kFul
 }
 
 TEST(LatencyRecord, CountsWhatComesAfterTheWarmUpAndStopsWhenItHasEnough) {
-  int num_stops = 0;
-  LatencyRecord record(10, 5, 20, [&num_stops] { ++num_stops; });
+  int num_starts = 0, num_stops = 0;
+  LatencyRecord record(
+      10, 5, 20, [&num_starts] { ++num_starts; }, [&num_stops] { ++num_stops; });
+  EXPECT_EQ(num_starts, 0);
+  record.OnStart({});
+  EXPECT_EQ(num_starts, 1) << "the time begins when frames come";
   for (std::uint32_t i = 0; i < 40; ++i)
     record.OnFrame(Outcome(i, i == 30 ? 50 : 10, i == 20 ? Rung::kPredicted : Rung::kFull));
   FrameOutcome dropped = Outcome(40, 1);
@@ -205,7 +209,7 @@ TEST(LatencyRecord, CountsWhatComesAfterTheWarmUpAndStopsWhenItHasEnough) {
 }
 
 TEST(Trace, ShowsCaptureTrackingStagesAndMappingWhereTheyRan) {
-  LatencyRecord record(0, 100, 0, {});
+  LatencyRecord record(0, 100, 0, {}, {});
   for (std::uint32_t i = 0; i < 3; ++i) record.OnFrame(Outcome(i, i == 2 ? 45 : 12));
   MappingTimes times;
   times.start = TimePoint(milliseconds(20));
@@ -230,7 +234,7 @@ TEST(Trace, ShowsCaptureTrackingStagesAndMappingWhereTheyRan) {
 }
 
 TEST(LatencyReport, NameThatIsNotUtf8CostsNoReport) {
-  LatencyRecord record(0, 100, 0, {});
+  LatencyRecord record(0, 100, 0, {}, {});
   record.OnFrame(Outcome(0, 12));
   LatencyReport report;
   report.title = "sequence caf\xe9";
@@ -239,7 +243,7 @@ TEST(LatencyReport, NameThatIsNotUtf8CostsNoReport) {
 }
 
 TEST(LatencyReport, TextJsonAndPageSayTheSame) {
-  LatencyRecord record(0, 100, 0, {});
+  LatencyRecord record(0, 100, 0, {}, {});
   for (std::uint32_t i = 0; i < 100; ++i) record.OnFrame(Outcome(i, i == 50 ? 45 : 12));
   LatencyReport report;
   report.title = "a <b> title";
@@ -262,7 +266,7 @@ TEST(LatencyReport, TextJsonAndPageSayTheSame) {
 }
 
 TEST(LatencyReport, MeasurementWithoutAFrameMeetsNoRequirement) {
-  LatencyRecord record(10, 100, 0, {});
+  LatencyRecord record(10, 100, 0, {}, {});
   for (std::uint32_t i = 0; i < 10; ++i) record.OnFrame(Outcome(i, 12));
   LatencyReport report;
   report.record = &record;

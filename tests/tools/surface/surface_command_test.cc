@@ -125,6 +125,17 @@ TEST_F(SurfaceCommandTest, TruthThatJudgesNothingIsRefusedBeforeTheSurfaceIsMade
   EXPECT_THAT(err_, HasSubstr(truth + ": neither depth/ nor seen_wall.csv lies beside it"));
   EXPECT_EQ(Surface("", {"--groundtruth", folder_.At("none.txt")}), kExitNoInput);
   EXPECT_THAT(err_, HasSubstr("none.txt: no such file"));
+  EXPECT_EQ(Surface("", {"--groundtruth", folder_.At("seq")}), kExitBadData);
+  EXPECT_THAT(err_, HasSubstr(folder_.At("seq") + ": is a folder, not a file"));
+}
+
+// Its files are there and good: it does not have what was asked for.
+TEST_F(SurfaceCommandTest, RunWithoutAMapHasNoSurface) {
+  run_.maps.clear();
+  for (evaluate::RunFrame& frame : run_.frames) frame.map_id = frame.live_map_id = frame.keyframe_id = -1;
+  WriteRunFolder(folder_, "out", run_);
+  EXPECT_EQ(Surface("seq"), kExitConfig);
+  EXPECT_THAT(err_, HasSubstr("out: the run has no map"));
 }
 
 TEST_F(SurfaceCommandTest, OfWhatHasNoDepthThereIsNoneAndItSaysWhatIsMissing) {

@@ -53,6 +53,7 @@ bool AddVertex(const Neighbourhood& near, const Eigen::Vector3i& first, int x, i
   }
   if (num_behind == 0 || num_behind == 8) return false;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero(), rgb = Eigen::Vector3d::Zero();
+  double colour_sum = 0.0;
   int count = 0;
   for (int a = 0; a < 8; ++a) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -63,7 +64,12 @@ bool AddVertex(const Neighbourhood& near, const Eigen::Vector3i& first, int x, i
       Eigen::Vector3d place = Corner(a).cast<double>();
       place[axis] += share;
       sum += place;
-      for (int c = 0; c < 3; ++c) rgb[c] += (1.0 - share) * voxels[a]->rgb[c] + share * voxels[b]->rgb[c];
+      for (const auto& [voxel, part] : {std::pair(voxels[a], 1.0 - share), std::pair(voxels[b], share)}) {
+        // One that was only ever seen through has no colour.
+        if (voxel->colour_weight == 0) continue;
+        for (int c = 0; c < 3; ++c) rgb[c] += part * voxel->rgb[c];
+        colour_sum += part;
+      }
       ++count;
     }
   }
@@ -72,7 +78,9 @@ bool AddVertex(const Neighbourhood& near, const Eigen::Vector3i& first, int x, i
   const Eigen::Vector3d position = ((lowest + sum / count).array() + 0.5).matrix() * voxel_mu;
   mesh->positions.push_back(position.cast<float>());
   auto& colour = mesh->rgb.emplace_back();
-  for (int c = 0; c < 3; ++c) colour[c] = static_cast<std::uint8_t>(std::lround(rgb[c] / count));
+  for (int c = 0; c < 3 && colour_sum > 0.0; ++c) {
+    colour[c] = static_cast<std::uint8_t>(std::lround(rgb[c] / colour_sum));
+  }
   return true;
 }
 

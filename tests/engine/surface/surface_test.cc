@@ -161,6 +161,24 @@ TEST_F(FusionOrderTest, AVoxelThatWasFirstSeenThroughHasTheColourOfItsWall) {
   EXPECT_GT(num_coloured, 10000);
 }
 
+// A voxel before the wall may have been seen through only: it has no colour.
+TEST(SurfaceNets, AVertexBesideAVoxelWithoutColourHasTheOthers) {
+  VoxelBlocks blocks(1);
+  VoxelBlocks::Block& block = blocks.block(blocks.FindOrAdd({0, 0, 0}));
+  for (int i = 0; i < VoxelBlocks::kVoxels; ++i) {
+    const bool is_before = i < VoxelBlocks::kVoxels / 2;
+    block[i].distance = is_before ? 20000 : -10000;
+    block[i].weight = 100;
+    block[i].colour_weight = is_before ? 0 : 100;
+    if (!is_before) block[i].rgb = {200, 100, 50};
+  }
+  MeshOptions options;
+  options.min_part_triangles = 1;
+  const TriangleMesh mesh = ExtractMesh(blocks, 0.05, options);
+  ASSERT_EQ(mesh.rgb.size(), 49u);
+  for (const auto& rgb : mesh.rgb) EXPECT_EQ(rgb, (std::array<std::uint8_t, 3>{200, 100, 50}));
+}
+
 TEST_F(FusionOrderTest, KeyframesThatSeeAWallAlikeShareInItsColour) {
   const DepthFusion fusion = Fuse({1.5, 1.5}, {100, 200});
   int num_coloured = 0;

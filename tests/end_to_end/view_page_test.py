@@ -51,7 +51,39 @@ window.fetch = async request => { asked.push(decodeURIComponent(request)); retur
 window.pictureOf = frame => ({frame, procedure: 3, width: 40, height: 20, step: 4, num_matched: 0, points: [], marks: [],
   jpeg: document.createElement('canvas').toDataURL('image/jpeg').split(',')[1]});
 """
+# A tube along x, green inside, with a gap all along in the wall that is up; `tube.show(look)`.
+TUBE = """
+window.tube = (() => {
+  const place = document.createElement('div');
+  place.style.cssText = 'position: fixed; left: 0; top: 0; width: 600px; height: 300px; z-index: 9; overflow: hidden';
+  document.body.append(place);
+  const positions = [], colours = [], index = [], line = [], around = 60, long = 80;
+  for (let i = 0; i <= long; ++i) {
+    line.push(i / 10, 0, 0);
+    for (let j = 0; j < around; ++j) {
+      const angle = 2 * Math.PI * (j + 0.5) / around, a = i * around + j, b = i * around + (j + 1) % around;
+      positions.push(i / 10, Math.cos(angle), Math.sin(angle));
+      colours.push(0.2, 0.6, 0.2);
+      if (i < long && j > 3 && j < around - 4) index.push(a, a + around, b, b, a + around, b + around);
+    }
+  }
+  const geometry = new THREE.BufferGeometry(), scene = new haustra.Scene3D(place);
+  geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(positions), 3));
+  geometry.setAttribute('color', new THREE.BufferAttribute(new Float32Array(colours), 3));
+  geometry.setIndex(index);
+  scene.frame(new Float32Array(line), new Float32Array(positions));
+  scene.addSurface(geometry, line);
+  const bar = document.createElement('div');
+  haustra.addLooks(scene, bar, ['outside', 'cut', 'along']);
+  const show = look => {
+    bar.querySelector(`button[data-look=${look}]`).click();
+    return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(place.dataset.look))));
+  };
+  return {place, scene, bar, show, geometry};
+})();
+"""
 GROUND = (0x14, 0x1A, 0x22)  # of the scene
+UNSEEN = (0x2F, 0x5D, 0x8C)  # the same from inside
 SEEN_WELL, SEEN_NEVER = (0x56, 0xB4, 0xE9), (0, 0, 0)  # of the unrolled wall
 # Until the scope has passed a part of the lumen at the speed of Service, on a machine that has other work.
 WALL_LIMIT_S = 180
@@ -204,9 +236,13 @@ class PageTest(unittest.TestCase):
                 self.assertEqual(page.value("document.querySelector('#facts dd').textContent"), "0")
                 self.assertGreater(last, 0)
                 page.value(f"s.value = {last}; s.dispatchEvent(new Event('input'))")
-                page.value("document.getElementById('inside').click()")
-                self.assert_scene_is_drawn(page)
-                keep(page, "inside.png")
+                # So short a way has no lumen.
+                self.assertTrue(page.value("document.querySelector('button[data-look=along]').disabled"))
+                for look in ("outside", "cut", "scope"):
+                    page.value(f"document.querySelector('button[data-look={look}]').click()")
+                    self.assertTrue(page.wait_for(f"document.getElementById('scene').dataset.look === '{look}'"), look)
+                    self.assert_scene_is_drawn(page)
+                    keep(page, look + ".png")
                 # Without the wall the points are there, and the other way round.
                 page.value("document.getElementById('whole').click()")
                 page.value("document.querySelector('[data-layer=surface]').click()")
@@ -229,7 +265,7 @@ class PageTest(unittest.TestCase):
             self.assertTrue(page.wait_for(PIN_IS_SHOWN), "from outside it is there, however the scope sees it")
             self.assertEqual(page.value("document.querySelector('.pin span').textContent"), LABEL)
             # Through the scope it is only there when it is in front.
-            page.value("document.getElementById('inside').click()")
+            page.value("document.querySelector('button[data-look=scope]').click()")
             self.assertTrue(page.wait_for("!" + PIN_IS_SHOWN))
             move_slider(page, "s.max")
             self.assertTrue(page.wait_for(PIN_IS_SHOWN))
@@ -275,7 +311,61 @@ class PageTest(unittest.TestCase):
             self.assert_scene_is_drawn(page, ".scene", 10, 10)
             # Triangles, and not the points of the map.
             self.assertTrue(page.wait_for("Number(document.querySelector('.scene').dataset.drawn) > 8000"))
+            for look in ("outside", "cut"):
+                page.value(f"document.querySelector('.scene button[data-look={look}]').click()")
+                self.assertTrue(page.wait_for(f"document.querySelector('.scene').dataset.look === '{look}'"), look)
+                self.assert_scene_is_drawn(page, ".scene", 10, 10)
             keep(page, "report_surface.png")
+            self.assertEqual(page.messages, [])
+
+    def test_both_sides_of_the_wall_are_lit(self):
+        with tempfile.TemporaryDirectory() as folder, browser.Browser() as page, ServedView(HAUSTRA, "--folder", folder) as server:
+            page.open(server.address)
+            self.assertTrue(page.wait_for("document.body.dataset.ready === 'live'"), page.messages)
+            page.value(TUBE + "; 0")
+
+            def kinds(look):
+                """Shares of what is seen: ground, gap (from inside), dark, inside of the wall and its outside."""
+                self.assertEqual(page.value(f"tube.show('{look}')"), look)
+                counts = dict.fromkeys(("ground", "gap", "dark", "inside", "outside"), 0)
+                seen = [c for row in pixels(page.picture(0.5, (0, 0, 600, 300))) for c in row]
+                for c in seen:
+                    near = [name for name, of in (("ground", GROUND), ("gap", UNSEEN)) if max(abs(a - b) for a, b in zip(c, of)) < 8]
+                    name = near[0] if near else "dark" if max(c) < 60 else "inside" if c[1] > c[0] else "outside"
+                    counts[name] += 1
+                return {name: count / len(seen) for name, count in counts.items()}
+
+            outside = kinds("outside")
+            self.assertGreater(outside["outside"], 0.1)
+            self.assertLess(outside["dark"], 0.05 * outside["outside"], outside)
+            cut = kinds("cut")
+            self.assertGreater(cut["inside"], 0.1)
+            self.assertLess(cut["outside"], 0.1 * cut["inside"], cut)
+            # Without the near half nothing of the silhouette is lost but the gap, and the light reaches all of it.
+            self.assertLess(cut["dark"], 0.1 * cut["inside"], cut)
+            along = kinds("along")
+            self.assertGreater(along["inside"], 0.5)
+            self.assertGreater(along["gap"], 0.03)
+            self.assertEqual((along["outside"], along["ground"]), (0, 0))
+            # The slider goes through the lumen, and back.
+            self.assertFalse(page.value("tube.bar.querySelector('.way-through').hidden"))
+            where = "tube.scene.scope_camera.position.toArray().concat(tube.scene.scope_camera.getWorldDirection(new THREE.Vector3()).toArray())"
+            page.value("(s => { s.value = 0.9; s.dispatchEvent(new Event('input')); })(tube.bar.querySelector('input'))")
+            page.value("tube.show('along')")
+            there = page.value(where)
+            self.assertAlmostEqual(there[0] - page.value("tube.scene.root.position.x"), 7.2, delta=0.05)
+            self.assertGreater(there[3], 0.99)
+            page.value("tube.bar.querySelector('.way-through button').click()")
+            page.value("tube.show('along')")
+            self.assertLess(page.value(where)[3], -0.99)
+            # A wall whose line is not known can be cut, too: then by what faces the eye.
+            page.value("tube.scene.clear('surface'); tube.scene.addSurface(tube.geometry.clone())")
+            self.assertTrue(page.value("tube.bar.querySelector('button[data-look=along]').disabled"))
+            cut = kinds("cut")
+            self.assertGreater(cut["inside"], 0.1)
+            self.assertEqual(cut["outside"], 0)
+            page.value("tube.scene.clear('surface')")
+            self.assertTrue(page.value("tube.bar.querySelector('button[data-look=cut]').disabled"), "there is nothing to cut")
             self.assertEqual(page.messages, [])
 
     def test_another_page_learns_nothing(self):

@@ -137,8 +137,12 @@ std::string ViewsHtml(const Evaluation& e, bool has_truth, const std::map<int, s
   text += has_truth ? "The true path is the thin line, black or in 3D white."
                     : "Each map has its own frame and scale: no ground truth was given.";
   if (!meshes.empty()) {
-    text += AreShown(meshes) ? " In 3D the surface of the wall is shown in place of the points."
-                             : " The surface of the wall is too large for this page; haustra view shows it.";
+    text +=
+        AreShown(meshes)
+            ? " In 3D the surface of the wall is shown in place of the points: from outside, cut open, or from inside. "
+              "Its outside is the back of what the scope saw, in one colour. A gap, blue from inside, "
+              "was not seen or has no depth."
+            : " The surface of the wall is too large for this page; haustra view shows it.";
   }
   const auto num_alone = static_cast<std::size_t>(
       std::count_if(e.per_map.begin(), e.per_map.end(), [](const auto& map) { return !map.truth_from_map; }));
@@ -269,7 +273,8 @@ std::string MakePage(const PageContent& content) {
   page += PlotCredits() + SceneCredits();
   page += DataScript("evaluation", ToJson(e));
   page += DataScript("chart-data", MakeChartData(content.run, content.reference, e, content.models));
-  if (AreShown(content.meshes)) {
+  if (!content.meshes.empty() && AreShown(content.meshes)) {
+    page += DataScript("surface-maps", content.surface_json);
     for (const auto& [map_id, ply] : content.meshes) {
       page += "<script type=\"text/plain\" id=\"mesh-" + std::to_string(map_id) + "\">" +
               ToBase64(std::span(reinterpret_cast<const std::uint8_t*>(ply.data()), ply.size())) + "</script>\n";

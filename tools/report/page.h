@@ -20,6 +20,7 @@ struct PageContent {
   std::string pictures_html;   // of join_pictures.h; empty: no sequence was given
   std::string wall_html = {};  // of wall_pictures.h; empty: no surface was given, the page has no such section
   std::map<int, std::string> meshes = {};  // of surface_meshes.h, shown in place of the points while they are small
+  std::string surface_json = "[]";         // ReadMapsOfSurface of the same, for the lumen of each mesh
 };
 
 // The beginning of every page, and of nothing else that is written.

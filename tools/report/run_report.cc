@@ -35,11 +35,14 @@ Result<std::string> MakeRunReport(const ReportRequest& request) {
   }
   std::string walls;
   std::map<int, std::string> meshes;
+  std::string surface_json = "[]";
   if (const std::string surface = SurfaceOf(request); !surface.empty()) {
     HAUSTRA_ASSIGN(walls, WallPicturesHtml(surface));
     HAUSTRA_ASSIGN(meshes, ReadSurfaceMeshes(surface, models));
+    HAUSTRA_ASSIGN(const auto maps, ReadMapsOfSurface(surface));
+    surface_json = maps.dump();
   }
-  return MakePage({run, reference, evaluation, models, pictures, walls, meshes});
+  return MakePage({run, reference, evaluation, models, pictures, walls, meshes, surface_json});
 }
 
 }  // namespace haustra::report

@@ -1,6 +1,7 @@
 #include "tools/surface/coverage_text.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -12,6 +13,8 @@ namespace haustra::surface {
 using evaluate::Fixed;
 
 namespace {
+
+constexpr double kPlacesPerRadius = 4.0;
 
 std::string Percent(double share) { return Fixed(100.0 * share, 1) + " %"; }
 
@@ -27,6 +30,18 @@ nlohmann::ordered_json TimesOf(const WallGrid& wall, const WallCoverage& rows) {
     }
   }
   return {{"first_s", first}, {"last_s", last}};
+}
+
+// Places on the centre line where the scope was, x y z in the map, four or more a radius.
+nlohmann::ordered_json PassedLine(const Lumen& lumen) {
+  const double length_mu = lumen.passed_end_mu - lumen.passed_begin_mu;
+  const int num_steps = std::max(1, static_cast<int>(std::ceil(kPlacesPerRadius * length_mu / lumen.radius_mu)));
+  nlohmann::ordered_json line = nlohmann::ordered_json::array();
+  for (int i = 0; i <= num_steps; ++i) {
+    const Eigen::Vector3d place = lumen.line.At(lumen.passed_begin_mu + i * length_mu / num_steps).position;
+    for (int axis = 0; axis < 3; ++axis) line.push_back(place[axis]);
+  }
+  return line;
 }
 
 }  // namespace
@@ -94,7 +109,8 @@ void AddCoverage(const MapCoverage& coverage, nlohmann::ordered_json* map) {
   (*map)["lumen"] = {{"found", true},
                      {"radius_mu", wall.lumen().radius_mu},
                      {"passed_radii", (coverage.whole.end_row - coverage.whole.first_row) * step_radii},
-                     {"directions_with_wall", wall.lumen().wall_share}};
+                     {"directions_with_wall", wall.lumen().wall_share},
+                     {"line", PassedLine(wall.lumen())}};
   (*map)["wall_coverage"] = coverage.whole.well;
   (*map)["seen_poorly"] = coverage.whole.poorly;
   nlohmann::ordered_json& segments = (*map)["segments"] = nlohmann::ordered_json::array();

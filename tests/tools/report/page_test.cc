@@ -175,6 +175,7 @@ TEST_F(PageTest, ASurfaceIsInThePageWhileItIsSmall) {
   const std::string page = Page({}, {{0, "ply\n"}});
   EXPECT_THAT(page, HasSubstr("<script type=\"text/plain\" id=\"mesh-0\">cGx5Cg==</script>"));
   EXPECT_THAT(page, HasSubstr("the surface of the wall is shown in place of the points"));
+  EXPECT_THAT(page, HasSubstr("<script type=\"application/json\" id=\"surface-maps\">[]</script>"));
   const std::string large = Page({}, {{0, "ply\n"}, {1, std::string(3'000'000, 'x')}});
   EXPECT_THAT(large, Not(HasSubstr("id=\"mesh-")));
   EXPECT_THAT(large, HasSubstr("The surface of the wall is too large for this page"));

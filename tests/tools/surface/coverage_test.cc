@@ -202,6 +202,12 @@ TEST(CoverageText, TheSummaryHasTheWholeAndItsSegments) {
   nlohmann::ordered_json json;
   AddCoverage(coverage, &json);
   EXPECT_EQ(json["lumen"]["found"], true);
+  // Through the middle of the tube, from where the scope began to where it ended.
+  const auto line = json["lumen"]["line"].get<std::vector<double>>();
+  ASSERT_GE(line.size(), 3u * 4 * 6);
+  ASSERT_EQ(line.size() % 3, 0u);
+  for (std::size_t i = 0; i < line.size(); i += 3) EXPECT_LT(std::hypot(line[i], line[i + 1]), 0.1 * kTubeRadius);
+  EXPECT_NEAR(line[line.size() - 1] - line[2], 6.0 * kTubeRadius, 0.1);
   EXPECT_EQ(json["wall_coverage"], coverage.whole.well);
   ASSERT_EQ(json["segments"].size(), 3u);
   EXPECT_EQ(json["segments"][1]["wall_coverage"], coverage.segments[1].well);

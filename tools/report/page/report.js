@@ -217,6 +217,14 @@
     });
   };
 
+  // The line along the middle of the lumen of a map, where it is known, turned likewise.
+  const lineOf = (id, turn) => {
+    const maps = JSON.parse(document.getElementById('surface-maps').textContent);
+    const line = new Float32Array(((maps.find(map => map.map_id === id) || {}).lumen || {}).line || []);
+    new THREE.Matrix4().set(...turn, 0, 0, 0, 1).applyToBufferAttribute(new THREE.BufferAttribute(line, 3));
+    return line;
+  };
+
   // The surface of a map, where the page holds one; `turn` are three rows of a matrix.
   const meshOf = (id, turn) => {
     const ply = document.getElementById('mesh-' + id);
@@ -242,12 +250,17 @@
       const colour = Number('0x' + colourOf(map.map).slice(1));
       const mesh = meshOf(map.map, map.shown_from_map);
       // Points of a wall that is drawn are noise in front of it.
-      if (mesh) scene.addSurface(mesh);
+      if (mesh) scene.addSurface(mesh, lineOf(map.map, map.shown_from_map));
       else scene.addPoints(new Float32Array(map.points.flat()), Uint8Array.from(atob(map.rgb), c => c.charCodeAt(0)), colour);
       scene.addLine(map.lines.flatMap(segmentsOf), colour, 3);
     }
     scene.addLine(segmentsOf(view.truth), haustra.SCENE_COLOURS.truth, 1);
     scene.setPins(view.maps.flatMap(map => map.pins));
+    if (!scene.hasWall()) return;
+    const bar = document.createElement('div');
+    bar.className = 'looks';
+    place.append(bar);
+    haustra.addLooks(scene, bar, ['outside', 'cut', 'along']);
   };
 
   const drawViews = () => {

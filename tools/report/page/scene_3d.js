@@ -1,12 +1,15 @@
-// A map in 3D: points, surface, path of the scope, and the scope where it is (three.js, its OrbitControls and its wide
-// lines). Positions are those of the map, flat arrays of x y z; orientations are quaternions x y z w, map_from_cam, with
+// A map in 3D: points, surface (wall.js), path of the scope, and the scope where it is (three.js, its OrbitControls and its
+// wide lines). Positions are those of the map, flat arrays of x y z; orientations are quaternions x y z w, map_from_cam, with
 // the camera's axes x right, y down, z forward. Nothing is drawn while nothing changes.
 'use strict';
 window.haustra = window.haustra || {};
 (() => {
   // On the dark ground of the scene, told apart also with a weakness for red and green (Okabe and Ito).
-  const COLOURS = {ground: 0x141a22, way: 0x6f8ba3, travelled: 0x56b4e9, loss: 0xe69f00, scope: 0xf0e442, truth: 0xffffff};
+  // Never seen is blue from inside, where the dark is what is far.
+  const COLOURS = {ground: 0x141a22, never: 0x2f5d8c, way: 0x6f8ba3, travelled: 0x56b4e9, loss: 0xe69f00, scope: 0xf0e442, truth: 0xffffff};
   const FIELD_OF_VIEW_DEG = 40, SCOPE_FIELD_OF_VIEW_DEG = 100;
+  const LIGHT_REACH_RADII = 14, STEP_OF_WHEEL = 0.01;
+
 
   const vectorAt = (array, i) => new THREE.Vector3(array[3 * i], array[3 * i + 1], array[3 * i + 2]);
   const countOf = array => Math.floor(array.length / 3);
@@ -59,6 +62,12 @@ window.haustra = window.haustra || {};
     constructor(place) {
       this.place = place;
       this.onDrawn = () => {};
+      this.onLook = () => {};
+      this.look = 'cut';  // or outside, along (the lumen), scope: through it
+      this.line = [];     // along the middle of the lumen, where the wall is drawn
+      this.along = 0.5;   // share of the line
+      this.reach = 0;     // of the light inside it
+      this.is_turned = false;
       try {
         this.renderer = new THREE.WebGLRenderer({antialias: true});
       } catch (error) {
@@ -66,7 +75,6 @@ window.haustra = window.haustra || {};
         place.textContent = 'This browser shows no 3D (WebGL is switched off or missing).';
         return;
       }
-      this.renderer.setClearColor(COLOURS.ground);
       this.renderer.setPixelRatio(window.devicePixelRatio);
       place.append(this.renderer.domElement);
       this.scene = new THREE.Scene();
@@ -74,17 +82,23 @@ window.haustra = window.haustra || {};
       this.scene.add(this.root);
       this.camera = new THREE.PerspectiveCamera(FIELD_OF_VIEW_DEG, 1, 0.01, 1000);
       this.scope_camera = new THREE.PerspectiveCamera(SCOPE_FIELD_OF_VIEW_DEG, 1, 0.001, 1000);
-      this.head_light = new THREE.PointLight(0xffffff, 0.75);
-      this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 0.85), this.head_light);
+      this.head_light = new THREE.PointLight(0xffffff, 0.8);
+      this.ambient_light = new THREE.AmbientLight(0xffffff, 0.42);
+      this.scene.add(this.ambient_light, this.head_light);
       this.controls = new THREE.OrbitControls(this.camera, this.renderer.domElement);
       this.controls.addEventListener('change', () => this.draw());
+      place.addEventListener('wheel', event => {
+        if (this.shown_look !== 'along' || !this.controls.enableZoom) return;
+        event.preventDefault();
+        this.setAlong(this.along - STEP_OF_WHEEL * Math.sign(event.deltaY) * (this.is_turned ? -1 : 1));
+      }, {passive: false});
       this.dot = roundDot();
       this.materials = new Map();  // of lines and points, which come anew with every look: shaders are compiled once
       this.layers = {points: true, surface: true, path: true, scope: true, pins: true};
       this.pins = new haustra.Pins(place);
       this.parts = {points: new THREE.Group(), surface: new THREE.Group(), path: new THREE.Group(), scope: new THREE.Group()};
       for (const part of Object.values(this.parts)) this.root.add(part);
-      this.is_inside = false;
+      this.is_cut = {value: false};
       this.has_scope = false;
       this.extent = 1;
       if (window.ResizeObserver) new ResizeObserver(() => this.resize()).observe(place);
@@ -113,6 +127,9 @@ window.haustra = window.haustra || {};
         this.parts[part].remove(object);
         if (object.geometry) object.geometry.dispose();
       }
+      if (part !== 'surface') return;
+      [this.line, this.reach] = [[], 0];
+      this.onLook();
     }
 
     materialOf(key, make) {
@@ -138,21 +155,15 @@ window.haustra = window.haustra || {};
       this.draw();
     }
 
-    // A BufferGeometry with colours whose front is what the scope sees: of the wall between the eye and the lumen there is
-    // only a breath, as in a cut.
-    addSurface(geometry) {
+    // Takes a BufferGeometry whose front is what the scope sees. line: along the middle of its lumen, flat; empty: not known.
+    addSurface(geometry, line = []) {
       if (!this.works) return;
-      if (!geometry.getAttribute('normal')) geometry.computeVertexNormals();
+      const radius = haustra.prepareWall(geometry, line);
       const has_colour = geometry.getAttribute('color') !== undefined;
-      this.parts.surface.add(new THREE.Mesh(geometry, this.materialOf('surface ' + has_colour, () => new THREE.MeshLambertMaterial({
-        vertexColors: has_colour ? THREE.VertexColors : THREE.NoColors, color: has_colour ? 0xffffff : 0xd9a79b, side: THREE.FrontSide,
-      }))));
-      const near = new THREE.Mesh(geometry, this.materialOf('surface from behind', () => new THREE.MeshLambertMaterial({
-        color: 0xd9b3a8, side: THREE.BackSide, transparent: true, opacity: 0.16, depthWrite: false,
-      })));
-      near.renderOrder = 1;
-      this.parts.surface.add(near);
-      this.draw();
+      this.parts.surface.add(new THREE.Mesh(geometry, this.materialOf('surface ' + has_colour,
+                                                                      () => haustra.wallMaterial(has_colour, this.is_cut))));
+      if (line.length > this.line.length) [this.line, this.reach] = [line, LIGHT_REACH_RADII * radius];
+      this.setLook(this.look);
     }
 
     // Pairs of ends, six numbers a segment. Returns what shortens it: a function of the number of segments to show.
@@ -276,10 +287,30 @@ window.haustra = window.haustra || {};
       this.draw();
     }
 
-    // Through the scope, or from outside.
-    setInside(is_inside) {
-      this.is_inside = is_inside;
-      if (this.works) this.controls.enabled = !is_inside;
+    hasWall() { return this.works && this.parts.surface.children.length > 0; }
+    canLook(look) { return look === 'along' ? this.line.length > 6 : look !== 'cut' || this.hasWall(); }
+
+    // What cannot be shown now is as if it were outside, until it can.
+    get shown_look() {
+      if (!this.canLook(this.look) || (this.look === 'scope' && !this.has_scope)) return 'outside';
+      return this.look;
+    }
+    get is_inside() { return this.shown_look === 'along' || this.shown_look === 'scope'; }
+
+    setLook(look) {
+      this.look = look;
+      this.onLook();
+      this.draw();
+    }
+
+    // share: of the line, from where it begins.
+    setAlong(share) {
+      this.along = Math.min(Math.max(share, 0), 1);
+      this.setLook(this.look);
+    }
+
+    turnRound() {
+      this.is_turned = !this.is_turned;
       this.draw();
     }
 
@@ -295,25 +326,49 @@ window.haustra = window.haustra || {};
       requestAnimationFrame(() => { this.is_due = false; this.drawNow(); });
     }
 
+    // On the line, between its places, looking where it leads.
+    placeAlong(camera) {
+      const last = countOf(this.line) - 1;
+      const at = share => {
+        const i = Math.min(Math.max(share, 0), 1) * last, k = Math.min(Math.floor(i), last - 1);
+        return vectorAt(this.line, k).lerp(vectorAt(this.line, k + 1), i - k).applyMatrix4(this.root.matrixWorld);
+      };
+      const ahead = 3 / last, way = at(this.along + ahead).sub(at(this.along - ahead)).multiplyScalar(this.is_turned ? -1 : 1);
+      camera.position.copy(at(this.along));
+      // As when it is seen from the side: what is above there is above here.
+      camera.up.set(0, 1, 0);
+      camera.lookAt(camera.position.clone().add(way));
+    }
+
     drawNow() {
-      const through = this.is_inside && this.has_scope;
+      const look = this.shown_look, through = look === 'scope', is_inside = this.is_inside;
       for (const [name, part] of Object.entries(this.parts)) part.visible = this.layers[name];
-      this.parts.scope.visible = this.layers.scope && this.has_scope && !through;
-      // The path would run through the eye.
-      this.parts.path.visible = this.layers.path && !through;
+      this.parts.scope.visible = this.layers.scope && this.has_scope && !is_inside;
+      // They would hide what is to be seen; the path would run through the eye.
+      this.parts.path.visible = this.layers.path && !is_inside;
       this.root.updateMatrixWorld(true);
-      let camera = this.camera;
+      const camera = is_inside ? this.scope_camera : this.camera;
+      if (look === 'along') this.placeAlong(camera);
       if (through) {
-        camera = this.scope_camera;
         camera.position.copy(this.parts.scope.position).applyMatrix4(this.root.matrixWorld);
         // three.js looks along -z, with y up.
         camera.quaternion.copy(this.root.quaternion).multiply(this.parts.scope.quaternion)
             .multiply(new THREE.Quaternion(1, 0, 0, 0));
       }
-      this.head_light.position.copy(camera.position);
+      this.controls.enabled = !is_inside;
+      this.is_cut.value = look === 'cut';
+      this.renderer.setClearColor(is_inside && this.layers.surface && this.hasWall() ? COLOURS.never : COLOURS.ground);
+      // Outside it comes from above the left shoulder: folds have a shade. Inside it is at the eye and does not reach far.
+      camera.updateMatrixWorld(true);
+      const distance = is_inside ? 0 : camera.position.distanceTo(this.controls.target);
+      this.head_light.position.set(-0.35 * distance, 0.45 * distance, 0).applyMatrix4(camera.matrixWorld);
+      this.head_light.distance = is_inside ? this.reach : 0;
+      this.head_light.intensity = is_inside ? 1.0 : 0.8;
+      this.ambient_light.intensity = is_inside ? 0.12 : 0.42;
       this.renderer.render(this.scene, camera);
       this.pins.draw(camera, this.root, this.layers.pins, through);
       this.place.dataset.drawn = this.renderer.info.render.triangles + this.renderer.info.render.points;
+      this.place.dataset.look = look;
       this.onDrawn(this);
     }
   }

@@ -114,7 +114,7 @@
       // A newer one is on its way, or none any more.
       if (wall !== data || !fitsMap(data)) return;
       scene.clear('surface');
-      scene.addSurface(new THREE.PLYLoader().parse(bytes));
+      scene.addSurface(new THREE.PLYLoader().parse(bytes), data.lumen.line || []);
       // Points of a wall that is drawn are noise in front of it; where the mesh is cut off there is nothing else.
       const cut = data.refused_blocks > 0 ? 'cut' : 'whole';
       if (document.body.dataset.mesh !== cut) showLayer('points', cut === 'cut');

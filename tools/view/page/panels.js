@@ -167,8 +167,11 @@ window.haustra = window.haustra || {};
   };
 
   // The longest bar of 1, 2 or 5 units in a power of ten that is not wider than 160 px.
-  const showScale = scene => {
+  const showScaleAndLegend = scene => {
     byId('scale').hidden = scene.is_inside;
+    // Neither path nor scope is drawn inside; what has no wall has no gaps.
+    byId('space').dataset.eye = scene.is_inside ? 'inside' : 'outside';
+    byId('space').dataset.wall = scene.hasWall() ? 'drawn' : 'none';
     const largest = 160 / scene.px_per_unit, decade = Math.pow(10, Math.floor(Math.log10(largest)));
     const units = [5, 2, 1].map(k => k * decade).find(length => length <= largest) || decade;
     byId('scale-bar').style.width = units * scene.px_per_unit + 'px';
@@ -177,20 +180,15 @@ window.haustra = window.haustra || {};
 
   // The switches above the scene. `frame` shows the whole map.
   const connectSwitches = (scene, frame) => {
-    if (scene.works) scene.onDrawn = showScale;
+    if (scene.works) scene.onDrawn = showScaleAndLegend;
     for (const box of document.querySelectorAll('input[data-layer]')) {
       box.addEventListener('change', () => scene.setLayer(box.dataset.layer, box.checked));
     }
-    const look = is_inside => {
-      byId('inside').setAttribute('aria-pressed', is_inside);
-      byId('outside').setAttribute('aria-pressed', !is_inside);
-      // Neither path nor scope can be seen from there.
-      byId('legend').hidden = is_inside;
-      scene.setInside(is_inside);
-    };
-    byId('inside').addEventListener('click', () => look(true));
-    byId('outside').addEventListener('click', () => look(false));
-    byId('whole').addEventListener('click', () => { look(false); frame(); });
+    haustra.addLooks(scene, byId('looks'), ['outside', 'cut', 'along', 'scope']);
+    byId('whole').addEventListener('click', () => {
+      if (scene.is_inside) scene.setLook('cut');
+      frame();
+    });
   };
 
   Object.assign(haustra, {byId, MAP_COLOURS, STATES, decode, clock, setState, setFacts, eventItem, latencyPlot, showWall, connectSwitches});

@@ -60,7 +60,7 @@
     const addSurface = map => {
       if (map !== shown || !map.geometry) return;
       scene.clear('surface');
-      scene.addSurface(map.geometry.clone());
+      scene.addSurface(map.geometry.clone(), map.wall && map.wall.lumen.line || []);
       // Points of a wall that is drawn are noise in front of it.
       showLayer('points', false);
     };

@@ -3,6 +3,13 @@
 #include <algorithm>
 
 namespace haustra {
+namespace {
+
+// 99 % of two degrees of freedom. What fails is deleted from the map: one true observation in a hundred, and not one in
+// twenty. On living walls the others hold maps together (decisions/2026-11-30-a-gate-of-99-percent.md).
+constexpr double kChi2Gate = 9.210;
+
+}  // namespace
 
 LocalBundle::LocalBundle(const EngineConfig& config, const NoiseModel& noise, const CameraModel& camera,
                          SchurBundleAdjuster& adjuster)
@@ -21,6 +28,7 @@ Result<BundleSummary> LocalBundle::Adjust(KeyframeHandle centre, const Extent& e
   }
   BundleOptions options;
   options.max_iterations = extent.max_iterations;
+  options.chi2_gate = kChi2Gate;
   options.clock = limits.clock;
   options.deadline = limits.deadline;
   options.should_stop = limits.should_stop;

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <vector>
+
 #include "engine/atlas/invariants.h"
 #include "tests/engine/place/synthetic_colon.h"
 #include "tests/hal/ticking_clock.h"
@@ -67,6 +70,40 @@ TEST_F(LocalBundleTest, StoppedItDeletesNoObservation) {
     }
   }
 }
+
+class LocalBundleGateTest : public LocalBundleTest {
+ protected:
+  static constexpr int kNumMoved = 40;
+
+  // Moves so many features of the last keyframe but one, by turns to the right and to the left, and has the window
+  // adjusted. How many of them still see their points.
+  int NumKept(double off_sigmas) {
+    const auto& frame = colon_.frames()[colon_.frames().size() - 2];
+    Keyframe& keyframe = atlas_.keyframe(frame.keyframe);
+    std::vector<std::size_t> moved;
+    for (std::size_t i = 0; i < keyframe.points.size() && moved.size() < kNumMoved; ++i) {
+      if (!keyframe.points[i] || atlas_.point(keyframe.points[i]).observations.size() < 6) continue;
+      Keypoint& keypoint = keyframe.features.keypoints[i];
+      Eigen::Vector2d pixel;
+      const Eigen::Vector3d& position = atlas_.point(keyframe.points[i]).position;
+      EXPECT_TRUE(colon_.camera().Project(frame.cam_from_world * position, &pixel));
+      keypoint.x_px = static_cast<float>(pixel.x() + (moved.size() % 2 == 0 ? 1 : -1) * off_sigmas *
+                                                         noise_.SigmaPx(keypoint.scale_px));
+      keypoint.y_px = static_cast<float>(pixel.y());
+      moved.push_back(i);
+    }
+    EXPECT_EQ(moved.size(), kNumMoved);
+    EXPECT_TRUE(Adjust(-1, &atlas_).ok());
+    const Keyframe& after = atlas_.keyframe(frame.keyframe);
+    return static_cast<int>(
+        std::count_if(moved.begin(), moved.end(), [&](std::size_t i) { return after.points[i].is_valid(); }));
+  }
+};
+
+// A point follows a moved feature by its share, so the gate of 3.03 sigmas lets one through that was moved by a little
+// more.
+TEST_F(LocalBundleGateTest, FeaturesNearTheGateKeepTheirPoints) { EXPECT_GT(NumKept(3.2), 0.8 * kNumMoved); }
+TEST_F(LocalBundleGateTest, FeaturesFarBeyondItDoNot) { EXPECT_LT(NumKept(6.0), 0.2 * kNumMoved); }
 
 }  // namespace
 }  // namespace haustra::test

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds everything and runs all tests; ends with ctest's summary, and with whether a test of
-# each requirement ran. HAUSTRA_CMAKE_ARGS: more arguments for cmake, separated by spaces.
+# Installs what is missing, builds everything and runs all tests. Ends with ctest's summary, or with the requirements of
+# which no test ran. HAUSTRA_CMAKE_ARGS: more arguments for cmake, separated by spaces.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 bash tools/setup.sh
@@ -8,4 +8,5 @@ read -ra arguments <<< "${HAUSTRA_CMAKE_ARGS:-}"
 cmake --preset release "${arguments[@]}" > /dev/null
 cmake --build --preset release
 ctest --preset release -j "$(nproc)" --output-junit "$PWD/build/release/tests.xml" --test-output-size-passed 10000000
-python3 tools/checks/trace.py --ran build/release/tests.xml
+traced=build/release/requirements.txt
+python3 tools/checks/trace.py --ran build/release/tests.xml > "$traced" 2>&1 || { cat "$traced"; exit 1; }

@@ -22,7 +22,7 @@ using std::chrono::milliseconds;
 constexpr Duration kLongestWait = milliseconds(100);
 // After a stop; a source that answers no later than it should is done by then.
 constexpr Duration kPatienceWithCapture = 5 * kLongestWait;
-// From one frame of a recording to the next; a longer time is a pause.
+// From one frame of a recording to the next, by its stamps; a longer time is a pause and says nothing of the period.
 constexpr Duration kLongestPeriod = std::chrono::seconds(1);
 
 // A frame on its way from capture to tracking, with its pixels: three of these exist (mailbox).
@@ -214,10 +214,9 @@ class RealTimeSession {
       }
       // A recording says by its stamps how fast its frames come, whatever its calibration says.
       if (!is_live_ && has_origin && frame->index > last_index && frame->timestamp > last_stamp) {
-        const double num_periods = (frame->index - last_index) * rate_;
-        period = std::min(Duration(static_cast<std::int64_t>(
-                              static_cast<double>((frame->timestamp - last_stamp).count()) / num_periods)),
-                          kLongestPeriod);
+        const Duration step = (frame->timestamp - last_stamp) / (frame->index - last_index);
+        if (step <= kLongestPeriod)
+          period = Duration(static_cast<std::int64_t>(static_cast<double>(step.count()) / rate_));
       }
       last_stamp = frame->timestamp;
       last_index = frame->index;

@@ -131,9 +131,10 @@ MemoryPlan PlanRealTimeSession(const CameraCalibration& calibration);
 // camera are due at their time stamps, as long ago as that was: transport and copying are part of what is measured.
 //
 // Each frame is to be answered within config.scheduler.deadline_ms of its due time (0: within a period of the frames,
-// at the session's rate). `stop`, set by any thread, ends the session within a fraction of a second, or when a join
-// that has begun is done (merging.max_milliseconds): what was mapped stays in the engine, and the status is Ok. What
-// would only make the maps better is not begun any more. Sessions may follow each other with the same engine and
+// at the session's rate). The stamps of a recording tell its period; more than a second between two frames is a pause,
+// and the period stays what it was. `stop`, set by any thread, ends the session within a fraction of a second, or when
+// a join that has begun is done (merging.max_milliseconds): what was mapped stays in the engine, and the status is Ok.
+// What would only make the maps better is not begun any more. Sessions may follow each other with the same engine and
 // source; no frame of an earlier one can be marked. kInvalidArgument: rate. kFailedPrecondition: rt.require is set and
 // a privilege is missing. kUnavailable: the watched device is lost or hangs. Errors of the source.
 Result<SessionSummary> RunRealTime(FrameSource& source, Engine& engine, const Clock& clock,

@@ -81,8 +81,9 @@ class HookedSource final : public FrameSource {
 
 // Capture waits until tracking has begun with the frame before, so that none is dropped; for sources without damage.
 struct Lockstep {
-  explicit Lockstep(ScriptedColon& colon)
-      : device(colon.device(), [this] { tracking_began.release(); }), source(colon.source(), [this](int call) {
+  explicit Lockstep(ScriptedColon& colon) : Lockstep(colon, colon.source()) {}
+  Lockstep(ScriptedColon& colon, FrameSource& frames)
+      : device(colon.device(), [this] { tracking_began.release(); }), source(frames, [this](int call) {
           if (call > 0) tracking_began.acquire();
         }) {}
   std::counting_semaphore<> tracking_began{0};
@@ -640,6 +641,20 @@ TEST(RealTimeSession, AFrameOfARecordingHasAsLongAsUntilTheNextOne) {
   ASSERT_EQ(observer.frames.size(), 4u);
   for (std::size_t i = 1; i < observer.frames.size(); ++i) {
     EXPECT_EQ(observer.frames[i].deadline - observer.frames[i].due, std::chrono::milliseconds(80)) << i;
+  }
+}
+
+TEST(RealTimeSession, AFrameAfterAPauseOfARecordingHasNoLongerThanTheOthers) {
+  ScriptedColon colon;
+  ScriptedFrameSource frames(colon.camera().calibration());
+  for (const int stamp_ms : {0, 40, 80, 5080, 5120}) frames.AddFrame(TimePoint(std::chrono::milliseconds(stamp_ms)));
+  Lockstep lockstep(colon, frames);
+  const auto engine = colon.MakeEngine(Engine::Mode::kRealTime, lockstep.device);
+  RecordingObserver observer;
+  ASSERT_TRUE(RunRealTime(lockstep.source, *engine, SystemClock(), 4.0, observer, test::kNeverStop).ok());
+  ASSERT_EQ(observer.frames.size(), 5u);
+  for (const FrameOutcome& frame : observer.frames) {
+    EXPECT_EQ(frame.deadline - frame.due, std::chrono::milliseconds(10)) << frame.result.frame_index;
   }
 }
 

@@ -22,11 +22,13 @@ Result<ControlClient> ControlClient::Connect(const std::string& path) {
   address.sun_family = AF_UNIX;
   if (path.size() >= sizeof address.sun_path) return InvalidArgument(path + ": is too long for a socket");
   std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
-  ControlClient client(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+  ControlClient client(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (client.socket_ < 0 ||
       ::connect(client.socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
     const int error = errno;
     if (error == ENOENT) return NotFound(path + ": no such socket; is haustrad running?");
+    // As many wait as may: who should let them in hangs.
+    if (error == EAGAIN) return Unavailable(path + ": haustrad takes no connections");
     return Unavailable(path + ": " + ErrnoText(error));
   }
   return client;
@@ -40,7 +42,9 @@ ControlClient::~ControlClient() {
 
 Result<std::string> ControlClient::Ask(std::string_view packet, Duration limit) {
   // A daemon that turns a client away says why before it is asked; so the answer is read even if sending fails.
-  const ssize_t sent = ::send(socket_, packet.data(), packet.size(), MSG_NOSIGNAL);
+  const ssize_t sent = ::send(socket_, packet.data(), packet.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+  // Earlier requests lie there unread, so that no answer to this one will come.
+  if (sent < 0 && errno == EAGAIN) return Unavailable("haustrad takes no requests");
   pollfd poll{socket_, POLLIN, 0};
   const auto end = std::chrono::steady_clock::now() + limit;
   int ready = -1;

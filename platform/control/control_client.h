@@ -11,14 +11,15 @@ namespace haustra {
 
 class ControlClient {
  public:
-  // kNotFound: there is no such socket, so no daemon; kUnavailable: no right to use it, or nobody listens.
+  // Never waits. kNotFound: there is no such socket, so no daemon; kUnavailable: no right to use it, nobody listens, or
+  // who listens lets nobody in.
   static Result<ControlClient> Connect(const std::string& path);
   ControlClient(ControlClient&& other) noexcept;
   ControlClient& operator=(ControlClient&&) = delete;
   ~ControlClient();
 
-  // Sends any bytes as one packet and waits for the answer. Errors: as ParseReply; kUnavailable: the daemon has gone or
-  // put this client out; kDeadlineExceeded.
+  // Sends any bytes as one packet and waits for the answer. Errors: as ParseReply; kUnavailable: the daemon has gone,
+  // put this client out or leaves its requests unread; kDeadlineExceeded.
   Result<std::string> Ask(std::string_view packet, Duration limit);
   Result<std::string> Ask(const ControlRequest& request, Duration limit) { return Ask(ToText(request), limit); }
 

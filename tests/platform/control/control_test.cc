@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -22,6 +23,13 @@ namespace {
 
 namespace fs = std::filesystem;
 using std::chrono::seconds;
+
+sockaddr_un AddressOf(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::strcpy(address.sun_path, path.c_str());
+  return address;
+}
 
 std::string Message(std::string_view packet) { return ParseControlRequest(packet).status().message(); }
 
@@ -268,10 +276,8 @@ TEST_F(ControlSocket, IdleClientsAndThoseThatDoNotReadAreDisconnected) {
 
   // Asks and asks, and reads nothing.
   const int deaf = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  std::strcpy(address.sun_path, path_.c_str());
-  ASSERT_EQ(connect(deaf, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  const sockaddr_un address = AddressOf(path_);
+  ASSERT_EQ(connect(deaf, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
   WaitFor([&] { return send(deaf, "status", 6, MSG_NOSIGNAL | MSG_DONTWAIT) < 0 && errno == EPIPE; });
   EXPECT_TRUE(Connect().Ask("status", kLimit).ok());
   close(deaf);
@@ -281,15 +287,51 @@ TEST_F(ControlSocket, StaleSocketOfACrashIsReplaced) {
   RecordProperty("req", "DMN-006");
   {
     const int stale = socket(AF_UNIX, SOCK_SEQPACKET, 0);
-    sockaddr_un address{};
-    address.sun_family = AF_UNIX;
-    std::strcpy(address.sun_path, path_.c_str());
-    ASSERT_EQ(bind(stale, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    const sockaddr_un address = AddressOf(path_);
+    ASSERT_EQ(bind(stale, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
     close(stale);
   }
   EXPECT_EQ(ControlClient::Connect(path_).code(), StatusCode::kUnavailable);
   Start({});
   EXPECT_TRUE(Connect().Ask("status", kLimit).ok());
+}
+
+// A daemon that hangs: what listens at `path` lets nobody in.
+int ListenDeaf(const std::string& path) {
+  const int deaf = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+  const sockaddr_un address = AddressOf(path);
+  EXPECT_EQ(bind(deaf, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  EXPECT_EQ(listen(deaf, 0), 0);
+  return deaf;
+}
+
+TEST_F(ControlSocket, AQueueThatIsFullHoldsNobodyUp) {
+  const int deaf = ListenDeaf(path_);
+  const sockaddr_un address = AddressOf(path_);
+  std::vector<int> waiting;
+  int error = 0;
+  while (error == 0 && waiting.size() < 100) {
+    waiting.push_back(socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    if (connect(waiting.back(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) error = errno;
+  }
+  ASSERT_EQ(error, EAGAIN);
+  const Result<ControlClient> client = ControlClient::Connect(path_);
+  EXPECT_EQ(client.code(), StatusCode::kUnavailable);
+  EXPECT_EQ(client.status().message(), path_ + ": haustrad takes no connections");
+  for (const int each : waiting) close(each);
+  close(deaf);
+}
+
+TEST_F(ControlSocket, RequestsThatLieUnreadHoldNobodyUp) {
+  const int deaf = ListenDeaf(path_);
+  ControlClient client = Connect();
+  Status status(StatusCode::kDeadlineExceeded);
+  for (int i = 0; i < 10000 && status.code() == StatusCode::kDeadlineExceeded; ++i) {
+    status = client.Ask("status", Duration(0)).status();
+  }
+  EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+  EXPECT_EQ(status.message(), "haustrad takes no requests");
+  close(deaf);
 }
 
 TEST(ControlServer, BadPathsAreErrors) {

@@ -283,8 +283,10 @@ Status V4l2Stream::SetRate(double preferred_rate_hz) {
     v4l2_captureparm& capture = parameters.parm.capture;
     if (wanted > 0.0 && (capture.capability & V4L2_CAP_TIMEPERFRAME) != 0) {
       capture.timeperframe = {1000, static_cast<__u32>(std::lround(1000.0 * wanted))};
-      if (const int error = io_.Ioctl(fd_, VIDIOC_S_PARM, &parameters); error < 0)
-        return Failed("VIDIOC_S_PARM", error);
+      const int error = io_.Ioctl(fd_, VIDIOC_S_PARM, &parameters);
+      if (error < 0 && (options_.rate_hz > 0.0 || error == -ENODEV)) return Failed("VIDIOC_S_PARM", error);
+      // A rate that was only preferred and is refused: the camera says again which one it has.
+      if (error < 0 && io_.Ioctl(fd_, VIDIOC_G_PARM, &parameters) < 0) capture.timeperframe = {};
     }
     if (capture.timeperframe.numerator > 0 && capture.timeperframe.denominator > 0) {
       format_.rate_hz =

@@ -187,6 +187,7 @@ int ScriptedCamera::Answer(unsigned long request, void* argument) {
       auto* parameters = static_cast<v4l2_streamparm*>(argument);
       v4l2_captureparm& capture = parameters->parm.capture;
       if (!says_rate) return -ENOTTY;
+      if (request == VIDIOC_S_PARM && rate_error != 0) return rate_error;
       capture.capability = V4L2_CAP_TIMEPERFRAME;
       const CameraMode* mode = ModeOf(fourcc_, width_, height_);
       const double wanted = request == VIDIOC_S_PARM && capture.timeperframe.numerator > 0

@@ -47,6 +47,7 @@ class ScriptedCamera final : public DeviceIo {
   std::uint32_t field = V4L2_FIELD_NONE;  // what S_FMT answers
   int extra_pitch_bytes = 0;
   bool says_rate = true;            // G_PARM
+  int rate_error = 0;               // of S_PARM
   bool has_sizes = true;            // ENUM_FRAMESIZES, ENUM_FRAMEINTERVALS
   std::uint32_t height_answer = 0;  // of S_FMT; 0: what was asked
   std::vector<std::string> inputs;

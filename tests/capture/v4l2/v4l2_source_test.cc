@@ -159,6 +159,23 @@ TEST(V4l2Source, TakesTheSizeOfTheCalibrationAndItsRateIfThereIsOne) {
   EXPECT_EQ(source->calibration().rate_hz, 25);
 }
 
+TEST(V4l2Source, ARateThatCannotBeSetIsAnErrorOnlyWhenItWasAskedFor) {
+  ScriptedCamera camera;
+  camera.modes.front().rates_hz = {12.5, 25};
+  camera.rate_error = -EINVAL;
+  EXPECT_THAT(MustOpen(camera)->Describe(), HasSubstr("YUYV 64x48 at 12.5 Hz"));
+
+  V4l2Options options = Options();
+  options.rate_hz = 25;
+  const auto asked = Open(camera, options);
+  EXPECT_EQ(asked.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(asked.status().message(), HasSubstr("VIDIOC_S_PARM"));
+
+  camera.rate_error = -ENODEV;
+  EXPECT_THAT(Open(camera).status().message(), HasSubstr("VIDIOC_S_PARM"));
+  EXPECT_EQ(camera.num_opened, 0);
+}
+
 TEST(V4l2Source, WhatTheCameraDoesNotOfferIsRefusedWithWhatItOffers) {
   ScriptedCamera camera;
   camera.modes = {{V4L2_PIX_FMT_YUYV, 64, 48, {25}}, {V4L2_PIX_FMT_MJPEG, 96, 64, {60, 30}}};

@@ -35,7 +35,7 @@ class Page {
 };
 
 std::string Service(const WatchModel& model) {
-  if (!model.is_connected) return "no daemon";
+  if (!model.is_connected) return model.ring_error.empty() ? "no daemon" : model.ring_error;
   if (!model.is_alive) return model.service == HAUSTRA_SERVICE_CLOSED ? "stopped" : "silent: crashed or hanging";
   return haustra_service_name(model.service);
 }

@@ -13,6 +13,7 @@ namespace haustra {
 // What is known of the daemon at one moment.
 struct WatchModel {
   bool is_connected = false;  // to the shared memory
+  std::string ring_error;     // why not, but for one that is not there
   bool is_alive = false;
   std::uint32_t service = HAUSTRA_SERVICE_STARTING;
   bool has_pose = false;

@@ -1,12 +1,11 @@
 #include "tools/view/live_stream.h"
 
-#include <cerrno>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <vector>
 
 #include "capture/codec/jpeg_codec.h"
-#include "hal/core/errno_text.h"
+#include "platform/publish/ring_error.h"
 #include "tools/report/base64.h"
 #include "tools/view/column.h"
 #include "tools/view/live_marks.h"
@@ -115,15 +114,8 @@ void LiveStream::Forget(std::string* news) {
 void LiveStream::Reopen(std::string* news) {
   const bool was_open = ring_.file != nullptr;
   haustra_ring_close(&ring_);
-  open_error_.clear();
   const int result = haustra_ring_open(&ring_, path_.c_str());
-  if (result == HAUSTRA_NO_FILE && errno != ENOENT) {
-    open_error_ = path_ + ": " + ErrnoText(errno);
-  } else if (result == HAUSTRA_NOT_A_RING) {
-    open_error_ = path_ + " is not what haustrad writes.";
-  } else if (result == HAUSTRA_OTHER_VERSION) {
-    open_error_ = path_ + " was written by another version of haustrad than this program knows.";
-  }
+  open_error_ = RingOpenError(path_, result);
   if (result != HAUSTRA_OK && !was_open) return;
   Forget(news);
   pose_cursor_ = event_cursor_ = procedure_ = 0;

@@ -19,6 +19,8 @@
  *   - When the daemon stops or starts anew, the old file is closed (haustra_ring_service: HAUSTRA_SERVICE_CLOSED) and a
  *     new one takes its name: haustra_ring_is_replaced() says when to open again. After a crash the old file is closed
  *     by the next start; until then haustra_ring_is_alive() tells.
+ *   - The sequence numbers of each file begin anew, so after opening again a reader's cursors begin at 0: older ones
+ *     would pass over what the new daemon publishes.
  *   - At the end of a procedure the daemon wipes poses, events and snapshots here too. Sequence numbers go on.
  *
  * Lengths are map units (suffix _mu). A monocular map has a scale of its own: map units are not millimetres, and differ

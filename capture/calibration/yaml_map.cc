@@ -152,15 +152,6 @@ Result<double> YamlMap::Number(std::string_view key) const {
   return number;
 }
 
-Result<double> YamlMap::NumberIn(std::string_view key, double min, double max) const {
-  HAUSTRA_ASSIGN(const double number, Number(key));
-  if (number < min || number > max) {
-    return InvalidArgument(Where(key) + " is " + FormatDouble(number) + ", not in " + FormatDouble(min) + " to " +
-                           FormatDouble(max));
-  }
-  return number;
-}
-
 Result<std::int64_t> YamlMap::IntegerIn(std::string_view key, std::int64_t min, std::int64_t max) const {
   HAUSTRA_ASSIGN(const std::string text, Scalar(key));
   const Result<std::int64_t> number = ParseInteger(text);

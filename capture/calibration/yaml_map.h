@@ -36,7 +36,6 @@ class YamlMap {
 
   // kInvalidArgument: no such key, no value, or not what is asked for.
   Result<double> Number(std::string_view key) const;
-  Result<double> NumberIn(std::string_view key, double min, double max) const;
   Result<std::int64_t> IntegerIn(std::string_view key, std::int64_t min, std::int64_t max) const;
   Result<std::string> Text(std::string_view key) const;
   Result<std::vector<double>> Numbers(std::string_view key) const;

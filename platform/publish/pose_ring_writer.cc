@@ -106,11 +106,7 @@ void PoseRingWriter::PublishSnapshot(const haustra_snapshot& snapshot) {
 }
 
 void PoseRingWriter::SetService(haustra_service service) { StoreWord(&file_->header.service, service); }
-haustra_service PoseRingWriter::service() const {
-  return static_cast<haustra_service>(haustra_load_(&file_->header.service));
-}
 void PoseRingWriter::SetProcedure(std::uint64_t number) { StoreWord(&file_->header.procedure, number); }
-std::uint64_t PoseRingWriter::procedure() const { return haustra_load_(&file_->header.procedure); }
 
 void PoseRingWriter::Beat() { __atomic_store_n(&file_->header.alive_ns, haustra_now_ns(), __ATOMIC_RELEASE); }
 

@@ -40,9 +40,7 @@ class PoseRingWriter {
   void PublishSnapshot(const haustra_snapshot& snapshot);
 
   void SetService(haustra_service service);
-  haustra_service service() const;
   void SetProcedure(std::uint64_t number);
-  std::uint64_t procedure() const;
   // "Still there", every 100 ms.
   void Beat();
 

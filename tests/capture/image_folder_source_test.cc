@@ -257,6 +257,31 @@ TEST_F(ImageFolderSourceTest, MaskThatIsAPictureIsRefusedAndGreyEdgesAreNot) {
               HasSubstr("mask.png: 20.8 % of it is grey, not black or white (at most 20 %)"));
 }
 
+// As other programs write them: 128 or 200 instead of 255, or painted green in colour.
+TEST_F(ImageFolderSourceTest, MaskOfTwoOtherLevelsIsReadAndARampToAsMuchIsNot) {
+  for (const int inside : {128, 150, 200}) {
+    Image mask = FlatImage(64, 48, PixelFormat::kGrey8, static_cast<std::uint8_t>(inside));
+    std::memset(mask.row(0), 0, 64);
+    folder_.WriteImage("mask.png", mask);
+    const Result<std::unique_ptr<FrameSource>> source = Open();
+    ASSERT_TRUE(source.ok()) << source.status().ToString();
+    ASSERT_FALSE((*source)->static_mask().is_empty());
+    EXPECT_EQ((*source)->static_mask().row(0)[5], 0);
+    EXPECT_EQ((*source)->static_mask().row(1)[5], 255);
+    for (int y = 0; y < 48; ++y) {
+      for (int x = 0; x < 64; ++x) mask.row(y)[x] = static_cast<std::uint8_t>(inside * x / 63);
+    }
+    folder_.WriteImage("mask.png", mask);
+    EXPECT_THAT(OpenError(StatusCode::kInvalidArgument), HasSubstr("no mask, a picture?"));
+  }
+  Image green = FlatImage(64, 48, PixelFormat::kBgr8, 0);
+  for (int y = 8; y < 40; ++y) {
+    for (int x = 0; x < 64; ++x) green.row(y)[3 * x + 1] = 255;
+  }
+  folder_.WriteImage("mask.png", green);
+  EXPECT_TRUE(Open().ok()) << Open().status().ToString();
+}
+
 TEST_F(ImageFolderSourceTest, DuplicateTimeStampIsRefusedWithItsLine) {
   folder_.Write("times.txt", "0\n0.04\n0.04\n0.12\n0.16\n");
   EXPECT_THAT(OpenError(StatusCode::kInvalidArgument), HasSubstr("times.txt:3: time stamp 0.040000000 s repeats"));

@@ -73,7 +73,6 @@ class Pages(unittest.TestCase):
             self.assertIn(f"haustra-{name} (1)", overview)
         self.check(SHARE / "man/man8/haustrad.8", said(HAUSTRAD, "--help"))
 
-    @unittest.skipUnless(HAUSTRAD, "there is no haustrad")
     def test_readme_of_the_service_has_its_exit_codes(self):
         listed = re.findall(r"(?m)^  (\d+) +(.+)$", said(HAUSTRAD, "--help").split("Exit codes:")[1])
         readme = (Path(__file__).resolve().parents[3] / "platform/daemon/README.md").read_text(encoding="utf-8")
@@ -183,7 +182,25 @@ printf '%s\\n' "${{COMPREPLY[@]}}" """
         self.assertEqual(self.complete("haustra", "control", "mark", "1", ""), [])
         self.assertEqual(self.complete("haustra", "run", "--device", "=", "cu"), ["cuda"])
         self.assertEqual(self.complete("haustra", "run", "--device", "="), ["auto", "cpu", "cuda"])
-        self.assertEqual(self.complete("haustra", "run", "--set", "noise.k", "=", ""), [])
+        self.assertEqual(self.complete("haustra", "run", "--out", "=", ""), ["FILES"])
+        self.assertEqual(self.complete("haustra", "run", "--seed", "=", ""), [])
+
+    def test_bash_offers_files_behind_a_colon_and_behind_a_key(self):
+        self.assertEqual(self.complete("haustra", "run", "v4l2", ":", "/dev/vi"), ["FILES"])
+        self.assertEqual(self.complete("haustra", "run", "v4l2", ":"), ["FILES"])
+        self.assertEqual(self.complete("haustrad", "--source", "v4l2", ":", "/dev/vi"), ["FILES"])
+        self.assertEqual(self.complete("haustrad", "--set", "source.path", "=", "/da"), ["FILES"])
+        self.assertEqual(self.complete("haustrad", "--set", "source.path", "="), ["FILES"])
+        self.assertEqual(self.complete("haustrad", "--set", "source.path", "=", "v4l2", ":", "/dev/vi"), ["FILES"])
+
+    def test_bash_counts_what_a_colon_and_an_at_join_as_one_word(self):
+        redout = ["haustra", "render", "--events", "redout", "@"]
+        self.assertEqual(self.complete(*redout), [])
+        self.assertEqual(self.complete(*redout, "5"), [])
+        self.assertEqual(self.complete(*redout, "5", "ou"), ["FILES"])
+        self.assertEqual(self.complete(*redout, "5", "ou", ""), [], "there is one place, OUT")
+        self.assertEqual(self.complete("haustra", "control", "--folder", "a", ":", "b", "res"), ["resume"])
+        self.assertEqual(self.complete("haustrad", "--set", "source.path", "=", "v4l2", ":", "/dev/video0", "--conf"), ["--config"])
 
     def test_bash_offers_every_choice(self):
         lines = choices()

@@ -22,6 +22,14 @@ struct ControlArguments {
   double timeout_s = 30.0;
 };
 
+// As CLI11 describes a set, so that help, manual and completion have the words. Any request passes: it may be given as
+// one word, and what is wrong with it ParseControlRequest says.
+CLI::Validator RequestWords() {
+  std::string words;
+  for (const std::string& word : ControlWords()) words += (words.empty() ? "" : ",") + word;
+  return CLI::Validator([](const std::string&) { return std::string(); }, "{" + words + "}");
+}
+
 int FailControl(const Status& status) {
   switch (status.code()) {
     case StatusCode::kInvalidArgument: return console::Fail(kControlCommand, status, kExitUsage);
@@ -52,7 +60,7 @@ int Control(const ControlArguments& arguments) {
 void AddControlCommand(CLI::App& app, std::function<int()>& action) {
   const auto arguments = std::make_shared<ControlArguments>();
   CLI::App* command = app.add_subcommand("control", "One request to a running haustrad");
-  command->add_option("request", arguments->request, ControlForms())->check(CLI::IsMember(ControlWords()))->required();
+  command->add_option("request", arguments->request, ControlForms())->check(RequestWords())->required();
   command->add_option("arguments", arguments->words, "What the request takes")->type_name("WORD");
   command->add_option("--folder", arguments->folder, "Runtime folder of the daemon")->capture_default_str();
   command->add_option("--timeout", arguments->timeout_s, "Seconds to wait for the answer")

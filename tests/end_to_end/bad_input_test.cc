@@ -456,6 +456,7 @@ TEST_F(BadInput, WrongCommandLinesAreUsageErrors) {
       {"render"},
       {"soak", sequence_, "--mode", "sequential", "--rate", "2"},
       {"soak", sequence_, "--minutes", "1"},
+      {"soak", sequence_, "--minutes", "2.1"},
       {"soak", sequence_, "--minutes", "10", "--procedure", "1"},
   };
   for (const std::vector<std::string>& arguments : wrong) {

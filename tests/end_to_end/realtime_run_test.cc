@@ -68,7 +68,8 @@ TEST(RealTimeRun, ProcessorIsLeftToMappingByEveryCommandThatRunsInRealTime) {
   EXPECT_THAT(run({"--mode", "realtime", "--set", "rt.enabled=false"}), HasSubstr(threads(num_processors)));
   EXPECT_THAT(run({"--mode", "realtime", "--threads", "3"}), HasSubstr(threads(3))) << "as it is told";
   const auto soak = [&](const char* mode) {
-    return HaustraOnCpu({"soak", sequence, "--minutes", "0.01", "--warm-up", "0", "--mode", mode}).out;
+    return HaustraOnCpu({"soak", sequence, "--minutes", "0.02", "--interval", "0.1", "--warm-up", "0", "--mode", mode})
+        .out;
   };
   EXPECT_THAT(soak("realtime"), HasSubstr(threads(num_processors - 1)));
   EXPECT_THAT(soak("sequential"), HasSubstr(threads(num_processors)));

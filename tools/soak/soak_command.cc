@@ -150,16 +150,28 @@ int NumProcedures(const SoakArguments& arguments) {
   return std::max(1, static_cast<int>(std::lround(arguments.minutes / arguments.procedure_minutes)));
 }
 
+// What is to be judged of a run that goes as it should.
+int NumJudgedSamples(const SoakArguments& arguments, double procedure_s) {
+  const auto intervals = [&](double seconds) {
+    return static_cast<int>(std::ceil(seconds / arguments.interval_s - 1e-6));
+  };
+  const int of_procedure = intervals(procedure_s) - std::max(1, intervals(arguments.warm_up_s));
+  return std::max(0, of_procedure) * std::max(1, NumProcedures(arguments) - 1);
+}
+
 Status CheckTimes(const SoakArguments& arguments) {
   if (arguments.mode != "realtime" && arguments.rate != 1.0) {
     return InvalidArgument("--rate is the pace of real time: it needs --mode realtime");
   }
   const double procedure_s = 60.0 * arguments.minutes / NumProcedures(arguments);
-  if (procedure_s > arguments.warm_up_s) return Status::Ok();
-  char text[160];
+  const int num_samples = NumJudgedSamples(arguments, procedure_s);
+  if (num_samples >= static_cast<int>(kMinJudgedSamples)) return Status::Ok();
+  char text[240];
   std::snprintf(text, sizeof(text),
-                "--minutes %g leaves nothing after --warm-up %g in procedures of %g s; give more, or a shorter warm-up",
-                arguments.minutes, arguments.warm_up_s, procedure_s);
+                "--minutes %g in procedures of %g s leaves %d of %zu samples that are needed, after --warm-up %g at "
+                "--interval %g; give more, or a shorter warm-up or interval",
+                arguments.minutes, procedure_s, num_samples, kMinJudgedSamples, arguments.warm_up_s,
+                arguments.interval_s);
   return InvalidArgument(text);
 }
 

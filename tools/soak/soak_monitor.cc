@@ -16,7 +16,6 @@ namespace {
 // Hours of samples every ten seconds fit without growing.
 constexpr std::size_t kReservedSamples = 100'000;
 constexpr std::size_t kMaxFramesOfInterval = 65'536;
-constexpr std::size_t kMinJudgedSamples = 8;
 
 double MeanRss(std::span<const SoakSample> samples) {
   return std::accumulate(samples.begin(), samples.end(), 0.0,

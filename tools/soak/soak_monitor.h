@@ -2,6 +2,7 @@
 // own, and a verdict at the end. thread-bound(the observer of the sessions).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <string>
@@ -12,6 +13,9 @@
 #include "platform/session/session.h"
 
 namespace haustra {
+
+// After the warm-up, of all procedures that are judged: with fewer there is no verdict.
+inline constexpr std::size_t kMinJudgedSamples = 8;
 
 struct SoakOptions {
   Duration interval = std::chrono::seconds(10);  // of video time, between two samples

@@ -1,9 +1,13 @@
 #!/usr/bin/env python3
 """Proves that tools/checks/readme.py fails on a tree that breaks the rules, and only then."""
 
+import sys
 import unittest
 
-from checked_tree import run_checker
+from checked_tree import CHECKERS, run_checker
+
+sys.path.insert(0, str(CHECKERS))
+from readme import RESULTS, WITHOUT_JSON  # noqa: E402
 
 TABLE = """| sequence | live % | error | ORB-SLAM3: % |
 |---|---|---|---|
@@ -59,6 +63,11 @@ GOOD_TREE = {
 }
 for folder in ("hal", "kernels", "capture", "engine", "platform", "toolchains", "config", "tests", "tools"):
     GOOD_TREE[f"{folder}/README.md"] = f"# {folder}\n\nWhat it is.\n{SECTIONS}"
+# Those that the checker itself lists, as it wants them all.
+for name in WITHOUT_JSON:
+    GOOD_TREE.setdefault(f"{RESULTS}{name}.md", "# Old\n")
+GOOD_TREE["tools/old.md"] = "".join(f"[{name}](benchmarks/results/{name}.md)\n" for name in sorted(WITHOUT_JSON))
+OLD = "2026-11-28-ae2be7b-wall"
 GOOD_TREE["config/README.md"] = """# config
 
 <!-- figures: preset.h -->
@@ -114,6 +123,7 @@ BAD_FILES = [
     ("tools/benchmarks/results/2026-11-23-3e3d8e5.md", None, "links to no file in tools/benchmarks/results/"),
     ("README.md", README.replace("Machine", "[Others](tools/benchmarks/results/2026-11-22-0d47607.md)"), "or to several"),
     ("tools/benchmarks/results/2026-11-22-0d47607.json", None, "2026-11-22-0d47607.md:0: its raw figures, a .json beside it, are"),
+    (f"{RESULTS}{OLD}.md", None, f"{OLD}.md:0: is not there, and WITHOUT_JSON lists it"),
     ("CHANGELOG.md", "`2026-11-22-0d47607.md` went.\n", "2026-11-22-0d47607.md:0: no page links to it"),
     ("README.md", README.replace(BLOCK, ""), "one block of results"),
     ("README.md", README + BLOCK, "one block of results"),

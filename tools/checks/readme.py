@@ -12,7 +12,7 @@
 - Links to files of the tree resolve, in every .md file.
 - README.md has one block of results between its markers, with a link to one results file. Its table is that file's, row by row.
 - Every page of tools/benchmarks/results is linked by another page, and has its raw figures beside it, a .json of its name, but
-  for the old ones that are listed here.
+  for the old ones that are listed here, in WITHOUT_JSON. What is listed is there.
 - Any other table of a README.md with figures outside inline code (decimal fractions, and numbers with %, a unit of time or
   length, Hz, kB, MB or GB) has, on the line before it, <!-- figures: FILE... -->: paths from that README.md to results files,
   decision records or, for a limit or a default, the source that has it. Every number of the table occurs in one of them, and
@@ -257,6 +257,9 @@ class Checker(Violations):
                 self.report(page, 0, "no page links to it")
             if page.stem not in WITHOUT_JSON and not page.with_suffix(".json").is_file():
                 self.report(page, 0, "its raw figures, a .json beside it, are not there")
+        for name in sorted(WITHOUT_JSON):
+            if not (page := self.root / RESULTS / f"{name}.md").is_file():
+                self.report(page, 0, "is not there, and WITHOUT_JSON lists it")
 
     def run(self):
         for folder in TOP_FOLDERS:

@@ -63,7 +63,7 @@ struct LocalMap {
 
   std::uint64_t version = 0;  // 0: nothing published yet
   MapId map_id = kNoId;
-  FixedVector<LocalKeyframe, kMaxLocalKeyframes> keyframes;  // the newest first
+  FixedVector<LocalKeyframe, kMaxLocalKeyframes> keyframes;  // the centre first
   int num_points = 0;
   std::pmr::vector<LocalPoint> points;      // [0, num_points), in order of handle.index
   FixedVector<LocalMark, kMaxMarks> marks;  // all of the map

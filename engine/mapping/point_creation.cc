@@ -37,7 +37,7 @@ void PointCreator::Create(KeyframeHandle handle, std::span<const Covisible> neig
   for (const Covisible& neighbour : neighbours) {
     const Keyframe& a = atlas->keyframe(handle);
     const Keyframe& b = atlas->keyframe(neighbour.keyframe);
-    // Two views that stand at one place give no depth. The depth scale is that of the points which the two share.
+    // Two views that stand at one place give no depth. The depth scale is that of the points which b sees.
     double depth = 0.0;
     int num_points = 0;
     for (int i = 0; i < b.features.num; ++i) {

@@ -62,7 +62,6 @@ Sim3 UpToDate(const MergePlan& plan, const Atlas& atlas) {
 Merger::Merger(const EngineConfig& config, const MergingConfig& options, const NoiseModel& noise,
                const CameraModel& camera, VisionDevice& device, SchurBundleAdjuster& adjuster)
     : config_(config),
-      noise_(noise),
       options_(options),
       fuser_(config, noise, camera, device),
       weld_(config, options, noise, camera, adjuster),
@@ -376,12 +375,24 @@ void Merger::PlaceSeam(Atlas* atlas) {
 void Merger::TakeAlong(Atlas* atlas) {
   if (weld_.summary().state == SolveState::kNone) return;
   const auto& all = atlas->map(map_).keyframes;
-  for (auto it = all.rbegin(); it != all.rend() && atlas->keyframe(*it).id >= first_unwelded_; ++it) {
+  auto first = all.end();
+  while (first != all.begin() && atlas->keyframe(*(first - 1)).id >= first_unwelded_) --first;
+  // The oldest first: that keyframe may have come since, too.
+  taken_.clear();
+  for (auto it = first; it != all.end(); ++it) {
     atlas->FindCovisible(*it, 1, &covisible_);
-    if (covisible_.empty() || !weld_.Has(covisible_.front().keyframe)) continue;
+    if (covisible_.empty()) continue;
     const auto welded = weld_.keyframes();
     const auto kin = std::find(welded.begin(), welded.end(), covisible_.front().keyframe);
-    const Sim3 correction = weld_.Correction(static_cast<std::size_t>(kin - welded.begin()), 1.0);
+    auto kin_idx = static_cast<std::size_t>(kin - welded.begin());
+    if (kin == welded.end()) {
+      const auto is_kin = [&](const Taken& taken) { return taken.keyframe == covisible_.front().keyframe; };
+      const auto taken = std::find_if(taken_.begin(), taken_.end(), is_kin);
+      if (taken == taken_.end()) continue;
+      kin_idx = taken->kin_idx;
+    }
+    taken_.push_back({*it, kin_idx});
+    const Sim3 correction = weld_.Correction(kin_idx, 1.0);
     Keyframe& keyframe = atlas->keyframe(*it);
     keyframe.cam_from_map = TransformPose(keyframe.cam_from_map, correction);
     for (int i = 0; i < keyframe.features.num; ++i) {

@@ -79,7 +79,6 @@ class Merger {
   void DropGone(const Atlas& atlas);
 
   const EngineConfig& config_;
-  const NoiseModel& noise_;
   const MergingConfig& options_;
   PointFuser fuser_;
   Weld weld_;
@@ -107,6 +106,11 @@ class Merger {
   std::vector<Search> searches_;  // those left, the next one last
   std::vector<MapPointHandle> points_;
   std::vector<Covisible> covisible_;
+  struct Taken {
+    KeyframeHandle keyframe;
+    std::size_t kin_idx = 0;  // of the weld's keyframes, the one whose correction it has
+  };
+  std::vector<Taken> taken_;
 };
 
 }  // namespace haustra

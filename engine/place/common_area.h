@@ -149,14 +149,12 @@ class CommonAreaVerifier {
   CommonAreaVerdict CheckDrift(const Sides& sides, CommonArea* out) const;
   void MarkFeaturesWithPoint(const KeyframeExcerpt& keyframe);
 
-  const EngineConfig& config_;
   const NoiseModel& noise_;
   NoiseModel tolerated_;      // that of a view, or between two maps (group_similarity.h)
   bool is_by_group_ = false;  // the similarity is that of several keyframes
   const CommonAreaConfig& options_;
   const CameraModel& camera_;
   const SceneRegion& scene_;
-  VisionDevice& device_;
   Sim3Ransac ransac_;
   ProjectedSearch search_;
   GroupMatcher matcher_;

@@ -1,8 +1,9 @@
 // The mapper's part of place recognition: puts the question. First, what looks like a new keyframe among all keyframes
-// of all maps that are not connected with it? Connected are those that share mapping.min_shared_points with it: where a
-// scope comes back to a wall that its map has already, what leads there is a chain of neighbours. Then it copies what
-// the recogniser needs to verify the best of those, together with the rivals of each: other places of the same map, or
-// of the keyframe's own, that may agree as well. Reads the atlas only. thread-bound(mapping), deterministic.
+// of all maps that are not connected with it? Connected are those that share mapping.min_shared_points with it, and
+// max_shared_share of its points (place_config.h): where a scope comes back to a wall that its map has already, what
+// leads there is a chain of neighbours. Then it copies what the recogniser needs to verify the best of those, together
+// with the rivals of each: other places of the same map, or of the keyframe's own, that may agree as well. Reads the
+// atlas only. thread-bound(mapping), deterministic.
 #pragma once
 
 #include <cstdint>

@@ -170,6 +170,36 @@ TEST_P(JoinSlices, MappingGoesOnBetweenAllOfThem) {
   ExpectTruth(join);
 }
 
+// The second shares most points with the first, which the weld does not know.
+TEST(LoopSlices, TwoKeyframesThatComeWhileTheSeamIsWeldedGoAlongTogether) {
+  SlicedJoin join;
+  MakeLoop(LoopShape{}, &join);
+  join.plan.b_from_a.translation += Eigen::Vector3d(0.06, -0.04, 0.05);
+  join.Begin();
+  int first = -1, second = -1;
+  SE3 second_from_first, first_before;
+  const auto pose = [&](int i) { return join.atlas.keyframe(join.frame(i).keyframe).cam_from_map; };
+  while (join.Step()) {
+    if (join.outcome().num_weld_keyframes == 0 || second >= 0) continue;
+    if (first < 0) {
+      first = join.InsertBeside(join.frame_a, 0.06);
+      continue;
+    }
+    second = join.InsertBeside(first, 0.06);
+    std::vector<Covisible> covisible;
+    join.atlas.FindCovisible(join.frame(second).keyframe, 1, &covisible);
+    ASSERT_FALSE(covisible.empty());
+    ASSERT_EQ(covisible.front().keyframe, join.frame(first).keyframe);
+    first_before = pose(first);
+    second_from_first = pose(second) * pose(first).Inverse();
+  }
+  ASSERT_GE(second, 0);
+  EXPECT_GT((pose(first).InverseTranslation() - first_before.InverseTranslation()).norm(), 1e-3) << "the weld moved it";
+  const SE3 after = pose(second) * pose(first).Inverse();
+  EXPECT_LT((after.translation - second_from_first.translation).norm(), 1e-9);
+  EXPECT_LT(after.rotation.angularDistance(second_from_first.rotation), 1e-9);
+}
+
 // A keyframe waits for one piece of work at most: a node of the graph or its edges, a search, a step of a solver.
 TEST_P(JoinSlices, NoSliceDoesMoreThanOnePiece) {
   SlicedJoin join;

@@ -10,7 +10,6 @@ window.haustra = window.haustra || {};
   const FIELD_OF_VIEW_DEG = 40, SCOPE_FIELD_OF_VIEW_DEG = 100;
   const LIGHT_REACH_RADII = 14, STEP_OF_WHEEL = 0.01;
 
-
   const vectorAt = (array, i) => new THREE.Vector3(array[3 * i], array[3 * i + 1], array[3 * i + 2]);
   const countOf = array => Math.floor(array.length / 3);
 

@@ -186,7 +186,8 @@ window.haustra = window.haustra || {};
     }
     haustra.addLooks(scene, byId('looks'), ['outside', 'cut', 'along', 'scope']);
     byId('whole').addEventListener('click', () => {
-      if (scene.is_inside) scene.setLook('cut');
+      // Also where the look only waits for a pose, or for a wall.
+      if (scene.look === 'along' || scene.look === 'scope') scene.setLook('cut');
       frame();
     });
   };

@@ -82,7 +82,9 @@
       if (map.geometry) addSurface(map);
       else if (map.surface && scene.works) {
         fetch(map.surface).then(answer => answer.ok ? answer.arrayBuffer() : Promise.reject(new Error(answer.status))).then(bytes => {
-          map.geometry = new THREE.PLYLoader().parse(bytes);
+          const geometry = new THREE.PLYLoader().parse(bytes);
+          if (!geometry.index) return;  // a mesh without a triangle
+          map.geometry = geometry;
           if (map === shown) frameMap();
           addSurface(map);
           document.body.dataset.surface = 'shown';

@@ -29,8 +29,8 @@ inline constexpr double kMinRateHz = 0.001;  // less may be no time from frame t
 inline constexpr double kMaxRateHz = 10000.0;
 inline constexpr double kMaxFocalGuessSigma = 1.0;  // farther off is no guess
 
-// What holds for every calibration: sizes, focal lengths, principal point inside the image, coefficients that leave the
-// corners of the picture about where they are. `where` turns a field name (width_px, fx, k1, ...) into the place that
+// What holds for every calibration: sizes, focal lengths, principal point inside the image, coefficients that move its
+// corners no farther than any lens does. `where` turns a field name (width_px, fx, k1, ...) into the place that
 // the message begins with.
 Status CheckCalibration(const CameraCalibration& calibration,
                         const std::function<std::string(std::string_view field)>& where);

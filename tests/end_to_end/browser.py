@@ -111,6 +111,14 @@ class Browser:
     def open(self, address):
         self._ask("Page.navigate", {"url": address})
 
+    def slide(self, selector, value):
+        """As a person moves a slider."""
+        self.value(f"(s => {{ s.value = {value}; s.dispatchEvent(new Event('input')); }})"
+                   f"(document.querySelector({json.dumps(selector)}))")
+
+    def wait_for_drawing(self):
+        self.wait_for("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
+
     def value(self, expression):
         """Of JavaScript in the page."""
         result = self._ask("Runtime.evaluate", {"expression": expression, "returnByValue": True, "awaitPromise": True})

@@ -22,10 +22,9 @@ with browser.Browser(1280, 900) as page:
     if len(sys.argv) > 3:
         page.value(f"document.querySelector('.scene button[data-look={sys.argv[3]}]').click()")
     if len(sys.argv) > 4:
-        page.value(f"(s => {{ s.value = {float(sys.argv[4])}; s.dispatchEvent(new Event('input')); }})"
-                   "(document.querySelector('.scene .way-through input'))")
+        page.slide(".scene .way-through input", float(sys.argv[4]))
     page.value("document.querySelector('.scene').scrollIntoView({block: 'center'})")
-    page.wait_for("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
+    page.wait_for_drawing()
     x, y, width, height = page.box(".scene")
     left, top = page.value("[scrollX, scrollY]")
     Path(picture).write_bytes(page.picture(clip=(x + left, y + top, width, height),

@@ -141,7 +141,7 @@ def page_of(make):
 
 def move_slider(page, place):
     """To a place that is written in JavaScript, of the slider s."""
-    page.value("(s => { s.value = %s; s.dispatchEvent(new Event('input')); })(document.getElementById('slider'))" % place)
+    page.slide("#slider", place)
 
 
 def keep(page, name):
@@ -231,11 +231,11 @@ class PageTest(unittest.TestCase):
 
                 # The slider moves the scope and the words.
                 last = page.value("Number(document.body.dataset.frame)")
-                page.value("const s = document.getElementById('slider'); s.value = 0; s.dispatchEvent(new Event('input'))")
+                page.slide("#slider", 0)
                 self.assertEqual(page.value("document.body.dataset.frame"), "0")
                 self.assertEqual(page.value("document.querySelector('#facts dd').textContent"), "0")
                 self.assertGreater(last, 0)
-                page.value(f"s.value = {last}; s.dispatchEvent(new Event('input'))")
+                page.slide("#slider", last)
                 # So short a way has no lumen.
                 self.assertTrue(page.value("document.querySelector('button[data-look=along]').disabled"))
                 for look in ("outside", "cut", "scope"):

@@ -23,12 +23,10 @@ with ServedView(haustra, out) as view, browser.Browser(1280, 800) as page:
     if Path(out, "surface").is_dir() and not page.wait_for("document.body.dataset.surface === 'shown'"):
         sys.exit(f"the surface is not shown: {page.messages}")
     if len(sys.argv) > 4:
-        page.value(f"(s => {{ s.value = {int(sys.argv[4])}; s.dispatchEvent(new Event('input')); }})"
-                   "(document.getElementById('slider'))")
+        page.slide("#slider", int(sys.argv[4]))
     if len(sys.argv) > 5:
         page.value(f"document.querySelector('button[data-look={sys.argv[5]}]').click()")
     if len(sys.argv) > 6:
-        page.value(f"(s => {{ s.value = {float(sys.argv[6])}; s.dispatchEvent(new Event('input')); }})"
-                   "(document.querySelector('.way-through input'))")
-    page.wait_for("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
+        page.slide(".way-through input", float(sys.argv[6]))
+    page.wait_for_drawing()
     Path(picture).write_bytes(page.picture(jpeg_quality=70 if picture.endswith(".jpg") else None))

@@ -61,7 +61,7 @@ TEST_F(VocabularyLoaderTest, MissingFileOrFolderIsRefused) {
   config_.place.retrieval.vocabulary = root_.Path("no_such_file");
   EXPECT_EQ(Refusal().code(), StatusCode::kNotFound);
   config_.place.retrieval.vocabulary = root_.Path("");
-  EXPECT_EQ(Refusal().code(), StatusCode::kUnavailable);
+  EXPECT_EQ(Refusal().code(), StatusCode::kDataLoss);
 }
 
 TEST_F(VocabularyLoaderTest, BrokenFileIsRefused) {

@@ -42,12 +42,11 @@ DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const Dept
       width_(camera.width_px() / options.step_px),
       height_(camera.height_px() / options.step_px),
       seed_grid_(width_, height_),
-      median_(width_, height_) {
+      median_(width_, height_),
+      sampler_(options.window_radius) {
   HAUSTRA_CHECK(options.Validate().ok());
   has_mask_ = !mask.is_empty();
   const std::size_t num_cells = std::size_t(width_) * height_;
-  const int side = 2 * options.window_radius + 1;
-  num_samples_ = side * side;
   is_scene_.assign(std::size_t(camera.width_px()) * camera.height_px(), 1);
   if (!mask.is_empty()) {
     HAUSTRA_CHECK(mask.width == camera.width_px() && mask.height == camera.height_px());
@@ -86,8 +85,8 @@ DepthMatcher::DepthMatcher(const CameraModel& camera, ImageView mask, const Dept
   }
   estimates_.resize(num_cells);
   first_.resize(num_cells);
-  weight_.resize(num_cells * num_samples_);
-  pattern_.resize(num_cells * num_samples_);
+  weight_.resize(num_cells * sampler_.padded_size());
+  pattern_.resize(num_cells * sampler_.padded_size());
   variance_.resize(num_cells);
   sources_.resize(options.max_sources);
 }
@@ -120,9 +119,8 @@ void DepthMatcher::SearchOn(DepthSolver* solver) {
 
 std::size_t DepthMatcher::BytesFor(int width_px, int height_px, const DepthOptions& options) {
   const auto num_cells = static_cast<std::size_t>(width_px / options.step_px) * (height_px / options.step_px);
-  const auto side = static_cast<std::size_t>(2 * options.window_radius + 1);
   const std::size_t per_cell = sizeof(Cell) + sizeof(DepthCell) + sizeof(Estimate) + sizeof(InversePlane) +
-                               (2 * side * side + 1) * sizeof(float);
+                               (2 * WindowSampler::PaddedSize(options.window_radius) + 1) * sizeof(float);
   // With a solver: planes, range and confidence of each cell.
   constexpr std::size_t kOfSolver = 4 * sizeof(float) + sizeof(std::uint8_t);
   return static_cast<std::size_t>(width_px) * height_px + num_cells * (per_cell + kOfSolver) +
@@ -136,8 +134,8 @@ void DepthMatcher::PrepareWindows(ImageView grey) {
   for (int i = 0; i < static_cast<int>(cells_.size()); ++i) {
     const Cell& cell = cells_[i];
     if (!cell.is_usable) continue;
-    float* weight = &weight_[std::size_t(i) * num_samples_];
-    float* pattern = &pattern_[std::size_t(i) * num_samples_];
+    float* weight = &weight_[std::size_t(i) * sampler_.padded_size()];
+    float* pattern = &pattern_[std::size_t(i) * sampler_.padded_size()];
     float sum = 0.0f, full = 0.0f, mean = 0.0f;
     int k = 0;
     for (int v = -radius; v <= radius; ++v) {
@@ -166,7 +164,8 @@ void DepthMatcher::PrepareWindows(ImageView grey) {
     if (sum < kMinWindowWeight * full) continue;
     mean /= sum;
     float variance = 0.0f;
-    for (k = 0; k < num_samples_; ++k) {
+    const int num_samples = k;
+    for (k = 0; k < num_samples; ++k) {
       weight[k] /= sum;
       const float deviation = weight[k] > 0.0f ? pattern[k] - mean : 0.0f;
       pattern[k] = weight[k] * deviation;
@@ -206,31 +205,11 @@ float DepthMatcher::SourceCost(int i, const InversePlane& plane, const Source& s
     return kNoCost;
   }
   *is_seen = true;
-  const float* weight = &weight_[std::size_t(i) * num_samples_];
-  const float* pattern = &pattern_[std::size_t(i) * num_samples_];
-  const std::uint8_t* data = source.grey.data;
-  const std::ptrdiff_t pitch = source.grey.pitch_bytes;
-  float sum = 0.0f, squares = 0.0f, product = 0.0f;
-  int k = 0;
-  for (int v = -radius; v <= radius; ++v) {
-    for (int u = -radius; u <= radius; ++u, ++k) {
-      const float x = px + static_cast<float>(u) * ux + static_cast<float>(v) * vx;
-      const float y = py + static_cast<float>(u) * uy + static_cast<float>(v) * vy;
-      // Rounding may carry a corner of the window to the last row or column, of which there is no next one.
-      const int x0 = std::min(static_cast<int>(x), width - 2), y0 = std::min(static_cast<int>(y), height - 2);
-      const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
-      const std::uint8_t* p = data + y0 * pitch + x0;
-      const float above = static_cast<float>(p[0]) + fx * static_cast<float>(p[1] - p[0]);
-      const float below = static_cast<float>(p[pitch]) + fx * static_cast<float>(p[pitch + 1] - p[pitch]);
-      const float value = above + fy * (below - above);
-      sum += weight[k] * value;
-      squares += weight[k] * value * value;
-      product += pattern[k] * value;
-    }
-  }
+  const std::size_t window = std::size_t(i) * sampler_.padded_size();
+  const WindowSums sums = sampler_.Sum(source.grey, {px, py, ux, uy, vx, vy}, &weight_[window], &pattern_[window]);
   const auto noise = static_cast<float>(options_.noise_grey * options_.noise_grey);
-  const float variance = std::max(squares - sum * sum, 0.0f);
-  return 1.0f - product / std::sqrt((variance + noise) * (variance_[i] + noise));
+  const float variance = std::max(sums.squares - sums.values * sums.values, 0.0f);
+  return 1.0f - sums.products / std::sqrt((variance + noise) * (variance_[i] + noise));
 }
 
 float DepthMatcher::DataCost(int cell, const InversePlane& plane) const {

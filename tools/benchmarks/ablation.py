@@ -26,7 +26,7 @@ VARIANTS = {
     "linear_noise": ("noise grows with scale, from 0 (paper's phantom: k 1)", ["noise.k=1", "noise.sigma_0_px=0", "noise.measured=false"]),
     "paper_noise": ("the paper's affine model (k 2, sigma_0 5 px)", ["noise.k=2", "noise.sigma_0_px=5", "noise.measured=false"]),
     "exact_founding": ("no noise floor between the two views of a founding", ["initialisation.noise_sigma_0_px=0"]),
-    "root_sift": ("RootSIFT descriptors", ["features.root_sift=true"]),
+    "plain_sift": ("SIFT descriptors, not RootSIFT", ["features.root_sift=false", "matching.min_similarity=0.80"]),
 }
 
 

@@ -138,7 +138,7 @@ void AddSurfaceCommand(CLI::App& app, std::function<int()>& action) {
       ->capture_default_str();
   command
       ->add_option("--max-blocks", request.surface.max_blocks,
-                   "Blocks of 8x8x8 voxels of a map, 3 kB each. When they are used up, what comes later is left out")
+                   "Blocks of 8x8x8 voxels of a map, 4 kB each. When they are used up, what comes later is left out")
       ->transform(WholeNumberBetween(1, 1 << 20))
       ->capture_default_str();
   command

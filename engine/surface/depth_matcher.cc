@@ -124,7 +124,7 @@ std::size_t DepthMatcher::BytesFor(int width_px, int height_px, const DepthOptio
   // With a solver: planes, range and confidence of each cell.
   constexpr std::size_t kOfSolver = 4 * sizeof(float) + sizeof(std::uint8_t);
   return static_cast<std::size_t>(width_px) * height_px + num_cells * (per_cell + kOfSolver) +
-         DepthMedian::BytesFor(static_cast<int>(num_cells)) +
+         DepthMedian::BytesFor(static_cast<int>(num_cells)) + WindowSampler::BytesFor(options.window_radius) +
          SeedGrid::BytesFor(width_px / options.step_px, height_px / options.step_px);
 }
 

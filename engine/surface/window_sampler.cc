@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 
 namespace haustra {
 namespace {
@@ -31,16 +30,18 @@ std::size_t WindowSampler::PaddedSize(int radius) {
   return (side * side + kLanes - 1) / kLanes * kLanes;
 }
 
-WindowSampler::WindowSampler(int radius) {
+std::size_t WindowSampler::BytesFor(int radius) { return 2 * PaddedSize(radius) * sizeof(float); }
+
+// Filler samples the centre.
+WindowSampler::WindowSampler(int radius)
+    : steps_along_row_(PaddedSize(radius), 0.0f), steps_along_column_(PaddedSize(radius), 0.0f) {
+  std::size_t k = 0;
   for (int v = -radius; v <= radius; ++v) {
-    for (int u = -radius; u <= radius; ++u) {
-      steps_along_row_.push_back(static_cast<float>(u));
-      steps_along_column_.push_back(static_cast<float>(v));
+    for (int u = -radius; u <= radius; ++u, ++k) {
+      steps_along_row_[k] = static_cast<float>(u);
+      steps_along_column_[k] = static_cast<float>(v);
     }
   }
-  // Filler samples the centre.
-  steps_along_row_.resize(PaddedSize(radius), 0.0f);
-  steps_along_column_.resize(PaddedSize(radius), 0.0f);
 }
 
 WindowSums WindowSampler::Sum(const ImageView& grey, const WindowFrame& frame, const float* weights,

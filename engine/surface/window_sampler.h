@@ -25,16 +25,19 @@ struct WindowSums {
   float products = 0.0f;  // each times its pattern
 };
 
-// Samples of (2 * radius + 1)^2 places, row by row. thread-safe: constant after construction.
+// Samples of (2 * radius + 1)^2 places, row by row. thread-safe: constant after construction, where all memory is taken.
 class WindowSampler {
  public:
+  // `radius`: 1 and up.
   explicit WindowSampler(int radius);
+  // What one takes on the heap.
+  static std::size_t BytesFor(int radius);
 
   // Of the two arrays of Sum: the samples and, behind them, filler, whose weights and patterns are zero.
   static std::size_t PaddedSize(int radius);
   std::size_t padded_size() const { return steps_along_row_.size(); }
 
-  // `grey`: kGrey8. All corners of the window lie in [0, width - 1) x [0, height - 1), but for rounding.
+  // `grey`: kGrey8, at least 2x2. All corners of the window lie in [0, width - 1) x [0, height - 1), but for rounding.
   // `weights`, `patterns`: padded_size() each.
   WindowSums Sum(const ImageView& grey, const WindowFrame& frame, const float* weights, const float* patterns) const;
 

@@ -25,7 +25,8 @@ struct WindowSums {
   float products = 0.0f;  // each times its pattern
 };
 
-// Samples of (2 * radius + 1)^2 places, row by row. thread-safe: constant after construction, where all memory is taken.
+// Samples of (2 * radius + 1)^2 places, row by row. thread-safe: constant after construction, where all memory is
+// taken.
 class WindowSampler {
  public:
   // `radius`: 1 and up.

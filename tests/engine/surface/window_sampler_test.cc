@@ -7,23 +7,25 @@
 #include <vector>
 
 #include "engine/geometry/rng.h"
+#include "tests/engine/surface/guarded_picture.h"
 
 namespace haustra {
 namespace {
 
 constexpr int kWidth = 60, kHeight = 50;
 
-struct Ramp {
-  Ramp() {
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) pixels.push_back(static_cast<std::uint8_t>(base + dx * x + dy * y));
+constexpr int kBase = 10, kAcross = 2, kDown = 1;
+
+// Rises along its rows and columns.
+Picture Ramp() {
+  Picture picture{{}, kWidth, kHeight};
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      picture.pixels.push_back(static_cast<std::uint8_t>(kBase + kAcross * x + kDown * y));
     }
   }
-  ImageView view() const { return {pixels.data(), kWidth, kHeight, kWidth, PixelFormat::kGrey8}; }
-
-  static constexpr int base = 10, dx = 2, dy = 1;
-  std::vector<std::uint8_t> pixels;
-};
+  return picture;
+}
 
 class WindowSamplerTest : public testing::TestWithParam<int> {
  protected:
@@ -40,7 +42,7 @@ class WindowSamplerTest : public testing::TestWithParam<int> {
 
 // The mean of a ramp is its value in the centre, and its deviation along the rows of the window is that of the steps.
 TEST_P(WindowSamplerTest, SumsOfARampAreThoseOfItsFormula) {
-  const Ramp ramp;
+  const Picture ramp = Ramp();
   const std::vector<float> weights = Even();
   std::vector<float> patterns(weights.size(), 0.0f);
   double mean_square_step = 0.0;
@@ -58,9 +60,9 @@ TEST_P(WindowSamplerTest, SumsOfARampAreThoseOfItsFormula) {
       *step = static_cast<float>(rng.Uniform(-2.0, 2.0));
     }
     const WindowSums sums = sampler_.Sum(ramp.view(), frame, weights.data(), patterns.data());
-    const double centre = ramp.base + ramp.dx * frame.x + ramp.dy * frame.y;
-    const double along_row = ramp.dx * frame.along_row_x + ramp.dy * frame.along_row_y;
-    const double along_column = ramp.dx * frame.along_column_x + ramp.dy * frame.along_column_y;
+    const double centre = kBase + kAcross * frame.x + kDown * frame.y;
+    const double along_row = kAcross * frame.along_row_x + kDown * frame.along_row_y;
+    const double along_column = kAcross * frame.along_column_x + kDown * frame.along_column_y;
     EXPECT_NEAR(sums.values, centre, 1e-3);
     EXPECT_NEAR(sums.products, along_row * mean_square_step, 1e-3);
     const double variance = (along_row * along_row + along_column * along_column) * mean_square_step;
@@ -68,9 +70,9 @@ TEST_P(WindowSamplerTest, SumsOfARampAreThoseOfItsFormula) {
   }
 }
 
-// A corner that rounding has put upon the last row and column has their value.
+// A corner that rounding has put upon the last row and column has their value, and nothing beyond them is read.
 TEST_P(WindowSamplerTest, ACornerUponTheLastRowIsThere) {
-  const Ramp ramp;
+  const GuardedPicture ramp(Ramp());
   WindowFrame frame;
   frame.along_row_x = frame.along_column_y = 1.0f;
   frame.x = static_cast<float>(kWidth - 1 - radius_);
@@ -78,7 +80,7 @@ TEST_P(WindowSamplerTest, ACornerUponTheLastRowIsThere) {
   std::vector<float> last(sampler_.padded_size(), 0.0f);
   last[static_cast<std::size_t>(num_samples_) - 1] = 1.0f;
   EXPECT_NEAR(sampler_.Sum(ramp.view(), frame, last.data(), last.data()).values,
-              ramp.base + ramp.dx * (kWidth - 1) + ramp.dy * (kHeight - 1), 1e-3);
+              kBase + kAcross * (kWidth - 1) + kDown * (kHeight - 1), 1e-3);
 }
 
 INSTANTIATE_TEST_SUITE_P(Radii, WindowSamplerTest, testing::Values(1, 2, 3, 4, 5));

@@ -144,14 +144,13 @@ TEST(Surface, OfMapsThatWereJoinedIsOne) {
 TEST(Surface, IsMadeAtTheEndOfARunThatKeptDepth) {
   const std::string scratch = ScratchFolder();
   const std::string out = scratch + "/out";
-  std::vector<std::string> arguments = {"run",          SequenceFolder("standard"),
-                                        "--out",        out,
-                                        "--device",     "cpu",
-                                        "--last-frame", "149",
-                                        "--set",        "depth.step_px=8",
-                                        "--threads",    "2",
-                                        "--set",        "depth.enabled=true"};
-  const CommandResult run = Haustra(arguments);
+  const std::vector<std::string> arguments = {
+      "run", SequenceFolder("standard"), "--out", out, "--device", "cpu", "--threads", "2"};
+  std::vector<std::string> with_depth = arguments, without_depth = arguments;
+  with_depth.insert(with_depth.end(),
+                    {"--last-frame", "149", "--set", "depth.step_px=8", "--set", "depth.enabled=true"});
+  without_depth.insert(without_depth.end(), {"--last-frame", "40", "--overwrite"});
+  const CommandResult run = Haustra(with_depth);
   ASSERT_EQ(run.exit_code, 0) << run.ToString();
   const CommandResult again = Haustra({"surface", out, "--out", scratch + "/again"});
   ASSERT_EQ(again.exit_code, 0) << again.ToString();
@@ -174,10 +173,7 @@ TEST(Surface, IsMadeAtTheEndOfARunThatKeptDepth) {
   EXPECT_THAT(page, HasSubstr("The wall that was looked at"));
   EXPECT_THAT(page, HasSubstr("data:image/png;base64,"));
 
-  arguments.resize(arguments.size() - 2);
-  *std::find(arguments.begin(), arguments.end(), "149") = "40";
-  arguments.push_back("--overwrite");
-  const CommandResult without = Haustra(arguments);
+  const CommandResult without = Haustra(without_depth);
   ASSERT_EQ(without.exit_code, 0) << without.ToString();
   EXPECT_FALSE(Exists(out + "/surface"));
   EXPECT_FALSE(ReadJson(out + "/summary.json").contains("surface"));

@@ -33,7 +33,7 @@ struct Part {
 constexpr Part kFirst{0, 125};
 constexpr Part kSecond{125, 250};
 
-std::string Folder() { return std::string(HAUSTRA_END_TO_END_DATA) + "/second_procedure"; }
+std::string Folder() { return HAUSTRA_END_TO_END_DATA "/second_procedure"; }
 std::string AtlasPath() { return Folder() + "/first.atlas"; }
 
 // Five seconds of each procedure: more keyframes stay than by default, so that there are enough to align.

@@ -131,7 +131,7 @@ bool WindowSystem::Reduce(double damping, IntrinsicMatrix* information, Intrinsi
     *gradient += row.by_intrinsics.transpose() * row.residual;
     if (row.view == 0) continue;
     const int at = kViewSize * (row.view - 1);
-    views.block<kViewSize, kViewSize>(at, at) += row.by_view.transpose() * row.by_view;
+    views.block<kViewSize, kViewSize>(at, at) += row.by_view.transpose().lazyProduct(row.by_view);
     view_by_intrinsics_.middleRows<kViewSize>(at) += row.by_view.transpose() * row.by_intrinsics;
     view_gradient_.segment<kViewSize>(at) += row.by_view.transpose() * row.residual;
   }
@@ -186,7 +186,7 @@ bool WindowSystem::Reduce(double damping, IntrinsicMatrix* information, Intrinsi
       for (std::size_t j = 0; j <= i; ++j) {
         const int other = rows_[begin + j].view;
         if (other == 0) continue;
-        views.block<kViewSize, kViewSize>(at, kViewSize * (other - 1)).noalias() -= scaled * by_view[j].transpose();
+        views.block<kViewSize, kViewSize>(at, kViewSize * (other - 1)) -= scaled.lazyProduct(by_view[j].transpose());
       }
     }
     begin = end;

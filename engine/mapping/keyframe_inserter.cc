@@ -160,8 +160,10 @@ void KeyframeInserter::CullKeyframes(KeyframeHandle newest) {
   state_.atlas.FindCovisible(newest, state_.config.mapping.min_shared_points, &covisible_);
   const auto& all = state_.atlas.map(state_.active).keyframes;
   for (const Covisible& covisible : covisible_) {
+    // With fewer the map would be dropped at the next loss.
+    if (static_cast<int>(all.size()) <= state_.config.mapping.min_map_keyframes) return;
     // The first keyframe holds the frame of reference, the last but one is what the tracker came from.
-    if (covisible.keyframe == all.front() || all.size() < 4 || covisible.keyframe == all[all.size() - 2]) continue;
+    if (covisible.keyframe == all.front() || covisible.keyframe == all[all.size() - 2]) continue;
     if (!IsRedundant(covisible.keyframe)) continue;
     // The neighbour that shares most points takes over the frames that were tracked against it.
     std::vector<Covisible> neighbours;

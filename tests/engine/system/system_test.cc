@@ -342,6 +342,28 @@ TEST(System, LostFrameIsFoundInAStoredMap) {
   EXPECT_EQ(CheckInvariants(procedure.engine().atlas()).ToString(), "ok");
 }
 
+// A scope that looks at one place from all sides: nearly every keyframe is redundant. The map is one all the same.
+TEST(System, MapOfAScopeThatHoversOutlivesALoss) {
+  EngineConfig config = test::SmallEngineConfig();
+  config.mapping.redundant_share = 0.05;
+  Procedure procedure(config);
+  for (int i = 0; i < 3; ++i) {
+    procedure.Move(0.0, 0.2, 15);
+    procedure.Move(0.2, 0.0, 15);
+  }
+  procedure.Occlude(5);
+  procedure.Move(12.0, 15.0, 30);
+  procedure.Run();
+  const std::vector<FrameResult>& results = procedure.results();
+  ASSERT_EQ(results[89].state, TrackingState::kTracking);
+  ASSERT_GT(procedure.engine().mapper_counters().num_keyframes_culled, 0u);
+  ASSERT_EQ(procedure.NumEvents(MapEventKind::kMapCreated), 2);
+  EXPECT_EQ(procedure.NumEvents(MapEventKind::kMapStored), 1);
+  EXPECT_EQ(procedure.NumEvents(MapEventKind::kMapDropped), 0);
+  ResolvedPose pose;
+  EXPECT_TRUE(procedure.engine().Resolve(results[89], &pose));
+}
+
 TEST(System, EveryFeatureSetIsGivenBackButThoseOfKeyframes) {
   Procedure procedure(test::SmallEngineConfig());
   procedure.Move(0.0, 4.0, 100);

@@ -1,4 +1,4 @@
-// One colon, one path, three cameras: 296x210 at 30 Hz, 720x540 at 25 and 1920x1080 at 60. What means an angle follows
+// One colon, one path, three cameras: 296x210 at 60 Hz, 720x540 at 25 and 1920x1080 at 30. What means an angle follows
 // the focal length, what means a share of the picture its size, and what means a time the rate: the same floors hold
 // for all, and maps begin and grow as fast.
 #include <gtest/gtest.h>

@@ -21,8 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kNumFrames = 200;
-constexpr int kHeldFrame = 100;
+constexpr int kNumFrames = 80;
+constexpr int kHeldFrame = 40;
 
 // A run that stands still, waiting for the pixels of kHeldFrame.
 class HeldRun : public testing::Test {
@@ -107,7 +107,7 @@ TEST_F(HeldRun, TerminateSignalEndsASequentialRunWithItsResults) {
   command_->Signal(SIGTERM);
   const CommandResult result = LetGo();
   EXPECT_EQ(result.exit_code, 0) << result.ToString();
-  EXPECT_NE(result.err.find("stopped after 101 frames"), std::string::npos) << result.ToString();
+  EXPECT_NE(result.err.find("stopped after 41 frames"), std::string::npos) << result.ToString();
   ExpectResultsUpToTheHeldFrame();
   ExpectAMap();
 }

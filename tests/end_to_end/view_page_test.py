@@ -11,6 +11,7 @@ to look at.
 import contextlib
 import csv
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -30,6 +31,9 @@ HAUSTRA, HAUSTRAD, SEQUENCE, RESULT, LIVE = (Path(path).resolve() for path in sy
 PICTURES = os.environ.get("HAUSTRA_VIEW_PICTURES")
 LABEL = '<b>&"x'
 PIN_IS_SHOWN = "(pin => pin !== null && getComputedStyle(pin).visibility === 'visible')(document.querySelector('.pin'))"
+# How many marks were in the pictures, from now on.
+RINGS_ARE_WATCHED = ("window.ringsSeen = new Set(); new MutationObserver(() => ringsSeen.add(document.body.dataset.rings))"
+                     ".observe(document.body, {attributes: true}); 0")
 # In the place of the engine's stream: `tell(event, data)` of the test.
 SCRIPTED_STREAM = """
 window.EventSource = class {
@@ -167,12 +171,18 @@ class PageTest(unittest.TestCase):
         self.fail(f"{len(drawn)} of {len(colours)} pixels are drawn, in {len(set(drawn))} colours")
 
     def assert_mark_is_shown(self, page):
-        """One that is set by a click comes into the picture, the list and the scene, and goes by two clicks."""
-        self.assertTrue(any(click_a_mark(page, (1 + i % 6) / 7, (1 + i // 6 % 4) / 5) for i in range(96)), "no place")
+        """One that is set by a click comes into the picture, the list and the scene.
+
+        The scope goes on while the engine answers. So places come first that stay in view for long, far ahead of it; and a
+        ring counts whenever it was there."""
+        page.value(RINGS_ARE_WATCHED)
+        spiral = [(0.1 + 0.003 * i, 2.4 * i) for i in range(96)]
+        places = [(0.5 + r * math.cos(angle), 0.5 + r * math.sin(angle)) for r, angle in spiral]
+        self.assertTrue(any(click_a_mark(page, u, v) for u, v in places), "no place")
         page.messages[:] = [message for message in page.messages if " 409 " not in message]  # places that could not be
         self.assertTrue(page.wait_for("document.body.dataset.marks === '1'"), page.messages)
         self.assertEqual(page.value("document.querySelector('#marks th').textContent"), "polyp")
-        self.assertTrue(page.wait_for("document.body.dataset.rings === '1'"), page.messages)
+        self.assertTrue(page.wait_for("ringsSeen.has('1')"), page.value("[...ringsSeen].join()"))
         self.assertTrue(page.wait_for(PIN_IS_SHOWN), page.messages)
 
     def assert_mark_is_removed(self, page):

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -137,6 +138,7 @@ class MarkedProcedure {
 
   // But for the first row, by which the device knows the frame.
   void Darken(const ImageView& image) {
+    if (!std::isfinite(window_radius_px_)) return;
     const Eigen::Vector2d middle(0.5 * image.width, 0.5 * image.height);
     for (int y = 1; y < image.height; ++y) {
       auto* row = const_cast<std::uint8_t*>(image.row(y));
@@ -171,7 +173,7 @@ class MarkedProcedure {
   ScriptedFrameSource source_;
   Engine engine_;
   Rng noise_{23};
-  double window_radius_px_ = 1e9;
+  double window_radius_px_ = std::numeric_limits<double>::infinity();
   std::vector<Landmark> landmarks_;
   std::vector<SE3> truth_;
   std::vector<FrameResult> results_;

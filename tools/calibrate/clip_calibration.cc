@@ -86,13 +86,15 @@ Result<ClipCalibration> CalibrateFromClip(const ClipCalibrationRequest& request)
   const FramePlan plan =
       PlanFrames(source->num_frames(), source->calibration().rate_hz, result.width_px, result.height_px);
   int num_read = 0;
+  std::uint32_t piece = 0;
   for (;;) {
     const Result<Frame> frame = source->Next(kNoDeadline);
     if (frame.code() == StatusCode::kDataLoss) continue;
     if (frame.code() == StatusCode::kNotFound) break;
     HAUSTRA_TRY(frame.status());
     ++num_read;
-    if (plan.BeginsPiece(frame->index)) collector.Interrupt();
+    if (plan.PieceOf(frame->index) != piece) collector.Interrupt();
+    piece = plan.PieceOf(frame->index);
     if (!plan.IsWanted(frame->index)) continue;
     finder.Add(frame->image);
     HAUSTRA_TRY(collector.Add(frame->index, frame->image));

@@ -12,7 +12,8 @@ struct FramePlan {
   std::uint32_t period = 0;  // from the beginning of a piece to that of the next
 
   bool IsWanted(std::uint32_t frame_index) const;
-  bool BeginsPiece(std::uint32_t frame_index) const { return piece > 0 && frame_index % period == 0; }
+  // The number of the piece that a frame is in, or behind.
+  std::uint32_t PieceOf(std::uint32_t frame_index) const { return piece > 0 ? frame_index / period : 0; }
 };
 
 // num_frames and rate_hz: 0 when not known.

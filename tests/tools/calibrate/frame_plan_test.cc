@@ -28,9 +28,10 @@ TEST(FramePlan, IsBoundedForAProcedureAndSpreadOverIt) {
   int in_last_quarter = 0;
   for (std::uint32_t i = kFrames / 4 * 3; i < kFrames; ++i) in_last_quarter += plan.IsWanted(i);
   EXPECT_GE(in_last_quarter, num / 6);
-  EXPECT_TRUE(plan.BeginsPiece(0));
-  EXPECT_TRUE(plan.BeginsPiece(plan.period));
-  EXPECT_FALSE(plan.BeginsPiece(plan.period + 1));
+  // Whichever of its frames is the first that can be read.
+  EXPECT_EQ(plan.PieceOf(plan.period - 1), 0u);
+  EXPECT_EQ(plan.PieceOf(plan.period), 1u);
+  EXPECT_EQ(plan.PieceOf(plan.period + 1), 1u);
 }
 
 TEST(FramePlan, GoesOnWithoutALength) { EXPECT_EQ(NumWanted(PlanFrames(0, 0.0, 720, 540), 1000), 500); }

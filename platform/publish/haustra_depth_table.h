@@ -40,7 +40,7 @@ extern "C" {
 
 #define HAUSTRA_DEPTH_MAX_CELLS 6912u /* 96x72 */
 
-/* Formulas: camera models of the README of capture. */
+/* Formulas: hal/camera_calibration.h of the sources. */
 enum haustra_camera_model {
   HAUSTRA_CAMERA_PINHOLE = 0,        /* coefficients k1 k2 p1 p2 k3 */
   HAUSTRA_CAMERA_KANNALA_BRANDT = 1, /* k1 k2 k3 k4 */

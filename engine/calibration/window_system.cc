@@ -152,7 +152,8 @@ bool WindowSystem::Reduce(double damping, IntrinsicMatrix* information, Intrinsi
     const Eigen::Vector3d unit = along.normalized();
     views.block<3, 3>(kViewSize * (far - 1), kViewSize * (far - 1)) += hold * unit * unit.transpose();
   }
-  // Points, one after the other: rows are in their order.
+  // Points, one after the other: rows are in their order. Without lazyProduct, here and above, Eigen takes its way of
+  // large matrices for blocks of 11x11, and an estimate takes twice as long.
   std::vector<Eigen::Matrix<double, kViewSize, 3>> by_view;
   for (std::size_t begin = 0; begin < rows_.size();) {
     std::size_t end = begin;

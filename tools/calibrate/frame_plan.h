@@ -12,7 +12,7 @@ struct FramePlan {
   std::uint32_t period = 0;  // from the beginning of a piece to that of the next
 
   bool IsWanted(std::uint32_t frame_index) const;
-  // The number of the piece that a frame is in, or behind.
+  // The number of the piece that a frame is in, or comes after.
   std::uint32_t PieceOf(std::uint32_t frame_index) const { return piece > 0 ? frame_index / period : 0; }
 };
 

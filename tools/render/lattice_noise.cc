@@ -9,15 +9,9 @@ namespace haustra::render {
 namespace {
 
 int Wrap(int y, int period) {
-  if (period <= 0 || (y >= 0 && y < period)) return y;  // a division takes long
+  if (period <= 0) return y;
   const int r = y % period;
   return r < 0 ? r + period : r;
-}
-
-// As std::floor, without a call into the library.
-int Floor(float x) {
-  const int towards_zero = static_cast<int>(x);
-  return towards_zero - (x < static_cast<float>(towards_zero) ? 1 : 0);
 }
 
 float Fade(float t) { return t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f); }
@@ -45,8 +39,9 @@ constexpr std::array<std::array<float, 2>, 16> kGradients = {{
 }  // namespace
 
 float GradientNoise::At(float x, float y) const {
-  const int ix = Floor(x), iy = Floor(y);
-  const float tx = x - static_cast<float>(ix), ty = y - static_cast<float>(iy);
+  const float fx = std::floor(x), fy = std::floor(y);
+  const int ix = static_cast<int>(fx), iy = static_cast<int>(fy);
+  const float tx = x - fx, ty = y - fy;
   const auto y0 = static_cast<std::uint32_t>(Wrap(iy, period_y_)),
              y1 = static_cast<std::uint32_t>(Wrap(iy + 1, period_y_));
   const auto x0 = static_cast<std::uint32_t>(ix), x1 = static_cast<std::uint32_t>(ix + 1);
@@ -62,7 +57,7 @@ float GradientNoise::At(float x, float y) const {
 }
 
 CellNoise::Distances CellNoise::At(float x, float y) const {
-  const int ix = Floor(x), iy = Floor(y);
+  const int ix = static_cast<int>(std::floor(x)), iy = static_cast<int>(std::floor(y));
   float first = 9.0f, second = 9.0f;
   for (int dy = -1; dy <= 1; ++dy) {
     const auto ly = static_cast<std::uint32_t>(Wrap(iy + dy, period_y_));

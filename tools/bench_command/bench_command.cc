@@ -20,15 +20,19 @@ void AddBenchCommand(CLI::App& app, std::function<int()>& action) {
   options->device = "auto";
   AddDeviceOption(*vision, options->device);
   vision->add_option("--threads", options->num_threads, "Threads of the CPU device")
-      ->transform(WholeNumberBetween(1, kMaxCpuVisionThreads));
+      ->transform(WholeNumberBetween(1, kMaxCpuVisionThreads))
+      ->capture_default_str();
   vision->add_option("--features", options->num_features, "Features to extract")
-      ->transform(WholeNumberBetween(1, 100'000));
+      ->transform(WholeNumberBetween(1, 100'000))
+      ->capture_default_str();
   vision->add_option("--repeats", options->repeats, "Repeats of each measurement")
-      ->transform(WholeNumberBetween(1, 1'000'000));
+      ->transform(WholeNumberBetween(1, 1'000'000))
+      ->capture_default_str();
   vision
       ->add_option("--database", options->num_database,
                    "Match 512 queries against so many descriptors as well (CUDA device)")
-      ->transform(WholeNumberBetween(0, 10'000'000));
+      ->transform(WholeNumberBetween(0, 10'000'000))
+      ->capture_default_str();
   vision->add_flag("--dp4a", options->use_dp4a, "Products by dp4a instead of tensor cores (CUDA device)");
   vision->callback([options, &action] {
     action = [options] {

@@ -207,7 +207,8 @@ void AddCaptureCommand(CLI::App& app, std::function<int()>& action) {
   command->add_option(
       "camera", arguments->camera,
       "/dev/video0 or a part of the name, then options: ,size=1440x1080,rate=50,format=NV12,max-rate=25,"
-      "input=NAME,region=WxH+X+Y,field=top|bottom,buffers=4; without it: list the cameras");
+      "input=NAME,region=WxH+X+Y,field=top|bottom,buffers=4,memory=mapped|dmabuf,wait=yes|no; "
+      "without it: list the cameras");
   command->add_option("--out", arguments->out, "Folder for the recording");
   AddOverwriteFlag(*command, arguments->overwrite);
   command->add_option("--seconds", arguments->seconds, "Stop after that time; by default at Ctrl-C")

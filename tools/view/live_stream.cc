@@ -150,12 +150,16 @@ void LiveStream::TellService(std::string* news) {
   told_service_ = std::move(text);
 }
 
+// The files may still have what an earlier procedure left, and that was a patient's: a service that has gone wipes
+// nothing, and wiping may fail.
+bool LiveStream::IsShown(std::uint64_t procedure) const { return was_busy_ && procedure == procedure_; }
+
 void LiveStream::TellPoses(std::string* news) {
   Json poses = Json::array();
   haustra_pose pose;
   std::uint64_t num_missed = 0;
   while (haustra_ring_next_pose(&ring_, &pose_cursor_, &pose, &num_missed) == HAUSTRA_OK) {
-    poses.push_back(PoseJson(pose));
+    if (IsShown(pose.procedure)) poses.push_back(PoseJson(pose));
   }
   if (!poses.empty()) Say("poses", poses, news);
 }
@@ -179,9 +183,10 @@ void LiveStream::TellEvents(std::string* news) {
 
 void LiveStream::TellMap(std::string* news) {
   const std::int64_t now_ns = haustra_now_ns();
-  if (now_ns < next_map_ns_ || haustra_ring_newest_snapshot(&ring_) == told_snapshot_) return;
+  if (!was_busy_ || now_ns < next_map_ns_ || haustra_ring_newest_snapshot(&ring_) == told_snapshot_) return;
   if (haustra_ring_latest_snapshot(&ring_, snapshot_.get()) != HAUSTRA_OK) return;
   told_snapshot_ = snapshot_->sequence;
+  if (!IsShown(snapshot_->procedure)) return;
   next_map_ns_ = now_ns + kMapInterval_ns;
   Say("map",
       {{"map", MapId(snapshot_->map_id)},
@@ -207,8 +212,7 @@ void LiveStream::TellPicture(std::string* news) {
     if (haustra_view_latest_picture(&view_, picture_.get()) != HAUSTRA_OK || picture_->sequence == told_picture_)
       return;
     told_picture_ = picture_->sequence;
-    // The file of a service that has gone shows its patient.
-    if (picture_->procedure != procedure_) return;
+    if (!IsShown(picture_->procedure)) return;
     has_picture_ = true;
   }
   const int answer = haustra_view_matches_of(&view_, picture_->frame_index, picture_->procedure, matches_.get());

@@ -43,6 +43,7 @@ class LiveStream final : public ViewStream {
  private:
   void Reopen(std::string* news);
   void TellService(std::string* news);
+  bool IsShown(std::uint64_t procedure) const;
   void TellPoses(std::string* news);
   void TellEvents(std::string* news);
   void TellMap(std::string* news);

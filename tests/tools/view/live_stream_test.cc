@@ -119,7 +119,7 @@ TEST_F(LiveStreamTest, EventsAndTheMapAreTold) {
   writer->PublishEvent(event);
   const auto snapshot = std::make_unique<haustra_snapshot>();
   snapshot->map_id = 0;
-  snapshot->procedure = 3;
+  snapshot->procedure = 1;
   snapshot->num_points = snapshot->num_map_points = 2;
   snapshot->num_keyframes = snapshot->num_map_keyframes = 1;
   snapshot->num_maps = 1;
@@ -133,7 +133,7 @@ TEST_F(LiveStreamTest, EventsAndTheMapAreTold) {
   EXPECT_EQ(events[0]["other_map"], 1);
   const nlohmann::json map = Messages(news, "map").at(0);
   EXPECT_EQ(map["num_points"], 2);
-  EXPECT_EQ(map["procedure"], 3);
+  EXPECT_EQ(map["procedure"], 1);
   EXPECT_EQ(map["points"].get<std::string>().size(), 32u) << "24 bytes in base64";
   // The same map is not told twice, and a newer one not at once.
   writer->PublishSnapshot(*snapshot);
@@ -189,6 +189,7 @@ TEST_F(LiveStreamTest, MarksComeWithTheMapThePosesAndTheirPicture) {
   ASSERT_TRUE(view.ok()) << view.status().message();
   const auto snapshot = std::make_unique<haustra_snapshot>();
   snapshot->map_id = 3;
+  snapshot->procedure = 1;
   snapshot->num_marks = 2;
   snapshot->marks[0] = {5, 3, 0, 4, {1.0F, 2.0F, 3.5F}, 0, "<b>&\"x"};
   snapshot->marks[1] = {6, 1, 0, 2, {0.0F, 0.0F, 0.0F}, 0, "other"};
@@ -266,10 +267,39 @@ TEST_F(LiveStreamTest, TheEndOfAProcedureIsForgotten) {
   EXPECT_TRUE(Messages(over, "poses").empty());
   writer->SetProcedure(2);
   writer->SetService(HAUSTRA_SERVICE_RUNNING);
-  writer->PublishPose(PoseAt(2));
+  haustra_pose pose = PoseAt(2);
+  pose.procedure = 2;
+  writer->PublishPose(pose);
   const std::string next = stream.Next();
   EXPECT_EQ(Messages(next, "service").at(0)["has_engine"], true);
   EXPECT_EQ(Messages(next, "poses").size(), 1u);
+}
+
+// Its files could not be wiped.
+TEST_F(LiveStreamTest, WhatAnEndedProcedureLeftIsNotToldAgain) {
+  const auto writer = MakeWriter();
+  const auto snapshot = std::make_unique<haustra_snapshot>();
+  snapshot->procedure = 1;
+  writer->PublishSnapshot(*snapshot);
+  LiveStream stream(Root());
+  EXPECT_EQ(Messages(stream.Next(), "map").size(), 1u);
+  writer->PublishPose(PoseAt(1));
+  writer->SetService(HAUSTRA_SERVICE_IDLE);
+  const std::string over = stream.Next() + stream.Next();
+  EXPECT_EQ(Messages(over, "fresh").size(), 1u);
+  EXPECT_TRUE(Messages(over, "map").empty());
+  EXPECT_TRUE(Messages(over, "poses").empty());
+  writer->PublishPose(PoseAt(2));
+  writer->SetProcedure(2);
+  writer->SetService(HAUSTRA_SERVICE_RUNNING);
+  const std::string next = stream.Next() + stream.Next();
+  EXPECT_TRUE(Messages(next, "map").empty());
+  EXPECT_TRUE(Messages(next, "poses").empty());
+  haustra_pose pose = PoseAt(3);
+  pose.procedure = snapshot->procedure = 2;
+  writer->PublishPose(pose);
+  writer->PublishSnapshot(*snapshot);
+  EXPECT_EQ(Messages(stream.Next(), "poses").size(), 1u);
 }
 
 TEST_F(LiveStreamTest, AnotherFileIsNamed) {

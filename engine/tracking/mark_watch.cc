@@ -19,12 +19,20 @@ constexpr std::size_t kMinNeighbours = 3;
 constexpr double kInFrontShare = 0.9;
 // The wall curves: how far away its plane is elsewhere is believed within these factors.
 constexpr double kMaxPlaneGrowth = 1.5;
-// Cosine between the wall's normal and the way to the camera: less is seen from behind.
-constexpr double kMinFacing = -0.1;
-// Found points of the patch itself that show it.
-constexpr int kMinOfPatch = 2;
+// Cosine between the wall's normal and the way to the camera: with less it is seen from behind, or at so flat a slant
+// that what is taken for it is mostly another wall (decisions/2026-12-01-what-shows-a-mark.md).
+constexpr double kMinFacing = 0.3;
+// The wall is between where at least this share of the neighbours is in front. Found points of the patch itself speak
+// against it: the share with none of them, with one, and with more.
+constexpr std::array kHiddenShares = {0.2, 0.35, 0.65};
+// So many, of those that should have been found at least this share, show the mark whatever is around. Of a patch that
+// lies across the edge of a fold a few are found while the mark itself is hidden.
+constexpr std::size_t kEnoughOfPatch = 3;
+constexpr double kEnoughShare = 0.1;
+// Where too few neighbours were found, so many of the patch show it.
+constexpr std::size_t kMinOfPatch = 2;
 // Points of the patch that should have been found, of which none was.
-constexpr int kMinExpected = 6;
+constexpr int kMinExpected = 12;
 constexpr double kMinExpectedCos = 0.5;
 
 }  // namespace
@@ -105,7 +113,7 @@ MarkState MarkWatch::Judge(const LocalMap& map, const LocalMark& mark, const Mar
   const Eigen::Vector2d pixel(sighting.u_px, sighting.v_px);
   const double near_px = kNeighbourWidths * camera_.width_px(), reach_px = kFarNeighbourWidths * camera_.width_px();
   const double plane_offset = normal_in_cam.dot(point_in_cam);
-  int num_of_patch = 0;
+  std::size_t num_of_patch = 0;
   for (const Found& found : found_) {
     num_of_patch += (found.point_in_cam - point_in_cam).squaredNorm() <= mark.radius * mark.radius;
     const double offset2_px = (found.pixel - pixel).squaredNorm();
@@ -127,13 +135,16 @@ MarkState MarkWatch::Judge(const LocalMap& map, const LocalMark& mark, const Mar
     num_near += is_near;
     (is_near ? num_in_front : num_far_in_front) += neighbour.is_in_front;
   }
-  // A mark that is drawn on the fold before it is worse than one that is left out at the fold's edge: half of the
-  // neighbours hide it, and where nothing of its patch was found a third.
-  const std::size_t out_of = num_of_patch >= kMinOfPatch ? 2 : 3;
-  if (num_near >= kMinNeighbours && out_of * num_in_front >= num_near) return MarkState::kHidden;
-  if (num_of_patch >= kMinOfPatch) return MarkState::kInFront;
+  // A mark that is drawn on the fold before it is worse than one that is left out at the fold's edge.
+  const bool is_judged_near = num_near >= kMinNeighbours;
+  const double hidden_share = kHiddenShares[std::min(num_of_patch, kHiddenShares.size() - 1)];
+  if (is_judged_near && static_cast<double>(num_in_front) >= hidden_share * static_cast<double>(num_near)) {
+    const bool is_shown = num_of_patch >= kEnoughOfPatch &&
+                          static_cast<double>(num_of_patch) >= kEnoughShare * NumExpected(map, mark, cam_from_map);
+    return is_shown ? MarkState::kInFront : MarkState::kHidden;
+  }
   if (num_of_patch == 0 && NumExpected(map, mark, cam_from_map) >= kMinExpected) return MarkState::kHidden;
-  if (num_near >= kMinNeighbours) return MarkState::kInFront;
+  if (is_judged_near || num_of_patch >= kMinOfPatch) return MarkState::kInFront;
   const bool is_clear = nearest.size() >= kMinNeighbours && num_in_front + num_far_in_front == 0;
   return is_clear ? MarkState::kInFront : MarkState::kUnsure;
 }

@@ -106,11 +106,37 @@ TEST_F(MarkWatchTest, FoldBesideTheMarkDoesNotHideIt) {
   EXPECT_EQ(Look().state, MarkState::kInFront);
 }
 
+// All that was found around the mark is on the fold beside it, but for a few points of its patch.
+TEST_F(MarkWatchTest, FewPointsOfThePatchShowItBesideAFold) {
+  AddWall(-0.3, 0.0, 3.0, 30, false);
+  AddWall(0.05, 0.25, 3.0, 30, true);
+  AddWall(-0.3, -0.01, 1.0, 200, true);
+  EXPECT_EQ(Look().state, MarkState::kInFront);
+}
+
+// The fold covers the mark and most of its patch; the rest of the patch is in sight.
+TEST_F(MarkWatchTest, PatchAcrossTheEdgeOfAFoldDoesNotShowIt) {
+  RecordProperty("req", "MRK-001");
+  AddWall(-0.3, 0.2, 3.0, 500, false);
+  AddWall(0.2, 0.28, 3.0, 30, true);
+  AddWall(-0.15, 0.05, 1.0, 400, true);
+  EXPECT_EQ(Look().state, MarkState::kHidden);
+}
+
 TEST_F(MarkWatchTest, WallSeenFromBehindIsHidden) {
   RecordProperty("req", "MRK-001");
   AddWall(-1.0, 1.0, 3.0, 200, true);
   map_.marks[0].normal = {0.0, 0.0, 1.0};
   EXPECT_EQ(Look().state, MarkState::kHidden);
+}
+
+TEST_F(MarkWatchTest, WallSeenAtAFlatSlantIsHidden) {
+  RecordProperty("req", "MRK-001");
+  AddWall(-1.0, 1.0, 3.0, 200, true);
+  map_.marks[0].normal = Eigen::Vector3d(0.97, 0.0, -0.25).normalized();
+  EXPECT_EQ(Look().state, MarkState::kHidden);
+  map_.marks[0].normal = Eigen::Vector3d(0.92, 0.0, -0.4).normalized();
+  EXPECT_EQ(Look().state, MarkState::kInFront);
 }
 
 // Nothing of the patch was found, though all around it was.

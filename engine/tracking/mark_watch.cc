@@ -19,9 +19,9 @@ constexpr std::size_t kMinNeighbours = 3;
 constexpr double kInFrontShare = 0.9;
 // The wall curves: how far away its plane is elsewhere is believed within these factors.
 constexpr double kMaxPlaneGrowth = 1.5;
-// Cosine between the wall's normal and the way to the camera: with less it is seen from behind, or at so flat a slant
-// that what is taken for it is mostly another wall (decisions/2026-12-01-what-shows-a-mark.md).
-constexpr double kMinFacing = 0.3;
+// Cosine between the wall's normal and the way to the camera: less is seen from behind. A flat slant hides nothing:
+// along a straight lumen the wall ahead is seen so (decisions/2026-12-01-what-shows-a-mark.md).
+constexpr double kMinFacing = -0.1;
 // The wall is between where at least this share of the neighbours is in front. Found points of the patch itself speak
 // against it: the share with none of them, with one, and with more.
 constexpr std::array kHiddenShares = {0.2, 0.35, 0.65};

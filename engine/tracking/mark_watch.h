@@ -20,7 +20,7 @@ namespace haustra {
 enum class MarkState : std::uint8_t {
   kOutOfView,  // the camera does not look there, or the border around the scene covers it
   kInFront,    // it can be seen
-  kHidden,     // the wall is between, or it is seen from behind or at a very flat slant
+  kHidden,     // the wall is between, or it is seen from behind
   kUnsure,     // it lies in the picture, but too little of the map was found there
 };
 

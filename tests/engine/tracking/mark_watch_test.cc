@@ -130,15 +130,6 @@ TEST_F(MarkWatchTest, WallSeenFromBehindIsHidden) {
   EXPECT_EQ(Look().state, MarkState::kHidden);
 }
 
-TEST_F(MarkWatchTest, WallSeenAtAFlatSlantIsHidden) {
-  RecordProperty("req", "MRK-001");
-  AddWall(-1.0, 1.0, 3.0, 200, true);
-  map_.marks[0].normal = Eigen::Vector3d(0.97, 0.0, -0.25).normalized();
-  EXPECT_EQ(Look().state, MarkState::kHidden);
-  map_.marks[0].normal = Eigen::Vector3d(0.92, 0.0, -0.4).normalized();
-  EXPECT_EQ(Look().state, MarkState::kInFront);
-}
-
 // Nothing of the patch was found, though all around it was.
 TEST_F(MarkWatchTest, PatchOfWhichNothingIsFoundIsHidden) {
   RecordProperty("req", "MRK-002");

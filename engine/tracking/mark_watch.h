@@ -1,7 +1,7 @@
 // Where a doctor's marks are in the frame that was just tracked, and whether they can be seen: a mark behind a fold
 // must not be drawn on the fold. What the frame shows of the map decides: the map points that were found in it are in
-// sight, so a mark beyond them is hidden, and one among them is not. thread-bound(tracking); rt-safe after
-// construction.
+// sight, so a mark beyond them is hidden, and one among them, or of whose patch enough was found, is not.
+// thread-bound(tracking); rt-safe after construction.
 #pragma once
 
 #include <cstdint>

@@ -234,7 +234,7 @@ TEST_F(MarkWatchTest, TubeWithAFoldHidesWhatLiesBehindIt) {
   EXPECT_GT(num_seen, kNumTrials / 10);
   // At the very edge of the fold it is left out rather than drawn.
   EXPECT_LE(num_drawn, num_hidden / 20);
-  EXPECT_LE(num_lost, num_seen / 5);
+  EXPECT_LE(num_lost, num_seen / 10);
 }
 
 }  // namespace

@@ -302,6 +302,21 @@ TEST_F(LiveStreamTest, WhatAnEndedProcedureLeftIsNotToldAgain) {
   EXPECT_EQ(Messages(stream.Next(), "poses").size(), 1u);
 }
 
+// The service has begun to map, and does not say so yet.
+TEST_F(LiveStreamTest, MapOfAServiceThatIsJustStartingIsToldLater) {
+  const auto writer = MakeWriter();
+  writer->SetService(HAUSTRA_SERVICE_IDLE);
+  LiveStream stream(Root());
+  EXPECT_TRUE(Messages(stream.Next(), "map").empty());
+  writer->SetProcedure(2);
+  const auto snapshot = std::make_unique<haustra_snapshot>();
+  snapshot->procedure = 2;
+  writer->PublishSnapshot(*snapshot);
+  EXPECT_TRUE(Messages(stream.Next(), "map").empty());
+  writer->SetService(HAUSTRA_SERVICE_RUNNING);
+  EXPECT_EQ(Messages(stream.Next(), "map").size(), 1u);
+}
+
 TEST_F(LiveStreamTest, AnotherFileIsNamed) {
   folder_.Write("poses", std::string(500, 'x'));
   LiveStream stream(Root());
